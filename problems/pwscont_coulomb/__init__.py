@@ -1,0 +1,7 @@
+"""Static contact with Coulomb friction (Janovsky and Ligursky 2012), a plug-in of pwscont."""
+
+from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.friction import CoulombFriction
+from pwscont_coulomb.load import AffineLoad, CoulombLoad
+
+__all__ = ["AffineLoad", "ContactBody", "CoulombFriction", "CoulombLoad"]

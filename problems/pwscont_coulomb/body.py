@@ -1,0 +1,134 @@
+"""A discretised elastic body with nodes that may touch a rigid obstacle."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.errors import InvalidInputError
+
+#: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
+SYMMETRIC = 1e-10
+
+
+@final
+class ContactBody:
+    """Stiffness, contact operators and gaps of a body with p contact nodes.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+        Stiffness matrix, symmetric positive definite (force per length).
+    N, T : array_like or scipy.sparse, shape (p, n)
+        They pick the normal displacement (positive towards the obstacle) and the tangential
+        displacement of each contact node; of full rank.
+    gap : array_like, shape (p,), optional
+        Distance of each node to the obstacle, not negative; default 0 (as in the paper).
+
+    Attributes
+    ----------
+    n, p : int
+        Number of displacements and of contact nodes.
+    stiffness : ndarray, shape (p,)
+        Stiffness of each contact node against normal displacement (force per length).
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
+        a gap is negative, or anything is not finite.
+    """
+
+    def __init__(self, A: Any, N: Any, T: Any, gap: Any = None) -> None:
+        self.A = _matrix("A", A)
+        n = self.A.shape[0]
+        if self.A.shape != (n, n):
+            raise InvalidInputError(f"A must be square, got shape {self.A.shape}")
+        self.N, self.T = _matrix("N", N), _matrix("T", T)
+        p = self.N.shape[0]
+        for name, matrix in (("N", self.N), ("T", self.T)):
+            if matrix.shape != (p, n):
+                raise InvalidInputError(f"{name} has shape {matrix.shape}, expected ({p}, {n})")
+        self.n, self.p = n, p
+        self.gap = finite_array("gap", np.zeros(p) if gap is None else gap, (p,))
+        self._check()
+        self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether A is a sparse matrix; the Jacobians then are, too."""
+        return sp.issparse(self.A)
+
+    def _check(self) -> None:
+        asymmetry = abs(self.A - self.A.T).max()
+        if asymmetry > SYMMETRIC * abs(self.A).max():
+            raise InvalidInputError(f"A is not symmetric: |A - A^T| reaches {asymmetry:.3g}")
+        if not _is_positive_definite(self.A):
+            raise InvalidInputError(
+                "A is not positive definite; is the body clamped well enough to hold still?"
+            )
+        for name, matrix in (("N", self.N), ("T", self.T)):
+            if not _has_full_rank(matrix):
+                raise InvalidInputError(f"{name} is rank deficient: its rows are not independent")
+        if not _has_full_rank(_stack([self.N, self.T])):
+            raise InvalidInputError("N and T together are rank deficient: some rows coincide")
+        if (self.gap < 0.0).any():
+            node = int(np.argmin(self.gap)) + 1
+            raise InvalidInputError(f"gap of node {node} is negative: {self.gap.min():.6g}")
+
+
+def _matrix(name: str, values: Any) -> Matrix:
+    """Return a finite 2-d matrix, dense or in CSR format."""
+    if sp.issparse(values):
+        matrix = sp.csr_matrix(values, dtype=float)
+        finite_array(f"{name}.data", matrix.data)
+        return matrix
+    array = finite_array(name, values)
+    if array.ndim != 2 or array.size == 0:
+        raise InvalidInputError(f"{name} must be a matrix, got shape {array.shape}")
+    return array
+
+
+def _diagonal(matrix: Matrix) -> Array:
+    diagonal: Array = np.asarray(matrix.diagonal())
+    return diagonal
+
+
+def _stack(matrices: list[Matrix]) -> Matrix:
+    return sp.vstack(matrices) if any(map(sp.issparse, matrices)) else np.vstack(matrices)
+
+
+def _is_positive_definite(A: Matrix) -> bool:
+    if not sp.issparse(A):
+        return _has_cholesky(A)
+    from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
+
+    try:
+        # symmetric pivoting on the diagonal: positive pivots are those of Cholesky
+        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                  options={"SymmetricMode": True})
+    except RuntimeError:
+        return False
+    return bool((lu.U.diagonal() > 0.0).all() and (lu.perm_r == lu.perm_c).all())
+
+
+def _has_cholesky(A: Array) -> bool:
+    try:
+        np.linalg.cholesky(A)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _has_full_rank(matrix: Matrix) -> bool:
+    """Tell whether the rows are independent, whatever their units."""
+    dense = matrix.toarray() if sp.issparse(matrix) else matrix
+    lengths = np.linalg.norm(dense, axis=1)
+    if not lengths.all():
+        return False
+    gram = (dense / lengths[:, np.newaxis]) @ (dense / lengths[:, np.newaxis]).T
+    smallest = np.linalg.eigvalsh(gram)[0]
+    return bool(smallest > len(gram) * np.finfo(float).eps)

@@ -1,0 +1,61 @@
+"""The friction coefficient as parameter (paper, Problem 2)."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+
+from pwscont import Character
+from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont_coulomb import modes as contact
+from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.coulomb import _SLIPS, Coulomb
+from pwscont_coulomb.load import test_gradients
+
+
+@final
+class CoulombFriction(Coulomb):
+    """Coulomb friction under a fixed load; the parameter is the coefficient F >= 0.
+
+    Parameters
+    ----------
+    body : ContactBody
+    force : array_like, shape (n,)
+        The load f.
+    r : float or array_like, shape (p,), optional
+        As for :class:`~pwscont_coulomb.coulomb.Coulomb`.
+    """
+
+    domain = (0.0, np.inf)
+
+    def __init__(self, body: ContactBody, force: Any, r: Any = None) -> None:
+        super().__init__(body, r)
+        self.force = finite_array("force", force, (body.n,))
+
+    def load_at(self, alpha: float) -> Array:
+        """Return the fixed load, shape (n,)."""
+        return self.force
+
+    def friction_at(self, alpha: float) -> Array:
+        """Return F = alpha at every node, shape (p,)."""
+        return np.full(self.body.p, alpha)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
+        mode = contact.modes(character)
+        column = np.zeros(self.size)
+        column[-self.body.p :] = _SLIPS[mode] * self._kappa1(z)
+        return self.with_alpha_column(self.state_matrix(mode, self.friction_at(alpha)), column)
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the gradients of the tests; kappa2 and kappa3 depend on F."""
+        kappa1 = self._kappa1(z)
+        by_alpha = np.stack([np.zeros_like(kappa1), -kappa1, kappa1], axis=1).ravel()
+        return test_gradients(self, self.friction_at(alpha), by_alpha)
+
+    def _kappa1(self, z: Array) -> Array:
+        body = self.body
+        u, lam_nu = z[: body.n], z[body.n : body.n + body.p]
+        kappa1: Array = lam_nu - self.r * (body.N @ u - body.gap)
+        return kappa1

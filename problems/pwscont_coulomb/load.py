@@ -1,0 +1,138 @@
+"""The load as parameter: follow equilibria along a load path (paper, Problem 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont import Character, PiecewiseLinearSystem
+from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.rounding import EPS
+from pwscont_coulomb import modes as contact
+from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.coulomb import Coulomb, per_node
+
+
+@final
+class AffineLoad:
+    """The load path f(alpha) = f0 + alpha f1.
+
+    Parameters
+    ----------
+    f0, f1 : array_like, shape (n,)
+        Load at alpha = 0 and load per unit of alpha.
+    """
+
+    def __init__(self, f0: Any, f1: Any) -> None:
+        self.f0 = finite_array("f0", f0)
+        self.f1 = finite_array("f1", f1, self.f0.shape)
+
+    def __call__(self, alpha: float) -> Array:
+        """Return f(alpha), shape (n,)."""
+        return self.f0 + alpha * self.f1
+
+    def derivative(self, alpha: float) -> Array:
+        """Return df/dalpha, shape (n,)."""
+        return self.f1
+
+
+class CoulombLoad(Coulomb):
+    """Coulomb friction with a load path; the parameter alpha moves along the path.
+
+    Parameters
+    ----------
+    body : ContactBody
+    load : callable or AffineLoad
+        alpha -> f(alpha), shape (n,). With an AffineLoad every piece is straight and the system
+        is a :class:`~pwscont.PiecewiseLinearSystem`. A load with a method ``derivative(alpha)``
+        is asked for df/dalpha; otherwise central differences with a step of 6e-6 max(1, |alpha|).
+    friction : float or array_like, shape (p,)
+        Friction coefficient F >= 0, for all nodes or per node.
+    r : float or array_like, shape (p,), optional
+        As for :class:`~pwscont_coulomb.coulomb.Coulomb`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the friction is negative or the load has the wrong shape.
+    """
+
+    def __new__(cls, body: ContactBody, load: Any, friction: Any, r: Any = None) -> CoulombLoad:
+        """Return the piecewise-linear system where the load is affine."""
+        straight = cls is CoulombLoad and isinstance(load, AffineLoad)
+        return super().__new__(AffineCoulombLoad if straight else cls)
+
+    def __init__(
+        self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
+    ) -> None:
+        super().__init__(body, r)
+        self.friction = per_node("friction", friction, body.p)
+        if (self.friction < 0.0).any():
+            raise InvalidInputError(f"friction must not be negative, got {self.friction.min():.6g}")
+        if not callable(load):
+            raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
+        self.load = load
+        if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
+            raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
+
+    def load_at(self, alpha: float) -> Array:
+        """Return f(alpha), shape (n,)."""
+        f = np.asarray(self.load(alpha), dtype=float)
+        if f.shape != (self.body.n,):
+            raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
+        return f
+
+    def friction_at(self, alpha: float) -> Array:
+        """Return F, shape (p,)."""
+        return self.friction
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return [dH/dz | -f'(alpha)]."""
+        column = np.zeros(self.size)
+        column[: self.body.n] = -self._load_rate(alpha)
+        matrix = self.state_matrix(contact.modes(character), self.friction)
+        return self.with_alpha_column(matrix, column)
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the constant gradients of the tests."""
+        return self._test_gradients
+
+    def _load_rate(self, alpha: float) -> Array:
+        if hasattr(self.load, "derivative"):
+            return np.asarray(self.load.derivative(alpha), dtype=float)
+        h = EPS ** (1.0 / 3.0) * max(1.0, abs(alpha))
+        return (self.load_at(alpha + h) - self.load_at(alpha - h)) / (2.0 * h)
+
+    @property
+    def _test_gradients(self) -> Matrix:
+        return test_gradients(self, self.friction, np.zeros(3 * self.body.p))
+
+
+@final
+class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
+    """Coulomb friction with an affine load path: all pieces are straight."""
+
+
+def test_gradients(system: Coulomb, friction: Array, by_alpha: Array) -> Matrix:
+    """Return the gradients of (kappa1, kappa2, kappa3) of all nodes, shape (3 p, n + 2 p + 1).
+
+    Parameters
+    ----------
+    system : Coulomb
+    friction : ndarray, shape (p,)
+    by_alpha : ndarray, shape (3 p,)
+        Derivatives by alpha, the last column.
+    """
+    body, r = system.body, sp.diags(system.r)
+    one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
+    F = sp.diags(friction)
+    kappa1 = sp.hstack([-r @ sp.csr_matrix(body.N), one, none])
+    x = sp.hstack([-r @ sp.csr_matrix(body.T), none, one])
+    rows = sp.vstack([kappa1, x - F @ kappa1, x + F @ kappa1]).tocsr()
+    by_node = np.arange(3 * body.p).reshape(3, body.p).T.ravel()
+    gradients = sp.hstack([rows[by_node], sp.csr_matrix(by_alpha[:, np.newaxis])]).tocsr()
+    return gradients if body.is_sparse else gradients.toarray()

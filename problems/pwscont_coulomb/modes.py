@@ -1,0 +1,89 @@
+"""Contact modes: what the signs of the test functions mean at one node.
+
+With kappa1 = lam_nu - r (u_nu - gap) and x = lam_t - r u_t the tests of a node are
+(kappa1, kappa2, kappa3) with kappa2 = x - F kappa1 and kappa3 = x + F kappa1. The paper
+(section 3.1) writes F lam_nu for F kappa1; on solutions both are equal, but only with kappa1
+the selections agree on the interfaces between the cells.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Indices
+from pwscont.foundation.character import Character
+
+
+@final
+class Mode(IntEnum):
+    """Contact mode of one node."""
+
+    NO_CONTACT = 0
+    STICK = 1
+    SLIP_PLUS = 2
+    SLIP_MINUS = 3
+
+    @property
+    def word(self) -> str:
+        """The short name, with the direction of slip."""
+        return ("no contact", "stick", "slip+", "slip-")[self]
+
+    @property
+    def class_name(self) -> str:
+        """The name in the paper's messages."""
+        return ("no contact", "contact-stick", "contact-slip", "contact-slip")[self]
+
+
+#: Signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of one character for each mode.
+SIGNS = {
+    Mode.NO_CONTACT: (True, True, True),
+    Mode.STICK: (False, True, False),
+    Mode.SLIP_PLUS: (False, False, False),
+    Mode.SLIP_MINUS: (False, True, True),
+}
+
+#: Which of the three tests of a node bound the cell of each mode.
+BOUNDS = np.array(
+    [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]
+)
+
+
+def modes(character: Character) -> Indices:
+    """Return the mode of each node, shape (p,).
+
+    Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
+    and slip- overlap; there the sign of kappa2 decides.
+    """
+    signs = np.array(character.signs, dtype=bool).reshape(-1, 3)
+    contact, above, below = ~signs[:, 0], signs[:, 1], ~signs[:, 2]
+    slip = np.where(above, Mode.SLIP_MINUS, Mode.SLIP_PLUS)
+    return np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)
+
+
+def triple(character: Character, node: int) -> tuple[int, int, int]:
+    """Return the paper's character of one node: (kappa1 <= 0, kappa2 >= 0, kappa3 <= 0)."""
+    first, second, third = character.signs[3 * node : 3 * node + 3]
+    return int(not first), int(second), int(not third)
+
+
+def describe(character: Character) -> str:
+    """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
+    words = [Mode(mode).word for mode in modes(character)]
+    if len(words) == 1:
+        return words[0]
+    return ", ".join(f"node {i} {word}" for i, word in enumerate(words, start=1))
+
+
+def describe_change(before: Character, after: Character) -> str:
+    """Return the paper's message, such as ``contact-slip → contact-stick``."""
+    old, new = modes(before), modes(after)
+    changes = [
+        (i, f"{Mode(old[i]).class_name} → {Mode(new[i]).class_name}")
+        for i in np.flatnonzero(old != new)
+    ]
+    if len(old) == 1:
+        return "".join(text for _, text in changes)
+    return ", ".join(f"node {i + 1}: {text}" for i, text in changes)

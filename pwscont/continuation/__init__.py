@@ -1,0 +1,6 @@
+"""Floor 6: the loops, trace and explore."""
+
+from pwscont.continuation.explore import explore
+from pwscont.continuation.trace import trace
+
+__all__ = ["explore", "trace"]

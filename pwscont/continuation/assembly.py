@@ -1,0 +1,120 @@
+"""From discovered nodes and pieces to the branch graph: direction, signs, numbers."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from pwscont.continuation.network import Edge, Network, Node
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.model.system import PiecewiseSystem
+
+
+def assemble(
+    network: Network, system: PiecewiseSystem, interval: tuple[float, float], parameter: str
+) -> BranchGraph:
+    """Return the branch graph of a finished network.
+
+    Pieces are directed and numbered along the positive orientation of their component.
+    """
+    width = interval[1] - interval[0]
+    edges = [_Directed(edge, width) for edge in network.edges]
+    order = list(_in_order(edges))
+    numbers = {node: number for number, node in enumerate(_nodes_in_order(order, network))}
+    touching = _by_node(order)
+    points = [
+        _special_point(
+            number,
+            network.nodes[node],
+            _messages(system, node, touching[node]) or (network.nodes[node].message,) * 2,
+        )
+        for node, number in numbers.items()
+    ]
+    pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
+    starts = [_special_point(-1, node, (node.message,) * 2) for node in network.starts]
+    return BranchGraph(
+        points, pieces, interval, starts=starts, system=system, parameter=parameter
+    )
+
+
+class _Directed:
+    """An edge turned so that it follows the positive orientation."""
+
+    def __init__(self, edge: Edge, width: float) -> None:
+        self.edge = edge
+        forward = edge.ray.state.orientation > 0
+        self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
+        self.points: Array = edge.points if forward else edge.points[::-1]
+        self.character = edge.ray.curve.selection.character
+        self.det_sign = self._direction(width)
+
+    def _direction(self, width: float) -> int:
+        """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
+        rise = float(self.points[-1, -1] - self.points[0, -1])
+        if abs(rise) > SAME_ALPHA * width:
+            return 1 if rise > 0.0 else -1
+        ray = self.edge.ray
+        return int(np.sign(ray.curve.slope(ray.state))) * ray.state.orientation
+
+    def piece(self, number: int, numbers: dict[int, int]) -> Piece:
+        return Piece(
+            id=number,
+            start=numbers[self.start],
+            end=numbers[self.end],
+            character=self.character,
+            label=self.edge.ray.curve.selection.label,
+            points=self.points,
+            det_sign=self.det_sign,
+        )
+
+
+def _by_node(edges: list[_Directed]) -> dict[int, list[_Directed]]:
+    touching: dict[int, list[_Directed]] = defaultdict(list)
+    for edge in edges:
+        for node in {edge.start, edge.end}:
+            touching[node].append(edge)
+    return touching
+
+
+def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
+    """Yield the edges so that each component is walked through, sources first."""
+    leaving: dict[int, list[_Directed]] = defaultdict(list)
+    entered = {edge.end for edge in edges}
+    for edge in edges:
+        leaving[edge.start].append(edge)
+    sources = [edge.start for edge in edges if edge.start not in entered]
+    for source in [*sources, *(edge.start for edge in edges)]:
+        node = source
+        while leaving[node]:
+            edge = leaving[node].pop(0)
+            yield edge
+            node = edge.end
+
+
+def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
+    """Yield each node once: first those of the pieces in their order, then isolated ones."""
+    seen: set[int] = set()
+    for node in [*(n for edge in order for n in (edge.start, edge.end)), *network.nodes]:
+        if node not in seen:
+            seen.add(node)
+            yield node
+
+
+def _special_point(number: int, node: Node, messages: tuple[str, str]) -> SpecialPoint:
+    kind = node.kind if number >= 0 else Kind.START
+    return SpecialPoint(number, kind, node.x[:-1], float(node.x[-1]), *messages)
+
+
+def _messages(system: PiecewiseSystem, node: int, edges: list[_Directed]) -> tuple[str, str] | None:
+    """Return the messages at a transition for both orientations, None elsewhere."""
+    before = [edge.character for edge in edges if edge.end == node]
+    after = [edge.character for edge in edges if edge.start == node]
+    if len(before) != 1 or len(after) != 1 or before == after:
+        return None
+    forward, backward = before + after, after + before
+    return system.describe_transition(*forward), system.describe_transition(*backward)

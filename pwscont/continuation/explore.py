@@ -1,0 +1,58 @@
+"""Every component that a search finds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.continuation.preparation import (
+    Report,
+    checked_interval,
+    checked_stepper,
+    follow,
+    silent,
+)
+from pwscont.graph import BranchGraph
+from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.metric import Metric
+from pwscont.search import EndPoints, Search
+from pwscont.stepping import Stepper
+
+
+def explore(
+    system: PiecewiseSystem,
+    interval: tuple[float, float],
+    *,
+    search: Search | None = None,
+    stepper: Stepper | None = None,
+    parameter: str = "alpha",
+    report: Report = silent,
+) -> BranchGraph:
+    """Find starts in an interval of alpha and follow every component through them.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    interval : tuple of float
+        (lo, hi).
+    search : Search, optional
+        Default :class:`~pwscont.search.EndPoints`: all solutions at both ends, which gives
+        every component but closed loops (F5 of the design).
+    stepper, parameter, report : optional
+        As for :func:`pwscont.trace`.
+
+    Returns
+    -------
+    BranchGraph
+
+    Raises
+    ------
+    InvalidInputError, InvalidSystemError
+        As for :func:`pwscont.trace`.
+    """
+    lo, hi = checked_interval(system, interval)
+    check_contract(system, np.zeros(checked_size(system)), lo)
+    chosen = checked_stepper(system, stepper)
+    metric = Metric.of(system, (lo, hi))
+    starts = (search or EndPoints()).starts(system, metric, (lo, hi))
+    return follow(system, metric, (lo, hi), starts, chosen, parameter, report)

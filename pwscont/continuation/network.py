@@ -1,0 +1,155 @@
+"""Discovery: rays leave nodes, pieces arrive at nodes, until no ray is left.
+
+Two pieces meet at one node if it has a ray on the same cell, at the same place, in the
+opposite direction: that is how loops close and how nothing is drawn twice.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from pwscont.continuation.walk import Walk, Walker
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.rounding import EPS
+from pwscont.transitions.detector import Arrival
+from pwscont.transitions.rays import Ray
+
+#: Places closer than this times their size are one, if the rays there agree as well.
+#: Far above the accuracy of a located point, far below what separates equal transitions.
+JOIN = EPS**0.5
+
+
+@final
+@dataclass(slots=True)
+class Node:
+    """A special point under discovery."""
+
+    kind: Kind
+    x: Array
+    message: str
+    rays: list[Ray]
+    taken: list[bool] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.taken = [False] * len(self.rays)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A piece under discovery, from the node where it was begun to the node it reached."""
+
+    start: int
+    end: int
+    ray: Ray
+    points: Array
+
+
+@final
+class Network:
+    """All nodes and pieces that can be reached from the starts given so far.
+
+    Parameters
+    ----------
+    walker : Walker
+    report : callable
+        Called with the number of pieces and the alpha reached after each piece.
+    """
+
+    def __init__(self, walker: Walker, report: Callable[[int, float], None]) -> None:
+        self._walker = walker
+        self._report = report
+        self._queue: deque[tuple[int, int]] = deque()
+        self._by_cell: dict[frozenset[tuple[int, bool]], list[tuple[int, int]]] = defaultdict(list)
+        self.nodes: dict[int, Node] = {}
+        self.edges: list[Edge] = []
+        self.starts: list[Node] = []
+
+    def add(self, arrival: Arrival) -> None:
+        """Start from a special point, and follow everything that can be reached from it."""
+        lo, hi = self._walker.interval
+        rays = [ray for ray in arrival.rays if _points_inside(ray, lo, hi)]
+        at_end = len(rays) < len(arrival.rays)
+        if any(self._match(ray) for ray in rays):
+            return
+        interior = arrival.kind == Kind.START and not at_end
+        start = self._new(Arrival(arrival.kind, arrival.x, arrival.message, tuple(rays)))
+        self._follow_all(after_first=(lambda: self._dissolve(start)) if interior else None)
+
+    def _follow_all(self, after_first: Callable[[], None] | None) -> None:
+        """Work through the queue; both rays of an interior start come first and are joined."""
+        for _ in range(2 if after_first else 0):
+            self._follow(*self._queue.popleft())
+        if after_first:
+            after_first()
+        while self._queue:
+            self._follow(*self._queue.popleft())
+
+    def _follow(self, node: int, index: int) -> None:
+        if self.nodes[node].taken[index]:
+            return
+        self.nodes[node].taken[index] = True
+        ray = self.nodes[node].rays[index]
+        walk = self._walker.walk(ray)
+        if len(walk.points) == 1:  # not a single step could be taken
+            self.nodes[node].kind, self.nodes[node].message = Kind.STOPPED, walk.arrival.message
+            return
+        self.edges.append(Edge(node, self._reach(walk), ray, walk.points))
+        self._report(len(self.edges), float(walk.points[-1, -1]))
+
+    def _reach(self, walk: Walk) -> int:
+        """Return the node at which a walk arrived, and take its ray there."""
+        match = self._match(walk.arrival.rays[0])
+        node, index = match if match else (self._new(walk.arrival), 0)
+        self.nodes[node].taken[index] = True
+        return node
+
+    def _match(self, ray: Ray) -> tuple[int, int] | None:
+        """Return the node and ray that ``ray`` is, if it is known."""
+        metric = ray.curve.metric
+        for node, index in self._by_cell[ray.curve.selection.cell]:
+            known = self.nodes[node].rays[index]
+            distance = metric.norm(known.state.x - ray.state.x)
+            if distance <= JOIN * (1.0 + metric.norm(ray.state.x)) and (
+                metric.covector(known.state.tangent).dot(ray.state.tangent) > 0.0
+            ):
+                return node, index
+        return None
+
+    def _new(self, arrival: Arrival) -> int:
+        node = max(self.nodes, default=-1) + 1
+        self.nodes[node] = Node(arrival.kind, arrival.x, arrival.message, list(arrival.rays))
+        for index, ray in enumerate(arrival.rays):
+            self._by_cell[ray.curve.selection.cell].append((node, index))
+            self._queue.append((node, index))
+        return node
+
+    def _dissolve(self, start: int) -> None:
+        """Join the two halves of the piece in whose middle tracing began."""
+        halves = [edge for edge in self.edges if edge.start == start]
+        if len(halves) != 2:
+            return
+        forth, back = halves
+        straight = len(forth.points) == 2 and len(back.points) == 2
+        rest = forth.points[1:] if straight else forth.points
+        points = np.vstack([back.points[:0:-1], rest])
+        begin = next(
+            ray for ray in self.nodes[back.end].rays if ray.curve is back.ray.curve
+        )
+        self.edges = [edge for edge in self.edges if edge not in halves]
+        self.edges.append(Edge(back.end, forth.end, begin, points))
+        self.starts.append(self.nodes.pop(start))
+        cell = forth.ray.curve.selection.cell
+        self._by_cell[cell] = [entry for entry in self._by_cell[cell] if entry[0] != start]
+
+
+def _points_inside(ray: Ray, lo: float, hi: float) -> bool:
+    """Tell whether a ray from a point of the interval stays in it at first."""
+    alpha, slope = ray.state.alpha, ray.curve.slope(ray.state)
+    return not ((alpha <= lo and slope < 0.0) or (alpha >= hi and slope > 0.0))

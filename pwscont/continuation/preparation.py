@@ -1,0 +1,81 @@
+"""What trace and explore do alike: check the input, choose the parts, follow, assemble."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from pwscont.continuation.assembly import assemble
+from pwscont.continuation.network import Network
+from pwscont.continuation.walk import Walker
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.graph import BranchGraph
+from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.numerics.metric import Metric
+from pwscont.search.enumeration import Found
+from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
+from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds, TransitionDetector
+from pwscont.transitions.departures import departures
+
+Report = Callable[[int, float], None]
+
+
+def silent(pieces: int, alpha: float) -> None:
+    """Report nothing."""
+
+
+def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the interval as two floats, or say what is wrong with it."""
+    try:
+        lo, hi = (float(end) for end in interval)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"interval must be two numbers (lo, hi), got {interval!r}") from error
+    if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
+        raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
+    low, high = system.domain
+    if lo < low or hi > high:
+        raise InvalidInputError(
+            f"interval ({lo}, {hi}) leaves [{low}, {high}], where {type(system).__name__} is defined"
+        )
+    return lo, hi
+
+
+def default_stepper(system: PiecewiseSystem) -> Stepper:
+    """Return the exact stepper where pieces are straight, pseudo-arclength elsewhere."""
+    return ExactLinear() if isinstance(system, PiecewiseLinearSystem) else PseudoArclength()
+
+
+def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper:
+    """Return the stepper to use."""
+    if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
+        raise InvalidInputError(
+            f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
+            "use PseudoArclength"
+        )
+    return stepper if stepper is not None else default_stepper(system)
+
+
+def default_detectors(
+    stepper: Stepper, interval: tuple[float, float]
+) -> tuple[TransitionDetector, ...]:
+    """Return what must be watched: straight pieces have no smooth folds."""
+    always = (IntervalEnds(*interval), BoundingTests())
+    return always if isinstance(stepper, ExactLinear) else (*always, SmoothFolds())
+
+
+def follow(
+    system: PiecewiseSystem,
+    metric: Metric,
+    interval: tuple[float, float],
+    starts: Iterable[Found],
+    stepper: Stepper,
+    parameter: str,
+    report: Report,
+) -> BranchGraph:
+    """Return the graph of everything that is reached from the starts."""
+    walker = Walker(stepper, default_detectors(stepper, interval), interval)
+    network = Network(walker, report)
+    for x, error in starts:
+        network.add(departures(system, metric, x, error))
+    return assemble(network, system, interval, parameter)

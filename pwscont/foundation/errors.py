@@ -1,0 +1,33 @@
+"""What is raised when a caller, a file or a start is at fault.
+
+Failures of a numerical step are not exceptions: they are values, see
+:mod:`pwscont.foundation.outcome`.
+"""
+
+
+class PwscontError(Exception):
+    """Base of every error that pwscont raises on purpose."""
+
+
+class InvalidInputError(PwscontError, ValueError):
+    """An argument does not fit; the message names it and says what would."""
+
+
+class InvalidSystemError(PwscontError, ValueError):
+    """A user's system breaks its contract; the message names the method and the point."""
+
+
+class StartNotFoundError(PwscontError, RuntimeError):
+    """No solution was found near a start; the message says what to try."""
+
+
+class GraphFileError(PwscontError, ValueError):
+    """A file is no saved branch graph, or is damaged."""
+
+
+class SystemNeededError(PwscontError, RuntimeError):
+    """A graph read from a file was asked for what only its system can tell."""
+
+
+class SceneNotFoundError(PwscontError, LookupError):
+    """No installed package registers a scene of that name."""

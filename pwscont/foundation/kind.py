@@ -1,0 +1,17 @@
+"""Kinds of special points."""
+
+from enum import StrEnum
+from typing import final
+
+
+@final
+class Kind(StrEnum):
+    """What happens at a special point; the value is the word that users read and query by."""
+
+    START = "start"
+    END = "end"
+    TRANSITION = "transition"
+    NONSMOOTH_FOLD = "nonsmooth fold"
+    FOLD = "fold"
+    CORNER = "corner"
+    STOPPED = "stopped"

@@ -1,0 +1,36 @@
+"""Failure of a numerical step as a value that says what to try."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+
+@final
+class Trouble(Enum):
+    """What went wrong; the value is the advice that a user reads."""
+
+    NOT_CONVERGED = (
+        "Newton did not converge down to the smallest step; check the Jacobian with "
+        "check_system, or allow a smaller StepSize.smallest"
+    )
+    SINGULAR = (
+        "the bordered Jacobian is singular: two branches meet here, or the curve is tangent "
+        "to the interface"
+    )
+    NOT_FINITE = "the residual or Jacobian is not finite here; is the parameter outside its domain?"
+    NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
+    UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
+    TOO_MANY_STEPS = "the piece took more steps than allowed; allow longer steps"
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A step that could not be taken."""
+
+    trouble: Trouble
+
+    def __str__(self) -> str:
+        return self.trouble.value

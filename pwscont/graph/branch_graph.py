@@ -1,0 +1,271 @@
+"""The branch graph: smooth pieces joined at special points, and what can be asked of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
+
+import networkx as nx
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.graph import presentation, storage
+from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.refinement import refine
+from pwscont.model.system import PiecewiseSystem
+
+#: An interval of alpha and the number of solutions at each regular alpha within it.
+Multiplicity = tuple[float, float, int]
+
+
+@final
+class BranchGraph:
+    """All that was found of the solutions of a system in an interval of its parameter.
+
+    Made by :func:`pwscont.trace` and :func:`pwscont.explore`; not changed afterwards.
+
+    Parameters
+    ----------
+    points : iterable of SpecialPoint
+    pieces : iterable of Piece
+    interval : tuple of float
+    starts : iterable of SpecialPoint
+        Where tracing began within a piece.
+    system : PiecewiseSystem, optional
+        Needed to answer to full accuracy between the points of a curved piece.
+    parameter : str
+        Name of the parameter, for tables and axes.
+    """
+
+    def __init__(
+        self,
+        points: Iterable[SpecialPoint],
+        pieces: Iterable[Piece],
+        interval: tuple[float, float],
+        *,
+        starts: Iterable[SpecialPoint] = (),
+        system: PiecewiseSystem | None = None,
+        parameter: str = "alpha",
+    ) -> None:
+        self.interval = interval
+        self.starts = tuple(starts)
+        self.system = system
+        self.parameter = parameter
+        self._nx = nx.MultiGraph()
+        for point in points:
+            self._nx.add_node(
+                point.id, point=point, kind=str(point.kind), alpha=point.alpha, z=point.z
+            )
+        for piece in pieces:
+            self._nx.add_edge(
+                piece.start, piece.end, key=piece.id, piece=piece, label=piece.label
+            )
+
+    @property
+    def nx(self) -> nx.MultiGraph:
+        """The networkx graph: nodes carry ``point``, edges ``piece`` (and their plain fields)."""
+        return self._nx
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All pieces by id."""
+        found = (data["piece"] for _, _, data in self._nx.edges(data=True))
+        return tuple(sorted(found, key=lambda piece: piece.id))
+
+    @cached_property
+    def _points(self) -> tuple[SpecialPoint, ...]:
+        return tuple(self._nx.nodes[i]["point"] for i in sorted(self._nx.nodes))
+
+    def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
+        """Return the special points, of one kind if given.
+
+        Parameters
+        ----------
+        kind : str, optional
+            One of "start", "end", "transition", "nonsmooth fold", "fold", "corner", "stopped".
+        """
+        everything = [*self._points, *self.starts]
+        if kind is not None and kind not in set(Kind):
+            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(Kind)}")
+        return [point for point in everything if kind is None or point.kind == kind]
+
+    def point(self, node: int) -> SpecialPoint:
+        """Return the special point with this id."""
+        found: SpecialPoint = self._nx.nodes[node]["point"]
+        return found
+
+    def components(self) -> list[list[Piece]]:
+        """Return the pieces of each connected component, in the order in which they follow."""
+        return [
+            [self.pieces[i] for i in sorted(self._ids(nodes))]
+            for nodes in sorted(nx.connected_components(self._nx), key=min)
+        ]
+
+    def _ids(self, nodes: set[int]) -> set[int]:
+        return {data["piece"].id for _, _, data in self._nx.edges(nodes, data=True)}
+
+    def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
+        """Return the special points of a component in the order of its orientation.
+
+        Parameters
+        ----------
+        component : sequence of Piece
+            One of :meth:`components`, without branch points.
+        orientation : int
+            +1 or -1 (Janovsky and Ligursky 2012, Definition 1).
+        """
+        nodes = [component[0].start, *(piece.end for piece in component)]
+        return [self.point(node) for node in nodes[::orientation]]
+
+    # -- how many solutions, and which ---------------------------------------------------
+
+    def _same(self, a: Array | float, b: float) -> Any:
+        lo, hi = self.interval
+        return np.abs(np.asarray(a) - b) <= SAME_ALPHA * max(abs(b), hi - lo)
+
+    def _inside(self, alpha: float) -> None:
+        lo, hi = self.interval
+        if not lo <= alpha <= hi:
+            raise InvalidInputError(f"alpha = {alpha} lies outside the traced interval [{lo}, {hi}]")
+
+    @cached_property
+    def _extent(self) -> Array:
+        """Smallest and largest alpha of each piece, shape (number of pieces, 2)."""
+        return np.array([piece.interval for piece in self.pieces]).reshape(-1, 2)
+
+    def _through(self, alpha: float) -> list[Piece]:
+        """Return the pieces that have ``alpha`` strictly inside."""
+        lo, hi = self._extent.T
+        inside = (lo < alpha) & (alpha < hi) & ~self._same(lo, alpha) & ~self._same(hi, alpha)
+        return [self.pieces[i] for i in np.flatnonzero(inside)]
+
+    def _nodes_at(self, alpha: float) -> list[int]:
+        return [p.id for p in self._points if self._same(p.alpha, alpha)]
+
+    def _pieces_at(self, node: int) -> list[Piece]:
+        found = [data["piece"] for _, _, data in self._nx.edges(node, data=True)]
+        return sorted(found, key=lambda piece: piece.id)
+
+    def count(self, alpha: float) -> int | float:
+        """Return the number of solutions at ``alpha``; infinite on a vertical piece.
+
+        A solution at which two pieces meet counts once.
+        """
+        self._inside(alpha)
+        if any(p.is_vertical and self._same(p.interval[0], alpha) for p in self.pieces):
+            return math.inf
+        return len(self._through(alpha)) + len(self._nodes_at(alpha))
+
+    def solutions(self, alpha: float) -> list[Solution]:
+        """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
+
+        On a vertical piece these are its two ends.
+
+        Raises
+        ------
+        InvalidInputError
+            If alpha lies outside the interval.
+        SystemNeededError
+            If a curved piece must be corrected and the graph was loaded without its system.
+        """
+        self._inside(alpha)
+        at_nodes = [self._solution_at(node) for node in self._nodes_at(alpha)]
+        between = [refine(self.system, piece, alpha) for piece in self._through(alpha)]
+        return sorted(at_nodes + between, key=lambda solution: solution.piece)
+
+    def _solution_at(self, node: int) -> Solution:
+        point, piece = self.point(node), self._pieces_at(node)[0]
+        index = self._index(node)
+        return Solution(point.z, point.alpha, piece.character, piece.label, index, piece.id)
+
+    def _index(self, node: int) -> int:
+        """Return the index of the solution at a node: the sum of the signs to its right.
+
+        At the right end of the interval, of those to its left; both sums agree elsewhere.
+        """
+        alpha, pieces = self.point(node).alpha, self._pieces_at(node)
+        right = [p for p in pieces if not p.is_vertical and self._same(p.interval[0], alpha)]
+        left = [p for p in pieces if not p.is_vertical and self._same(p.interval[1], alpha)]
+        at_hi = bool(self._same(alpha, self.interval[1]))
+        return sum(piece.det_sign for piece in (left if at_hi else right))
+
+    def multiplicity(self) -> list[Multiplicity]:
+        """Return ``(lo, hi, count)`` for successive intervals with the same number of solutions."""
+        breaks = self._breaks()
+        table: list[Multiplicity] = []
+        for lo, hi in zip(breaks[:-1], breaks[1:], strict=True):
+            count = len(self._through(0.5 * (lo + hi)))
+            if table and table[-1][2] == count:
+                table[-1] = (table[-1][0], hi, count)
+            else:
+                table.append((lo, hi, count))
+        return table
+
+    def _breaks(self) -> list[float]:
+        """Return both ends of the interval and the alphas of all nodes, without repetition."""
+        lo, hi = self.interval
+        breaks = [lo]
+        for alpha in sorted(point.alpha for point in self._points):
+            if not self._same(alpha, breaks[-1]) and not self._same(alpha, hi):
+                breaks.append(alpha)
+        return [*breaks, hi]
+
+    def balance(self, alpha: float) -> int:
+        """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
+
+        Where solutions stay bounded it is the same at every regular alpha; if it is not, a
+        branch is missing. The converse does not hold: a missed pair cancels.
+        """
+        self._inside(alpha)
+        nodes = sum(self._index(node) for node in self._nodes_at(alpha))
+        return nodes + sum(piece.det_sign for piece in self._through(alpha))
+
+    def balances(self) -> list[int]:
+        """Return the balance within each interval between successive special points."""
+        breaks = self._breaks()
+        return [self.balance(0.5 * (a + b)) for a, b in zip(breaks[:-1], breaks[1:], strict=True)]
+
+    def is_balanced(self) -> bool:
+        """Tell whether the balance is the same at every regular alpha of the interval."""
+        return len(set(self.balances())) <= 1
+
+    # -- outside -----------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> None:
+        """Write the graph to one portable file (a zip of arrays and JSON; no pickle)."""
+        storage.write(path, self._points, self.pieces, self.starts, self.interval, self.parameter)
+
+    @classmethod
+    def load(cls, path: str | Path, system: PiecewiseSystem | None = None) -> BranchGraph:
+        """Read a graph written by :meth:`save`.
+
+        Parameters
+        ----------
+        path : str or Path
+        system : PiecewiseSystem, optional
+            The system that the graph belongs to; without it, solutions between the stored
+            points of a curved piece cannot be corrected and are refused.
+
+        Raises
+        ------
+        GraphFileError
+            If the file is missing, damaged, or no branch graph.
+        """
+        points, pieces, starts, interval, parameter = storage.read(path)
+        return cls(points, pieces, interval, starts=starts, system=system, parameter=parameter)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the graph as plain lists and numbers."""
+        return presentation.as_dict(self)
+
+    def __repr__(self) -> str:
+        return presentation.as_text(self)
+
+    def _repr_html_(self) -> str:
+        return presentation.as_html(self)

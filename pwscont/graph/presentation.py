@@ -1,0 +1,75 @@
+"""The branch graph as text, as HTML for notebooks, and as plain data."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pwscont.graph.branch_graph import BranchGraph
+
+
+def number(value: float) -> str:
+    """Return a number as users read it: at most eight digits, no rounding dust."""
+    return f"{value:.8g}"
+
+
+def as_text(graph: BranchGraph) -> str:
+    """Return a short summary."""
+    lo, hi = graph.interval
+    name = graph.parameter
+    lines = [
+        f"BranchGraph: {name} in [{number(lo)}, {number(hi)}], "
+        f"components: {len(graph.components())}, pieces: {len(graph.pieces)}, "
+        f"special points: {len(graph.special_points())}"
+    ]
+    lines += [
+        f"  {count} solution{'' if count == 1 else 's'} for {name} in ({number(a)}, {number(b)})"
+        for a, b, count in graph.multiplicity()
+    ]
+    return "\n".join(lines)
+
+
+def as_html(graph: BranchGraph) -> str:
+    """Return the summary and the pieces as an HTML table."""
+    rows = "".join(
+        f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
+        f"<td>{number(piece.alpha[0])} → {number(piece.alpha[-1])}</td>"
+        f"<td>{piece.det_sign:+d}</td></tr>"
+        for piece in graph.pieces
+    )
+    head = f"<tr><th>piece</th><th>mode</th><th>{escape(graph.parameter)}</th><th>det</th></tr>"
+    return f"<pre>{escape(as_text(graph))}</pre><table>{head}{rows}</table>"
+
+
+def as_dict(graph: BranchGraph) -> dict[str, Any]:
+    """Return nodes, pieces, multiplicity and balance as lists and numbers."""
+    balances = graph.balances()
+    component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
+    return {
+        "components": len(graph.components()),
+        "nodes": [
+            {"id": p.id, "kind": str(p.kind), "alpha": p.alpha, "z": p.z.tolist()}
+            | {"message": p.message}
+            for p in graph.special_points()
+            if p.id >= 0
+        ],
+        "pieces": [
+            {
+                "id": piece.id,
+                "component": component[piece.id],
+                "start": piece.start,
+                "end": piece.end,
+                "label": piece.label,
+                "det_sign": piece.det_sign,
+                "alpha": piece.alpha.tolist(),
+                "points": piece.z.tolist(),
+            }
+            for piece in graph.pieces
+        ],
+        "multiplicity": [list(row) for row in graph.multiplicity()],
+        "balance": {
+            "value": balances[0] if len(set(balances)) == 1 else None,
+            "constant": graph.is_balanced(),
+        },
+    }

@@ -1,0 +1,125 @@
+"""What a branch graph is made of and what it answers with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
+from pwscont.foundation.kind import Kind
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class SpecialPoint:
+    """A node of the branch graph.
+
+    Attributes
+    ----------
+    id : int
+        The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
+    kind : Kind
+        Equal to its plain word, such as ``"transition"`` or ``"nonsmooth fold"``.
+    z : ndarray, shape (n,)
+    alpha : float
+    message : str
+        What happens there when passed in positive orientation, such as
+        ``"contact-slip → contact-stick"``.
+    backward : str
+        The message when passed in negative orientation.
+    """
+
+    id: int
+    kind: Kind
+    z: Array
+    alpha: float
+    message: str
+    backward: str
+
+    def passed(self, orientation: int) -> str:
+        """Return the message for an orientation, +1 or -1."""
+        return self.message if orientation > 0 else self.backward
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """An edge of the branch graph: one smooth piece, on which alpha is monotone.
+
+    Attributes
+    ----------
+    id : int
+        Key of the edge in ``graph.nx``.
+    start, end : int
+        Nodes at both ends, in the direction of positive orientation.
+    character : Character
+        The frozen character of the selection that the piece solves.
+    label : str
+        The system's name for it.
+    points : ndarray, shape (k, n + 1)
+        Points (z, alpha) from start to end; two where the piece is straight.
+    det_sign : int
+        Sign of det(dH/dz) inside the piece; 0 where the piece is vertical.
+    """
+
+    id: int
+    start: int
+    end: int
+    character: Character
+    label: str
+    points: Array
+    det_sign: int
+
+    @property
+    def z(self) -> Array:
+        """The states along the piece, shape (k, n)."""
+        return self.points[:, :-1]
+
+    @property
+    def alpha(self) -> Array:
+        """The parameter along the piece, shape (k,)."""
+        return self.points[:, -1]
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The smallest and the largest alpha of the piece."""
+        first, last = float(self.points[0, -1]), float(self.points[-1, -1])
+        return min(first, last), max(first, last)
+
+    @property
+    def is_vertical(self) -> bool:
+        """Whether all its points have one alpha: infinitely many solutions there."""
+        return self.det_sign == 0
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """One solution at a given alpha.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+    alpha : float
+    character : Character
+    label : str
+        The system's name for the character.
+    det_sign : int
+        Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
+    piece : int
+        The id of the piece that it lies on (at a node: of one of them).
+    """
+
+    z: Array
+    alpha: float
+    character: Character
+    label: str
+    det_sign: int
+    piece: int
+
+    def __repr__(self) -> str:
+        z = np.array2string(self.z, precision=6, suppress_small=True)
+        return f"Solution({self.label}, alpha={self.alpha:.10g}, det {self.det_sign:+d}, z={z})"

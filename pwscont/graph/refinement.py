@@ -1,0 +1,69 @@
+"""A solution at a given alpha from the points stored around it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import PwscontError, SystemNeededError
+from pwscont.foundation.outcome import Failure
+from pwscont.graph.records import Piece, Solution
+from pwscont.model.selection import Selection
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import last_unit
+from pwscont.numerics.metric import Metric
+from pwscont.stepping.stepper import CurvedSegment
+from pwscont.transitions.location import locate_zero
+
+
+def refine(system: PiecewiseSystem | None, piece: Piece, alpha: float) -> Solution:
+    """Return the solution of a piece at an alpha strictly inside it, to full accuracy.
+
+    Raises
+    ------
+    SystemNeededError
+        If the piece is curved and there is no system to correct with.
+    """
+    a, b = _around(piece, alpha)
+    if system is None:
+        x = _on_chord(piece, a, b, alpha)
+    else:
+        x = _corrected(system, piece, a, b, alpha)
+    return Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
+
+
+def _around(piece: Piece, alpha: float) -> tuple[Array, Array]:
+    """Return the two neighbouring stored points with alpha between them."""
+    rising = piece.alpha[-1] > piece.alpha[0]
+    points = piece.points if rising else piece.points[::-1]
+    i = int(np.searchsorted(points[:, -1], alpha))
+    i = min(max(i, 1), len(points) - 1)
+    return points[i - 1], points[i]
+
+
+def _on_chord(piece: Piece, a: Array, b: Array, alpha: float) -> Array:
+    if len(piece.points) > 2:
+        raise SystemNeededError(
+            f"piece {piece.id} is curved, and this graph was loaded without its system; "
+            "use BranchGraph.load(path, system=...)"
+        )
+    x: Array = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)
+    x[-1] = alpha
+    return x
+
+
+def _corrected(
+    system: PiecewiseSystem, piece: Piece, a: Array, b: Array, alpha: float
+) -> Array:
+    """Solve {H_chi = 0, alpha fixed} between two points of the piece."""
+    scale = np.append(system.scale(*piece.interval), abs(b[-1] - a[-1]))
+    curve = Curve(Selection(system, piece.character), Metric(scale))
+    ends = [State(x, b - a, np.zeros_like(x), 0) for x in (a, b)]
+    segment = CurvedSegment.between(curve, *ends, suggestion=0.0)
+    row = -last_unit(len(a))
+    found = locate_zero(segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length))
+    if isinstance(found, Failure):
+        raise PwscontError(f"no solution found on piece {piece.id} at alpha = {alpha}: {found}")
+    found.x[-1] = alpha
+    return found.x

@@ -1,0 +1,146 @@
+"""One file for one branch graph: arrays and a JSON header in a zip, as numpy writes it."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pwscont.foundation.character import Character
+from pwscont.foundation.errors import GraphFileError
+from pwscont.foundation.kind import Kind
+from pwscont.graph.records import Piece, SpecialPoint
+
+FORMAT = "pwscont branch graph"
+VERSION = 1
+
+Contents = tuple[list[SpecialPoint], list[Piece], list[SpecialPoint], tuple[float, float], str]
+
+
+def write(
+    path: str | Path,
+    points: Sequence[SpecialPoint],
+    pieces: Sequence[Piece],
+    starts: Sequence[SpecialPoint],
+    interval: tuple[float, float],
+    parameter: str,
+) -> None:
+    """Write a graph; the file appears whole or not at all."""
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "interval": interval,
+        "parameter": parameter,
+        "nodes": [_node_header(point) for point in points],
+        "starts": [_node_header(point) for point in starts],
+        "pieces": [_piece_header(piece) for piece in pieces],
+    }
+    arrays = {
+        "nodes": _stack([point.z for point in points]),
+        "starts": _stack([point.z for point in starts]),
+        "points": _stack([piece.points for piece in pieces]),
+    }
+    target = Path(path)
+    temporary = target.with_name(target.name + ".part")
+    with temporary.open("wb") as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+    os.replace(temporary, target)
+
+
+def _stack(rows: list[Any]) -> Any:
+    return np.vstack(rows) if rows else np.empty((0, 0))
+
+
+def _node_header(point: SpecialPoint) -> dict[str, Any]:
+    return {
+        "id": point.id,
+        "kind": str(point.kind),
+        "alpha": float(point.alpha),
+        "message": point.message,
+        "backward": point.backward,
+    }
+
+
+def _piece_header(piece: Piece) -> dict[str, Any]:
+    return {
+        "id": piece.id,
+        "start": piece.start,
+        "end": piece.end,
+        "signs": str(piece.character),
+        "label": piece.label,
+        "det_sign": piece.det_sign,
+        "count": len(piece.points),
+    }
+
+
+def read(path: str | Path) -> Contents:
+    """Read what :func:`write` wrote.
+
+    Raises
+    ------
+    GraphFileError
+        If the file cannot be read, is damaged, or is something else.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in ("header", "nodes", "starts", "points")}
+        header = json.loads(str(arrays["header"]))
+        _check(path, header)
+        return _contents(header, arrays)
+    except OSError as error:
+        raise GraphFileError(f"cannot read {path}: {error}") from error
+    except (KeyError, TypeError, ValueError, IndexError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, GraphFileError):
+            raise
+        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
+
+
+def _check(path: str | Path, header: dict[str, Any]) -> None:
+    if header["format"] != FORMAT:
+        raise GraphFileError(f"{path} holds {header['format']!r}, not a {FORMAT}")
+    if header["version"] != VERSION:
+        raise GraphFileError(
+            f"{path} has format version {header['version']}; this pwscont reads {VERSION}"
+        )
+
+
+def _contents(header: dict[str, Any], arrays: dict[str, Any]) -> Contents:
+    nodes = [_node(h, z) for h, z in zip(header["nodes"], arrays["nodes"], strict=True)]
+    starts = [_node(h, z) for h, z in zip(header["starts"], arrays["starts"], strict=True)]
+    ends = np.cumsum([h["count"] for h in header["pieces"]], dtype=int)
+    if ends.size and ends[-1] != len(arrays["points"]):
+        raise ValueError("points are missing")
+    pieces = [
+        _piece(h, arrays["points"][end - h["count"] : end])
+        for h, end in zip(header["pieces"], ends, strict=True)
+    ]
+    lo, hi = header["interval"]
+    return nodes, pieces, starts, (float(lo), float(hi)), str(header["parameter"])
+
+
+def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
+    return SpecialPoint(
+        id=header["id"],
+        kind=Kind(header["kind"]),
+        z=z,
+        alpha=header["alpha"],
+        message=header["message"],
+        backward=header["backward"],
+    )
+
+
+def _piece(header: dict[str, Any], points: Any) -> Piece:
+    return Piece(
+        id=header["id"],
+        start=header["start"],
+        end=header["end"],
+        character=Character(tuple(sign == "+" for sign in header["signs"])),
+        label=header["label"],
+        points=points,
+        det_sign=header["det_sign"],
+    )

@@ -1,0 +1,61 @@
+"""One smooth selection as classical continuation sees it: a map of x = (z, alpha)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Indices, Matrix
+from pwscont.foundation.character import Character
+from pwscont.model.system import PiecewiseSystem
+
+
+@final
+class Selection:
+    """The selection H_chi of a system together with the tests that bound its cell.
+
+    Test values are signed so that they are positive inside the cell.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    character : Character
+        The frozen character chi.
+    """
+
+    def __init__(self, system: PiecewiseSystem, character: Character) -> None:
+        self.system = system
+        self.character = character
+        self.bounding: Indices = np.asarray(system.bounding_tests(character), dtype=np.intp)
+        self._side = np.where([character.signs[i] for i in self.bounding], 1.0, -1.0)
+
+    @cached_property
+    def cell(self) -> frozenset[tuple[int, bool]]:
+        """The signs that name this selection."""
+        return self.system.cell(self.character)
+
+    @cached_property
+    def label(self) -> str:
+        """The name of the cell in the user's words."""
+        return self.system.describe(self.character)
+
+    def residual(self, x: Array) -> Array:
+        """Return H_chi(x), shape (n,)."""
+        return self.system.residual(x[:-1], float(x[-1]), self.character)
+
+    def jacobian(self, x: Array) -> Matrix:
+        """Return dH_chi/dx, shape (n, n + 1)."""
+        return self.system.jacobian(x[:-1], float(x[-1]), self.character)
+
+    def tests(self, x: Array) -> Array:
+        """Return the bounding tests, positive inside, shape (len(bounding),)."""
+        return self._side * self.system.test_functions(x[:-1], float(x[-1]))[self.bounding]
+
+    def test_gradients(self, x: Array) -> Matrix:
+        """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
+        rows = self.system.test_jacobian(x[:-1], float(x[-1]))[self.bounding]
+        if isinstance(rows, np.ndarray):
+            return self._side[:, np.newaxis] * rows
+        return rows.multiply(self._side[:, np.newaxis]).tocsr()

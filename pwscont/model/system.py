@@ -1,0 +1,144 @@
+"""The seam that a new problem plugs into."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidSystemError
+from pwscont.model.differences import central_differences, exact_differences
+
+#: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
+MANY_TESTS = 16
+
+
+class PiecewiseSystem(ABC):
+    """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
+
+    The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
+    each named by its :class:`~pwscont.Character`. On a cell, H equals one smooth *selection*.
+    Selections of neighbouring cells must agree on the interface between them, and each must
+    stay evaluable a little beyond its own cell: Newton freezes the character.
+
+    A subclass sets ``size`` and writes :meth:`test_functions` and :meth:`residual`;
+    everything else has a default. Try it with :func:`pwscont.check_system`.
+
+    Attributes
+    ----------
+    size : int
+        n, the number of equations and of unknowns z.
+    domain : tuple of float
+        Values of the parameter for which the system makes sense; default all.
+    """
+
+    size: int
+    domain: tuple[float, float] = (-np.inf, np.inf)
+
+    @abstractmethod
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return kappa(z, alpha), shape (m,)."""
+
+    @abstractmethod
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the selection H_chi(z, alpha), shape (n,), also outside the cell of chi."""
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse."""
+        return central_differences(
+            lambda x: self.residual(x[:-1], float(x[-1]), character), np.append(z, alpha)
+        )
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return d kappa / d(z, alpha), shape (m, n + 1)."""
+        return central_differences(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
+        )
+
+    def bounding_tests(self, character: Character) -> Sequence[int]:
+        """Return the indices of the tests whose zero sets bound this cell; default all.
+
+        All characters that agree with this one on these tests must name the same selection.
+        """
+        return range(len(character.signs))
+
+    def describe(self, character: Character) -> str:
+        """Return the name of the cell that a user reads in tables and pictures."""
+        return f"cell {character}"
+
+    def describe_transition(self, before: Character, after: Character) -> str:
+        """Return what a user reads at the transition from one cell to another."""
+        return f"{self.describe(before)} → {self.describe(after)}"
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return typical magnitudes of z over the interval, shape (n,); default ones.
+
+        They make arc length, and with it every result, independent of units.
+        """
+        return np.ones(self.size)
+
+    def names(self) -> tuple[str, ...]:
+        """Return a label for each component of z, for tables and axes."""
+        return tuple(f"z[{i}]" for i in range(self.size))
+
+    def cells(self) -> Iterator[Character]:
+        """Yield one character for each selection; default by trying all sign patterns.
+
+        Raises
+        ------
+        InvalidSystemError
+            If there are too many tests to try all patterns: override this method.
+        """
+        m = len(self.test_functions(np.zeros(self.size), 0.0))
+        if m > MANY_TESTS:
+            raise InvalidSystemError(
+                f"{type(self).__name__} has {m} test functions, too many to try all 2^{m} sign "
+                "patterns; override cells() to yield one character for each selection"
+            )
+        seen = set()
+        for signs in product((True, False), repeat=m):
+            character = Character(signs)
+            if (key := self.cell(character)) not in seen:
+                seen.add(key)
+                yield character
+
+    def character(self, z: Array, alpha: float) -> Character:
+        """Return the character of the point."""
+        return Character.of(self.test_functions(z, alpha))
+
+    def cell(self, character: Character) -> frozenset[tuple[int, bool]]:
+        """Return the signs that matter: characters with equal cells name one selection."""
+        return frozenset((int(i), character.signs[i]) for i in self.bounding_tests(character))
+
+
+class SlicewiseLinearSystem(PiecewiseSystem):
+    """A system whose selections and test functions are affine in z at every fixed alpha.
+
+    A promise, not an interface: it lets pwscont list all solutions at one alpha by solving
+    one linear system per cell.
+    """
+
+
+class PiecewiseLinearSystem(SlicewiseLinearSystem):
+    """A system whose selections and test functions are affine in (z, alpha) together.
+
+    Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
+    to corner without a step size. The default Jacobians are exact here, because differences
+    of affine functions are.
+    """
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
+        return exact_differences(
+            lambda x: self.residual(x[:-1], float(x[-1]), character), self.size + 1
+        )
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
+        return exact_differences(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), self.size + 1
+        )

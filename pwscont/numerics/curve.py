@@ -1,0 +1,56 @@
+"""The curve of one selection, and a state on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.model.selection import Selection
+from pwscont.numerics.metric import Metric
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric."""
+
+    selection: Selection
+    metric: Metric
+
+    def slope(self, state: State) -> float:
+        """Return d alpha / d arc length, exactly zero where it is zero to rounding.
+
+        It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
+        """
+        slope = float(state.tangent[-1] / self.metric.scale[-1])
+        return slope if abs(slope) > GUARD * EPS else 0.0
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class State:
+    """A point on a curve and the direction in which it is followed.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+        The point (z, alpha).
+    tangent : ndarray, shape (n + 1,)
+        Direction in which the curve is followed, of length one in the metric.
+    error : ndarray, shape (n + 1,)
+        Size of the last Newton correction: what is known about the error of ``x``.
+    orientation : int
+        Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
+    """
+
+    x: Array
+    tangent: Array
+    error: Array
+    orientation: int
+
+    @property
+    def alpha(self) -> float:
+        """The parameter value."""
+        return float(self.x[-1])

@@ -1,0 +1,133 @@
+"""Bordered matrices [J; row]: solutions and the sign of the determinant, never its value.
+
+Failure modes and answers
+-------------------------
+- The determinant of a large matrix overflows: only its sign is formed, from the signs of the
+  pivots and the parity of the permutation (F10 of the design).
+- The matrix is singular at a branch point or where the curve is tangent to an interface: the
+  reciprocal condition number says so; a solution is never returned with nan in it.
+- Rows in different units: partial pivoting compares entries of one column, hence only rows
+  must be comparable; the border, a single row, does no harm at any scale.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import lapack
+
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.rounding import EPS
+
+
+class Factor(ABC):
+    """An LU factorisation of a square matrix.
+
+    Attributes
+    ----------
+    sign : int
+        Sign of the determinant; 0 where a pivot vanishes.
+    """
+
+    sign: int
+
+    @abstractmethod
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side, shape (k,)."""
+
+    @abstractmethod
+    def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
+
+
+@final
+class DenseFactor(Factor):
+    """LU with partial pivoting by LAPACK."""
+
+    def __init__(self, matrix: Array) -> None:
+        self._matrix = matrix
+        self._lu, self._pivots, info = lapack.dgetrf(matrix)
+        self._exact_zero = info > 0
+        self.sign = 0 if self._exact_zero else self._determinant_sign()
+
+    def _determinant_sign(self) -> int:
+        negative = int((self._lu.diagonal() < 0.0).sum())
+        exchanged = int((self._pivots != np.arange(len(self._pivots))).sum())
+        return -1 if (negative + exchanged) % 2 else 1
+
+    def solve(self, rhs: Array) -> Array:
+        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs)[0]
+        return solution
+
+    def is_singular(self) -> bool:
+        if self._exact_zero or not np.isfinite(self._lu).all():
+            return True
+        rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
+        return bool(rcond < len(self._lu) * EPS)
+
+
+@final
+class SparseFactor(Factor):
+    """LU by SuperLU."""
+
+    def __init__(self, matrix: Any) -> None:
+        from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
+
+        try:
+            self._lu = splu(sp.csc_matrix(matrix))
+        except RuntimeError:  # SuperLU's word for an exactly zero pivot
+            self._lu, self.sign = None, 0
+            return
+        diagonal = self._lu.U.diagonal()
+        parity = _is_odd(self._lu.perm_r) ^ _is_odd(self._lu.perm_c)
+        self.sign = -1 if (int((diagonal < 0.0).sum()) + parity) % 2 else 1
+
+    def solve(self, rhs: Array) -> Array:
+        solution: Array = self._lu.solve(rhs)
+        return solution
+
+    def is_singular(self) -> bool:
+        if self._lu is None:
+            return True
+        pivots = np.abs(self._lu.U.diagonal())
+        return bool(pivots.min() <= len(pivots) * EPS * pivots.max())
+
+
+def _is_odd(permutation: Any) -> int:
+    """Return 1 for an odd permutation, by counting its cycles."""
+    seen = np.zeros(len(permutation), dtype=bool)
+    cycles = 0
+    for start in range(len(permutation)):
+        if not seen[start]:
+            cycles += 1
+            j = start
+            while not seen[j]:
+                seen[j] = True
+                j = permutation[j]
+    return (len(permutation) - cycles) % 2
+
+
+def factor(matrix: Matrix) -> Factor:
+    """Factorise a square matrix, dense or sparse."""
+    return SparseFactor(matrix) if sp.issparse(matrix) else DenseFactor(matrix)
+
+
+def bordered(jacobian: Matrix, row: Any) -> Factor:
+    """Factorise the (n + 1, n + 1) matrix [J; row]."""
+    if sp.issparse(jacobian):
+        return SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]))
+    n = len(jacobian)
+    matrix = np.empty((n + 1, n + 1))
+    matrix[:n] = jacobian
+    matrix[n] = row
+    return DenseFactor(matrix)
+
+
+def last_unit(size: int) -> Array:
+    """Return the unit vector e_size."""
+    unit = np.zeros(size)
+    unit[-1] = 1.0
+    return unit

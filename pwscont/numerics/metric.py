@@ -1,0 +1,51 @@
+"""Length and angle in (z, alpha), independent of the units of either."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, finite_array
+from pwscont.foundation.errors import InvalidSystemError
+from pwscont.model.system import PiecewiseSystem
+
+
+@final
+class Metric:
+    """Euclidean geometry after dividing each unknown by its typical magnitude.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (n + 1,)
+        Positive typical magnitudes of (z, alpha).
+    """
+
+    def __init__(self, scale: Array) -> None:
+        self.scale = scale
+        self._weight = 1.0 / scale**2
+
+    @classmethod
+    def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
+        """Return the metric of a system on an interval, in which the interval has length 1."""
+        lo, hi = interval
+        scale = finite_array(f"{type(system).__name__}.scale()", system.scale(lo, hi))
+        if scale.shape != (system.size,) or not (scale > 0.0).all():
+            raise InvalidSystemError(
+                f"{type(system).__name__}.scale() must return {system.size} positive numbers"
+            )
+        return cls(np.append(scale, hi - lo))
+
+    def norm(self, x: Array) -> float:
+        """Return the length of a difference of two points."""
+        y = x / self.scale
+        return float(np.sqrt(y.dot(y)))
+
+    def covector(self, t: Array) -> Array:
+        """Return the row w with ``w @ x`` the inner product of t and x."""
+        return self._weight * t
+
+    def normalised(self, t: Array) -> Array:
+        """Return t with length one."""
+        unit: Array = t / self.norm(t)
+        return unit

@@ -1,0 +1,8 @@
+"""Floor 3: steppers, each of which owns one step along a curve."""
+
+from pwscont.stepping.exact_linear import ExactLinear
+from pwscont.stepping.natural_parameter import NaturalParameter
+from pwscont.stepping.pseudo_arclength import PseudoArclength
+from pwscont.stepping.stepper import Segment, Stepper
+
+__all__ = ["ExactLinear", "NaturalParameter", "PseudoArclength", "Segment", "Stepper"]

@@ -1,0 +1,26 @@
+"""Pieces of an affine selection: no step size, no corrector (F6 of the design)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from pwscont.foundation.outcome import Failure
+from pwscont.numerics.curve import Curve, State
+from pwscont.stepping.stepper import Segment, Stepper, StraightSegment
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ExactLinear(Stepper):
+    """Takes a whole piece of a :class:`~pwscont.PiecewiseLinearSystem` in one step.
+
+    The ray along the tangent is the curve; where it leaves its cell is a ratio test, and the
+    point there is solved for afresh, so that errors do not accumulate from piece to piece.
+    """
+
+    def step(
+        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+    ) -> Segment | Failure:
+        """Return the ray from ``state``."""
+        return StraightSegment(curve, state)

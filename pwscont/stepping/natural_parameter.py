@@ -1,0 +1,48 @@
+"""Continuation in alpha itself: simple, and blind beyond a smooth fold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.step_size import StepSize
+from pwscont.stepping.landing import land_on
+from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class NaturalParameter(Stepper):
+    """Increase or decrease alpha and correct z at fixed alpha.
+
+    Follows kinks and non-smooth folds, where the tangent says which way alpha goes; stops with
+    a message at a smooth fold or a vertical piece. Here for comparison and for load paths that
+    are known not to turn smoothly.
+
+    Attributes
+    ----------
+    step_size : StepSize
+        Lengths as fractions of the interval.
+    """
+
+    step_size: StepSize = field(default_factory=StepSize)
+
+    def step(
+        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+    ) -> Segment | Failure:
+        """Halve the increment of alpha until the corrector converges."""
+        length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
+        lo, hi = interval
+        sign = 1.0 if state.tangent[-1] > 0.0 else -1.0
+        while length >= self.step_size.smallest:
+            alpha = min(max(state.alpha + sign * length * (hi - lo), lo), hi)
+            corrected = land_on(curve, state, state.tangent, alpha)
+            if not isinstance(corrected, Failure):
+                cosine = curve.metric.covector(state.tangent).dot(corrected.state.tangent)
+                if self.step_size.accepts(cosine):
+                    longer = self.step_size.after(length, corrected.iterations, cosine)
+                    return CurvedSegment.between(curve, state, corrected.state, longer)
+            length *= 0.5
+        return Failure(Trouble.NO_TURN)

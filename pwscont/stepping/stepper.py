@@ -1,0 +1,119 @@
+"""The seam of the steppers, and the stretch of curve that one step makes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.outcome import Failure
+from pwscont.numerics.corrector import BorderedNewton
+from pwscont.numerics.curve import Curve, State
+
+
+class Segment(ABC):
+    """A stretch of one curve, parametrised by the distance s along its chord.
+
+    Attributes
+    ----------
+    curve : Curve
+    start : State
+    """
+
+    curve: Curve
+    start: State
+
+    @abstractmethod
+    def near(self, s: float) -> Array:
+        """Return a point close to the curve at distance ``s``, shape (n + 1,)."""
+
+    @abstractmethod
+    def position(self, x: Array) -> float:
+        """Return the distance s of a point of the curve."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class StraightSegment(Segment):
+    """A ray: the curve of an affine selection from ``start`` on, without an end."""
+
+    curve: Curve
+    start: State
+
+    def near(self, s: float) -> Array:
+        """Return the point at distance ``s``, exact but for rounding."""
+        return self.start.x + s * self.start.tangent
+
+    def position(self, x: Array) -> float:
+        """Return the distance of ``x`` along the ray."""
+        return float(self.curve.metric.covector(self.start.tangent).dot(x - self.start.x))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CurvedSegment(Segment):
+    """A step between two states of a curve.
+
+    Attributes
+    ----------
+    end : State
+    chord : ndarray, shape (n + 1,)
+        Direction from start to end, of length one.
+    length : float
+        Length of the chord.
+    suggestion : float
+        Length that the stepper would try next.
+    """
+
+    curve: Curve
+    start: State
+    end: State
+    chord: Array
+    length: float
+    suggestion: float
+
+    @classmethod
+    def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:
+        """Return the segment between two states."""
+        difference = end.x - start.x
+        length = curve.metric.norm(difference)
+        return cls(curve, start, end, difference / length, length, suggestion)
+
+    def near(self, s: float) -> Array:
+        """Return the point of the chord at distance ``s``."""
+        return self.start.x + s * self.chord
+
+    def position(self, x: Array) -> float:
+        """Return the distance of the projection of ``x`` on the chord."""
+        return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
+
+    def at(self, s: float) -> State | Failure:
+        """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
+        corrected = BorderedNewton().correct(self.curve, self.near(s), self.chord)
+        return corrected if isinstance(corrected, Failure) else corrected.state
+
+
+class Stepper(ABC):
+    """Owns one step along the curve of a frozen selection; what follows is the loop's policy."""
+
+    @abstractmethod
+    def step(
+        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+    ) -> Segment | Failure:
+        """Return the next segment from ``state``.
+
+        Parameters
+        ----------
+        curve : Curve
+        interval : tuple of float
+            No point outside this interval of alpha is computed.
+        state : State
+            Where the step starts.
+        before : Segment or None
+            The step before on the same piece; None on the first.
+
+        Returns
+        -------
+        Segment or Failure
+        """

@@ -1,0 +1,17 @@
+"""Floor 4: what ends a smooth piece, where, and which pieces leave from there."""
+
+from pwscont.transitions.bounding import BoundingTests
+from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.fold import SmoothFolds
+from pwscont.transitions.interval import IntervalEnds
+from pwscont.transitions.rays import Ray
+
+__all__ = [
+    "Arrival",
+    "BoundingTests",
+    "IntervalEnds",
+    "Ray",
+    "Reading",
+    "SmoothFolds",
+    "TransitionDetector",
+]

@@ -1,0 +1,53 @@
+"""The ends of the parameter interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import last_unit
+from pwscont.stepping.stepper import Segment
+from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.location import locate_zero
+from pwscont.transitions.rays import Ray
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class IntervalEnds(TransitionDetector):
+    """Watches alpha - lo and hi - alpha."""
+
+    lo: float
+    hi: float
+
+    def read(self, curve: Curve, state: State) -> Reading:
+        """Return the distances to both ends; zero to rounding counts as zero."""
+        distances = np.array([state.alpha - self.lo, self.hi - state.alpha])
+        distances[distances <= SAME_ALPHA * (self.hi - self.lo)] = 0.0
+        return Reading(distances, np.array([state.tangent[-1], -state.tangent[-1]]))
+
+    def locate(
+        self, segment: Segment, index: int, bracket: tuple[float, float]
+    ) -> State | Failure:
+        """Solve {H_chi = 0, alpha = end}."""
+        end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
+        row = side * last_unit(len(segment.start.x))
+
+        def function(x: Array) -> tuple[float, Matrix]:
+            return side * (float(x[-1]) - end), row
+
+        state = locate_zero(segment, function, bracket)
+        if isinstance(state, State):
+            state.x[-1] = end  # equal but for the rounding of the solve
+        return state
+
+    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+        """End the component."""
+        return Arrival(Kind.END, state.x, "end of the interval", (Ray(curve, state).reversed(),))

@@ -1,0 +1,94 @@
+"""The pieces that leave a point: facts F1, F2 and F8 of the design.
+
+At a point x of the zero set let V be the set of bounding tests that vanish there. With V
+empty, one curve passes: two rays in one cell. With V = {i}, the selections J and J' on both
+sides satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into
+each cell, each the solution of one linear system, and their orientations agree. The direction
+at a kink is a sign, never a trial.
+
+Failure modes and answers
+-------------------------
+- A test counts as zero when it is below the rounding of its own terms plus what the error of
+  the point contributes: relative, so units and magnitudes do not matter.
+- [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
+- The orientations differ or H jumps: the user's selections disagree on the interface, which is
+  said and not drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.foundation.arrays import Array, Indices, Matrix
+from pwscont.foundation.character import Character
+from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.model.selection import Selection
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import bordered, last_unit
+
+#: Selections that differ by more than this (relative) at a common point do not agree there.
+DISAGREE = EPS**0.5
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Ray:
+    """A piece leaving a point: the curve it lies on and the state it starts from."""
+
+    curve: Curve
+    state: State
+
+    def reversed(self) -> Ray:
+        """Return the same place with the opposite direction."""
+        state = self.state
+        return Ray(self.curve, State(state.x, -state.tangent, state.error, -state.orientation))
+
+
+def vanishing(selection: Selection, x: Array, error: Array) -> Indices:
+    """Return the indices (in the system) of the bounding tests that are zero at ``x``.
+
+    Parameters
+    ----------
+    selection : Selection
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (n + 1,)
+        What is known about the error of ``x``.
+    """
+    size = abs(selection.test_gradients(x)) @ (error + EPS * np.abs(x))
+    return selection.bounding[np.abs(selection.tests(x)) <= GUARD * size]
+
+
+def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:
+    """Return the gradient of one test, positive towards the inside of the cell."""
+    row = selection.test_gradients(x)[int(np.flatnonzero(selection.bounding == test)[0])]
+    return row.toarray().ravel() if sp.issparse(row) else row
+
+
+def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
+    """Return the ray from ``x`` on the zero set of one test into the cell, if there is one.
+
+    None where the curve is tangent to the interface or is not on this selection at all.
+    """
+    selection, metric = curve.selection, curve.metric
+    factor = bordered(selection.jacobian(x), gradient_of(selection, x, test))
+    if factor.sign == 0 or factor.is_singular():
+        return None
+    defect = factor.solve(np.append(selection.residual(x), 0.0))
+    if not metric.norm(defect) <= DISAGREE * (1.0 + metric.norm(x)):
+        return None
+    tangent = metric.normalised(factor.solve(last_unit(len(x))))
+    return Ray(curve, State(x, tangent, error, factor.sign))
+
+
+def beyond(selection: Selection, x: Array, test: int) -> Character:
+    """Return the character on the other side of ``kappa_test = 0`` at ``x``.
+
+    Tests that do not bound the old cell may have changed sign since the piece began, so all
+    signs but that of ``test`` are read off at the point.
+    """
+    character = selection.system.character(x[:-1], float(x[-1]))
+    return character.with_sign(test, not selection.character.signs[test])
