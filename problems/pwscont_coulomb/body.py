@@ -60,7 +60,7 @@ class ContactBody:
     @property
     def is_sparse(self) -> bool:
         """Whether A is a sparse matrix; the Jacobians then are, too."""
-        return sp.issparse(self.A)
+        return bool(sp.issparse(self.A))
 
     def _check(self) -> None:
         asymmetry = abs(self.A - self.A.T).max()
@@ -108,8 +108,12 @@ def _is_positive_definite(A: Matrix) -> bool:
 
     try:
         # symmetric pivoting on the diagonal: positive pivots are those of Cholesky
-        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                  options={"SymmetricMode": True})
+        lu = splu(
+            A.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
     except RuntimeError:
         return False
     return bool((lu.U.diagonal() > 0.0).all() and (lu.perm_r == lu.perm_c).all())

@@ -77,7 +77,7 @@ class Coulomb(SlicewiseLinearSystem):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
         body, mode = self.body, contact.modes(character)
-        residual = self.state_matrix(mode, self.friction_at(alpha)) @ z
+        residual: Array = self.state_matrix(mode, self.friction_at(alpha)) @ z
         residual[: body.n] -= self.load_at(alpha)
         offset = self.r * body.gap
         residual[body.n : body.n + body.p] -= _IN_CONTACT[mode] * offset
@@ -87,7 +87,7 @@ class Coulomb(SlicewiseLinearSystem):
     def bounding_tests(self, character: Character) -> Sequence[int]:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip."""
         bounds = BOUNDS[contact.modes(character)].ravel()
-        return np.flatnonzero(bounds).tolist()  # type: ignore[no-any-return]
+        return np.flatnonzero(bounds).tolist()
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each of the 4^p combinations of modes."""

@@ -105,7 +105,8 @@ class CoulombLoad(Coulomb):
         if hasattr(self.load, "derivative"):
             return np.asarray(self.load.derivative(alpha), dtype=float)
         h = EPS ** (1.0 / 3.0) * max(1.0, abs(alpha))
-        return (self.load_at(alpha + h) - self.load_at(alpha - h)) / (2.0 * h)
+        rate: Array = (self.load_at(alpha + h) - self.load_at(alpha - h)) / (2.0 * h)
+        return rate
 
     @property
     def _test_gradients(self) -> Matrix:

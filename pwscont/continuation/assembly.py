@@ -36,9 +36,9 @@ def assemble(
         for node, number in numbers.items()
     ]
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
-    starts = [_special_point(-1, node, (node.message,) * 2) for node in network.starts]
+    starts = [_inner_start(edge.edge, i) for i, edge in enumerate(order)]
     return BranchGraph(
-        points, pieces, interval, starts=starts, system=system, parameter=parameter
+        points, pieces, interval, starts=filter(None, starts), system=system, parameter=parameter
     )
 
 
@@ -106,8 +106,15 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 
 
 def _special_point(number: int, node: Node, messages: tuple[str, str]) -> SpecialPoint:
-    kind = node.kind if number >= 0 else Kind.START
-    return SpecialPoint(number, kind, node.x[:-1], float(node.x[-1]), *messages)
+    return SpecialPoint(number, node.kind, node.x[:-1], float(node.x[-1]), *messages)
+
+
+def _inner_start(edge: Edge, piece: int) -> SpecialPoint | None:
+    """Return the point in the middle of a piece where tracing began, if it did."""
+    if (x := edge.begun_at) is None:
+        return None
+    message = f"start in {edge.ray.curve.selection.label}"
+    return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece)
 
 
 def _messages(system: PiecewiseSystem, node: int, edges: list[_Directed]) -> tuple[str, str] | None:

@@ -43,12 +43,16 @@ class Node:
 @final
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A piece under discovery, from the node where it was begun to the node it reached."""
+    """A piece under discovery, from the node where it was begun to the node it reached.
+
+    ``begun_at`` is the point in its middle where tracing began, if it began there.
+    """
 
     start: int
     end: int
     ray: Ray
     points: Array
+    begun_at: Array | None = None
 
 
 @final
@@ -69,7 +73,6 @@ class Network:
         self._by_cell: dict[frozenset[tuple[int, bool]], list[tuple[int, int]]] = defaultdict(list)
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
-        self.starts: list[Node] = []
 
     def add(self, arrival: Arrival) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -139,12 +142,10 @@ class Network:
         straight = len(forth.points) == 2 and len(back.points) == 2
         rest = forth.points[1:] if straight else forth.points
         points = np.vstack([back.points[:0:-1], rest])
-        begin = next(
-            ray for ray in self.nodes[back.end].rays if ray.curve is back.ray.curve
-        )
+        begin = next(ray for ray in self.nodes[back.end].rays if ray.curve is back.ray.curve)
         self.edges = [edge for edge in self.edges if edge not in halves]
-        self.edges.append(Edge(back.end, forth.end, begin, points))
-        self.starts.append(self.nodes.pop(start))
+        begun_at = self.nodes.pop(start).x
+        self.edges.append(Edge(back.end, forth.end, begin, points, begun_at))
         cell = forth.ray.curve.selection.cell
         self._by_cell[cell] = [entry for entry in self._by_cell[cell] if entry[0] != start]
 

@@ -30,13 +30,13 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     try:
         lo, hi = (float(end) for end in interval)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"interval must be two numbers (lo, hi), got {interval!r}") from error
+        raise InvalidInputError(f"interval must be two numbers, got {interval!r}") from error
     if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
         raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
     low, high = system.domain
     if lo < low or hi > high:
         raise InvalidInputError(
-            f"interval ({lo}, {hi}) leaves [{low}, {high}], where {type(system).__name__} is defined"
+            f"interval ({lo}, {hi}) leaves the domain [{low}, {high}] of {type(system).__name__}"
         )
     return lo, hi
 

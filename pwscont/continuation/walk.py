@@ -73,4 +73,3 @@ class Walker:
     def _stopped(self, points: list[Array], reached: Ray, failure: Failure) -> Walk:
         arrival = Arrival(Kind.STOPPED, points[-1], str(failure), (reached.reversed(),))
         return Walk(np.array(points), arrival)
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, final
 
@@ -63,9 +64,7 @@ class BranchGraph:
                 point.id, point=point, kind=str(point.kind), alpha=point.alpha, z=point.z
             )
         for piece in pieces:
-            self._nx.add_edge(
-                piece.start, piece.end, key=piece.id, piece=piece, label=piece.label
-            )
+            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece, label=piece.label)
 
     @property
     def nx(self) -> nx.MultiGraph:
@@ -132,7 +131,7 @@ class BranchGraph:
     def _inside(self, alpha: float) -> None:
         lo, hi = self.interval
         if not lo <= alpha <= hi:
-            raise InvalidInputError(f"alpha = {alpha} lies outside the traced interval [{lo}, {hi}]")
+            raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
 
     @cached_property
     def _extent(self) -> Array:
@@ -199,7 +198,7 @@ class BranchGraph:
         """Return ``(lo, hi, count)`` for successive intervals with the same number of solutions."""
         breaks = self._breaks()
         table: list[Multiplicity] = []
-        for lo, hi in zip(breaks[:-1], breaks[1:], strict=True):
+        for lo, hi in pairwise(breaks):
             count = len(self._through(0.5 * (lo + hi)))
             if table and table[-1][2] == count:
                 table[-1] = (table[-1][0], hi, count)
@@ -228,8 +227,7 @@ class BranchGraph:
 
     def balances(self) -> list[int]:
         """Return the balance within each interval between successive special points."""
-        breaks = self._breaks()
-        return [self.balance(0.5 * (a + b)) for a, b in zip(breaks[:-1], breaks[1:], strict=True)]
+        return [self.balance(0.5 * (a + b)) for a, b in pairwise(self._breaks())]
 
     def is_balanced(self) -> bool:
         """Tell whether the balance is the same at every regular alpha of the interval."""

@@ -30,6 +30,8 @@ class SpecialPoint:
         ``"contact-slip → contact-stick"``.
     backward : str
         The message when passed in negative orientation.
+    piece : int or None
+        For a start in the middle of a piece, the id of that piece.
     """
 
     id: int
@@ -38,6 +40,7 @@ class SpecialPoint:
     alpha: float
     message: str
     backward: str
+    piece: int | None = None
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""

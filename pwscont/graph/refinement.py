@@ -26,10 +26,8 @@ def refine(system: PiecewiseSystem | None, piece: Piece, alpha: float) -> Soluti
         If the piece is curved and there is no system to correct with.
     """
     a, b = _around(piece, alpha)
-    if system is None:
-        x = _on_chord(piece, a, b, alpha)
-    else:
-        x = _corrected(system, piece, a, b, alpha)
+    around = (piece, a, b, alpha)
+    x = _on_chord(*around) if system is None else _corrected(system, *around)
     return Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
 
 
@@ -53,14 +51,12 @@ def _on_chord(piece: Piece, a: Array, b: Array, alpha: float) -> Array:
     return x
 
 
-def _corrected(
-    system: PiecewiseSystem, piece: Piece, a: Array, b: Array, alpha: float
-) -> Array:
+def _corrected(system: PiecewiseSystem, piece: Piece, a: Array, b: Array, alpha: float) -> Array:
     """Solve {H_chi = 0, alpha fixed} between two points of the piece."""
     scale = np.append(system.scale(*piece.interval), abs(b[-1] - a[-1]))
     curve = Curve(Selection(system, piece.character), Metric(scale))
-    ends = [State(x, b - a, np.zeros_like(x), 0) for x in (a, b)]
-    segment = CurvedSegment.between(curve, *ends, suggestion=0.0)
+    start, end = (State(x, b - a, np.zeros_like(x), 0) for x in (a, b))
+    segment = CurvedSegment.between(curve, start, end, suggestion=0.0)
     row = -last_unit(len(a))
     found = locate_zero(segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length))
     if isinstance(found, Failure):

@@ -63,6 +63,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "alpha": float(point.alpha),
         "message": point.message,
         "backward": point.backward,
+        "piece": point.piece,
     }
 
 
@@ -131,6 +132,7 @@ def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
         alpha=header["alpha"],
         message=header["message"],
         backward=header["backward"],
+        piece=header["piece"],
     )
 
 

@@ -139,6 +139,4 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
-        return exact_differences(
-            lambda x: self.test_functions(x[:-1], float(x[-1])), self.size + 1
-        )
+        return exact_differences(lambda x: self.test_functions(x[:-1], float(x[-1])), self.size + 1)

@@ -20,8 +20,8 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
-from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import bordered, last_unit
 
 
 @final
@@ -106,4 +106,3 @@ class MoorePenrose(Corrector):
             if size <= CONVERGED * (1.0 + metric.norm(x)):
                 return Corrected(State(x, t, np.abs(dx), factor.sign), iteration)
         return Failure(Trouble.NOT_CONVERGED)
-

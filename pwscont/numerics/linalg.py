@@ -59,10 +59,12 @@ class DenseFactor(Factor):
         return -1 if (negative + exchanged) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
         solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs)[0]
         return solution
 
     def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
         if self._exact_zero or not np.isfinite(self._lu).all():
             return True
         rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
@@ -86,10 +88,12 @@ class SparseFactor(Factor):
         self.sign = -1 if (int((diagonal < 0.0).sum()) + parity) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
         solution: Array = self._lu.solve(rhs)
         return solution
 
     def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
         if self._lu is None:
             return True
         pivots = np.abs(self._lu.U.diagonal())

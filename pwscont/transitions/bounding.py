@@ -27,9 +27,7 @@ class BoundingTests(TransitionDetector):
         slopes = selection.test_gradients(state.x) @ state.tangent
         return Reading(selection.tests(state.x), slopes)
 
-    def locate(
-        self, segment: Segment, index: int, bracket: tuple[float, float]
-    ) -> State | Failure:
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""
         selection = segment.curve.selection
         test = int(selection.bounding[index])

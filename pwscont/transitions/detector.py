@@ -60,9 +60,7 @@ class TransitionDetector(ABC):
         """Return what is watched at ``state``."""
 
     @abstractmethod
-    def locate(
-        self, segment: Segment, index: int, bracket: tuple[float, float]
-    ) -> State | Failure:
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the state at which function ``index`` vanishes, for s within the bracket.
 
         Its tangent points in the direction of the segment.

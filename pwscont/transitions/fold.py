@@ -26,9 +26,7 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), np.zeros(2))
 
-    def locate(
-        self, segment: Segment, index: int, bracket: tuple[float, float]
-    ) -> State | Failure:
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign = 1.0 if index == 0 else -1.0

@@ -33,9 +33,7 @@ class IntervalEnds(TransitionDetector):
         distances[distances <= SAME_ALPHA * (self.hi - self.lo)] = 0.0
         return Reading(distances, np.array([state.tangent[-1], -state.tangent[-1]]))
 
-    def locate(
-        self, segment: Segment, index: int, bracket: tuple[float, float]
-    ) -> State | Failure:
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
         row = side * last_unit(len(segment.start.x))

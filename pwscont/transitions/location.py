@@ -93,7 +93,7 @@ def _falling(factor: Factor, segment: Segment, x: Array, dx: Array) -> State | F
     return State(x, segment.curve.metric.normalised(tangent), np.abs(dx), -factor.sign)
 
 
-class _OffCurve(Exception):
+class _OffCurveError(Exception):
     """The corrector failed within a bracket; carries the failure out of the root finder."""
 
     def __init__(self, failure: Failure) -> None:
@@ -111,11 +111,11 @@ def locate_sign_change(
     def along(s: float) -> float:
         state = segment.at(s)
         if isinstance(state, Failure):
-            raise _OffCurve(state)
+            raise _OffCurveError(state)
         return function(state)
 
     try:
         s = brentq(along, *bracket, xtol=4.0 * EPS * segment.length, rtol=4.0 * EPS)
-    except _OffCurve as off:
+    except _OffCurveError as off:
         return off.failure
     return segment.at(s)

@@ -59,7 +59,8 @@ def vanishing(selection: Selection, x: Array, error: Array) -> Indices:
         What is known about the error of ``x``.
     """
     size = abs(selection.test_gradients(x)) @ (error + EPS * np.abs(x))
-    return selection.bounding[np.abs(selection.tests(x)) <= GUARD * size]
+    zero: Indices = selection.bounding[np.abs(selection.tests(x)) <= GUARD * size]
+    return zero
 
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:

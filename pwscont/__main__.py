@@ -1,0 +1,5 @@
+"""``python -m pwscont``."""
+
+from pwscont.interface.cli import main
+
+raise SystemExit(main())

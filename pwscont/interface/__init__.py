@@ -1,0 +1,1 @@
+"""Floor 7: scenes, tables, pictures and the command line."""

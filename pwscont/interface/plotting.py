@@ -1,0 +1,195 @@
+"""Branch diagrams in the manner of the paper.
+
+Line style tells the mode, an asterisk the start, an open circle a transition, a filled one a
+non-smooth fold; every branch has its colour. Imported only where a picture is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pwscont.foundation.character import Character
+from pwscont.foundation.kind import Kind
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.interface.scene import Panel, ParameterPath, Scene
+
+#: How each kind of special point is drawn; ends need no mark.
+MARKERS: dict[Kind, dict[str, Any]] = {
+    Kind.START: {"marker": (6, 2, 0), "markersize": 11},
+    Kind.TRANSITION: {"marker": "o", "markerfacecolor": "white", "markersize": 6},
+    Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
+    Kind.FOLD: {"marker": "D", "markersize": 6},
+    Kind.CORNER: {"marker": "s", "markersize": 7},
+    Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
+}
+LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
+ROW_HEIGHT, COLUMN_WIDTH, LEGEND_HEIGHT = 2.9, 3.9, 0.7  # inches
+
+
+def plot(graph: BranchGraph, component: int = 0, *, ax: Axes | None = None) -> Axes:
+    """Draw one component of z over the parameter.
+
+    Parameters
+    ----------
+    graph : BranchGraph
+    component : int
+        Index into z.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; default a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        ``ax.figure.savefig(...)`` writes the picture.
+    """
+    if ax is None:
+        ax = Figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+    styles = _styles(graph, [Panel(component)], {})
+    _draw_panel(ax, graph, Panel(component), styles)
+    ax.legend(handles=_legend(graph, styles), fontsize="small")
+    return ax
+
+
+def draw_scene(scene: Scene, graph: BranchGraph) -> Figure:
+    """Draw all panels of a scene, a row per title, with its parameter paths beside them."""
+    titles = list(dict.fromkeys(panel.title for panel in scene.panels))
+    rows: list[list[Panel | ParameterPath]] = [
+        [panel for panel in scene.panels if panel.title == title] for title in titles
+    ]
+    for row, path in zip(cycle(rows), scene.paths, strict=False):
+        row.append(path)
+    width, height = max(map(len, rows)), len(rows)
+    figure = Figure(
+        figsize=(COLUMN_WIDTH * width, ROW_HEIGHT * height + LEGEND_HEIGHT), layout="constrained"
+    )
+    styles = _styles(graph, scene.panels, scene.styles)
+    grid = figure.subplots(height, width, squeeze=False)
+    for i, row in enumerate(rows):
+        for j in range(width):
+            _draw_cell(grid[i, j], graph, row[j] if j < len(row) else None, styles)
+    figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
+    handles = _legend(graph, styles)
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
+    return figure
+
+
+def _draw_cell(
+    ax: Axes, graph: BranchGraph, content: Panel | ParameterPath | None, styles: Mapping[str, Any]
+) -> None:
+    if isinstance(content, Panel):
+        _draw_panel(ax, graph, content, styles)
+    elif content is not None:
+        _draw_path(ax, graph, content)
+    else:
+        ax.set_axis_off()
+
+
+def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> None:
+    mode = _mode(graph, panel)
+    for i, pieces in enumerate(graph.components()):
+        for piece in pieces:
+            curve = piece.z[:, panel.component]
+            ax.plot(piece.alpha, curve, color=f"C{i}", linestyle=styles[mode(piece.character)])
+        for point in _marked(graph, pieces):
+            ax.plot(
+                point.alpha,
+                point.z[panel.component],
+                color=f"C{i}",
+                linestyle="none",
+                **MARKERS[point.kind],
+            )
+    ax.set_xlabel(symbol(graph.parameter))
+    names = graph.system.names() if graph.system else None
+    ax.set_ylabel(symbol(names[panel.component] if names else f"z[{panel.component}]"))
+    ax.set_title(panel.title, fontsize="medium")
+    ax.margins(0.06)
+    ax.grid(alpha=0.25)
+    _show_dust_as_constant(ax, graph)
+
+
+def _show_dust_as_constant(ax: Axes, graph: BranchGraph) -> None:
+    """Widen an axis that would show nothing but rounding errors."""
+    size = max((float(np.abs(piece.z).max()) for piece in graph.pieces), default=0.0) or 1.0
+    low, high = ax.get_ylim()
+    if high - low < 1e-9 * size:
+        ax.set_ylim(low - 0.05 * size, high + 0.05 * size)
+
+
+def _marked(graph: BranchGraph, pieces: Sequence[Piece]) -> list[SpecialPoint]:
+    """Return the special points of a component that are drawn, each once."""
+    nodes = {node for piece in pieces for node in (piece.start, piece.end)}
+    points = [graph.point(node) for node in sorted(nodes)]
+    inner = [start for start in graph.starts if _lies_on(start, pieces)]
+    return [point for point in [*points, *inner] if point.kind in MARKERS]
+
+
+def _lies_on(start: SpecialPoint, pieces: Sequence[Piece]) -> bool:
+    """Tell whether a start in the middle of a piece belongs to one of these pieces."""
+    return any(start.piece == piece.id for piece in pieces)
+
+
+def _mode(graph: BranchGraph, panel: Panel) -> Callable[[Character], str]:
+    if panel.mode is not None:
+        return panel.mode
+    labels = {piece.character: piece.label for piece in graph.pieces}
+    return labels.__getitem__
+
+
+def _styles(
+    graph: BranchGraph, panels: Sequence[Panel], wanted: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a line style for every mode that occurs."""
+    words = {
+        _mode(graph, panel)(piece.character): None for panel in panels for piece in graph.pieces
+    }
+    free = cycle(LINE_STYLES)
+    return {word: wanted[word] if word in wanted else next(free) for word in words}
+
+
+def _draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
+    lo, hi = graph.interval
+    points = np.array([path.curve(float(alpha)) for alpha in np.linspace(lo, hi, 201)])
+    ax.plot(*points.T, color="black")
+    ax.plot(*points[0], color="black", linestyle="none", **MARKERS[Kind.START])
+    middle = points[len(points) // 4 : len(points) // 4 + 2]
+    ax.annotate("", middle[1], middle[0], arrowprops={"arrowstyle": "-|>", "color": "black"})
+    ax.set_xlabel(path.labels[0])
+    ax.set_ylabel(path.labels[1])
+    ax.set_title(path.title, fontsize="medium")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.12)
+    ax.grid(alpha=0.25)
+
+
+def _legend(graph: BranchGraph, styles: Mapping[str, Any]) -> list[Line2D]:
+    """Return a handle for every mode and every kind of point that occurs."""
+    lines = [
+        Line2D([], [], color="black", linestyle=style, label=word) for word, style in styles.items()
+    ]
+    kinds = dict.fromkeys(point.kind for point in graph.special_points())
+    marks = [
+        Line2D([], [], color="black", linestyle="none", label=_word(kind), **MARKERS[kind])
+        for kind in MARKERS
+        if kind in kinds
+    ]
+    return lines + marks
+
+
+def _word(kind: Kind) -> str:
+    return kind.value.replace("nonsmooth", "non-smooth")
+
+
+def symbol(name: str) -> str:
+    """Return a name such as ``u_t,1`` or ``alpha`` as matplotlib sets it."""
+    name = {"alpha": "α", "phi": "φ"}.get(name, name)
+    if found := re.fullmatch(r"(\w+?)_(.+)", name):
+        return f"${found[1]}_{{{found[2]}}}$"
+    return f"${name}$" if len(name) == 1 else name

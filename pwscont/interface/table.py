@@ -1,0 +1,102 @@
+"""The answer as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from pwscont.graph import BranchGraph, Piece, Solution
+from pwscont.graph.presentation import number
+from pwscont.interface.scene import Scene
+
+HEADINGS = {1: "positive orientation", -1: "negative orientation"}
+
+
+def report(scene: Scene, graph: BranchGraph, at: Iterable[float]) -> str:
+    """Return branches, transitions, numbers of solutions, and the solutions asked for."""
+    lo, hi = graph.interval
+    lines = [
+        f"{scene.name}: {scene.title}",
+        f"{scene.parameter} in [{number(lo)}, {number(hi)}]",
+        *_branches(scene, graph),
+        "",
+        *_counts(graph),
+    ]
+    for alpha in at:
+        lines += ["", *_solutions(scene, graph, alpha)]
+    return "\n".join(lines)
+
+
+def _branches(scene: Scene, graph: BranchGraph) -> Iterator[str]:
+    for i, component in enumerate(graph.components(), start=1):
+        for orientation in scene.orientations:
+            yield ""
+            heading = f", {HEADINGS[orientation]}" if len(scene.orientations) > 1 else ""
+            yield f"Branch {i} ({_plural(len(component), 'piece')}{heading})"
+            yield from _branch(graph, component, orientation)
+
+
+def _branch(graph: BranchGraph, component: Sequence[Piece], orientation: int) -> Iterator[str]:
+    """Yield special points and pieces in turn."""
+    previous = None
+    for piece in component[::orientation]:
+        first, last = (piece.start, piece.end)[::orientation]
+        if first != previous:
+            yield _point(graph, first, orientation)
+        a, b = (number(alpha) for alpha in (piece.alpha[0], piece.alpha[-1])[::orientation])
+        extent = f"{graph.parameter} {a} → {b}" if not piece.is_vertical else "vertical"
+        yield f"    piece {piece.id}: {piece.label}, {extent}, det {_sign(piece.det_sign)}"
+        yield _point(graph, last, orientation)
+        previous = last
+
+
+def _point(graph: BranchGraph, node: int, orientation: int) -> str:
+    point = graph.point(node)
+    where = f"{graph.parameter} = {number(point.alpha)}"
+    message = "" if point.kind in ("start", "end") else point.passed(orientation)
+    return f"  {point.kind:<15} {where:<22} {message}".rstrip()
+
+
+def _counts(graph: BranchGraph) -> Iterator[str]:
+    yield f"Number of solutions by {graph.parameter}"
+    for lo, hi, count in graph.multiplicity():
+        yield f"  ({number(lo)}, {number(hi)}): {count}"
+    vertical = sorted({p.interval[0] for p in graph.pieces if p.is_vertical})
+    for alpha in vertical:
+        yield f"  {number(alpha)}: infinitely many (a vertical piece)"
+    yield _balance(graph)
+
+
+def _balance(graph: BranchGraph) -> str:
+    values = sorted(set(graph.balances()))
+    if len(values) == 1:
+        return (
+            f"Balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout "
+            "(necessary for completeness, not sufficient: a missed pair cancels)"
+        )
+    return f"Balance: the sums of signs of det(dH/dz) vary ({values}): a branch is missing"
+
+
+def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:
+    found = graph.solutions(alpha)
+    yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {number(alpha)}"
+    for i, solution in enumerate(found, start=1):
+        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}"
+        yield f"     {_state(scene, solution)}"
+
+
+def _state(scene: Scene, solution: Solution) -> str:
+    # adding zero turns -0 into 0; rounding dust below 1e-12 of the largest entry reads as 0
+    dust = 1e-12 * np.abs(solution.z).max(initial=0.0)
+    z = np.where(np.abs(solution.z) <= dust, 0.0, solution.z)
+    pairs = zip(scene.system.names(), z, strict=True)
+    return ", ".join(f"{name} = {number(float(value))}" for name, value in pairs)
+
+
+def _sign(sign: int) -> str:
+    return f"{sign:+d}" if sign else "0"
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
