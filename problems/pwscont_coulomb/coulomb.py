@@ -31,9 +31,9 @@ from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import BOUNDS, SIGNS, Mode
 
-_IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
-_STICKS = np.array([0.0, 1.0, 0.0, 0.0])
-_SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
+IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
+STICKS = np.array([0.0, 1.0, 0.0, 0.0])
+SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
 
 
 class Coulomb(SlicewiseLinearSystem):
@@ -51,7 +51,27 @@ class Coulomb(SlicewiseLinearSystem):
         self.body = body
         self.size = body.n + 2 * body.p
         self.r = _positive("r", body.stiffness if r is None else r, body.p)
+        self._offset = self.r * body.gap
+        self._has_gap = bool(body.gap.any())
+        self._free = self._free_matrix()
+        self._kappa1_rows, self._x_rows = self._test_rows()
         self._known: tuple[Any, Matrix] | None = None
+
+    def _free_matrix(self) -> Matrix:
+        """Return dH/dz without any contact: equilibrium, lam_nu = 0, lam_t = 0."""
+        body, one = self.body, sp.identity(self.body.p)
+        N, T = sp.csr_matrix(body.N), sp.csr_matrix(body.T)
+        blocks = [[sp.csr_matrix(body.A), -N.T, -T.T], [None, one, None], [None, None, one]]
+        matrix = sp.bmat(blocks, format="csr")
+        return matrix if body.is_sparse else matrix.toarray()
+
+    def _test_rows(self) -> tuple[Matrix, Matrix]:
+        """Return the gradients by z of kappa1 and x, each of shape (p, n + 2 p)."""
+        body, r = self.body, sp.diags(self.r)
+        one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
+        kappa1 = sp.hstack([-r @ sp.csr_matrix(body.N), one, none]).tocsr()
+        x = sp.hstack([-r @ sp.csr_matrix(body.T), none, one]).tocsr()
+        return (kappa1, x) if body.is_sparse else (kappa1.toarray(), x.toarray())
 
     # -- what a subclass adds ------------------------------------------------------------
 
@@ -67,21 +87,24 @@ class Coulomb(SlicewiseLinearSystem):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
-        body = self.body
-        u, lam_nu, lam_t = np.split(z, [body.n, body.n + body.p])
-        kappa1 = lam_nu - self.r * (body.N @ u - body.gap)
-        x = lam_t - self.r * (body.T @ u)
+        kappa1, x = self.kappa1(z), self._x_rows @ z
         bound = self.friction_at(alpha) * kappa1
-        return np.stack([kappa1, x - bound, x + bound], axis=1).ravel()
+        return _by_node(kappa1, x - bound, x + bound)
+
+    def kappa1(self, z: Array) -> Array:
+        """Return lam_nu - r (u_nu - gap), shape (p,)."""
+        kappa1: Array = self._kappa1_rows @ z + self._offset
+        return kappa1
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
         body, mode = self.body, contact.modes(character)
         residual: Array = self.state_matrix(mode, self.friction_at(alpha)) @ z
         residual[: body.n] -= self.load_at(alpha)
-        offset = self.r * body.gap
-        residual[body.n : body.n + body.p] -= _IN_CONTACT[mode] * offset
-        residual[body.n + body.p :] += self.friction_at(alpha) * _SLIPS[mode] * offset
+        if self._has_gap:
+            n, p = body.n, body.p
+            residual[n : n + p] -= IN_CONTACT[mode] * self._offset
+            residual[n + p :] += self.friction_at(alpha) * SLIPS[mode] * self._offset
         return residual
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
@@ -122,21 +145,49 @@ class Coulomb(SlicewiseLinearSystem):
     # -- matrices ------------------------------------------------------------------------
 
     def state_matrix(self, mode: Indices, friction: Array) -> Matrix:
-        """Return dH/dz, shape (n + 2 p, n + 2 p); the last one is remembered."""
+        """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last is remembered.
+
+        With the gradients of kappa1 and x, the rows of a node are those of lam_nu, less kappa1
+        in contact, and of lam_t, less x in stick, less or plus F kappa1 in slip.
+        """
         key = (mode.tobytes(), friction.tobytes())
         if self._known is None or self._known[0] != key:
-            self._known = (key, self._assemble(mode, friction))
+            normal = _scaled(IN_CONTACT[mode], self._kappa1_rows)
+            slip = _scaled(SLIPS[mode] * friction, self._kappa1_rows)
+            tangential = _scaled(STICKS[mode], self._x_rows) - slip
+            self._known = (key, self._less_contact(normal, tangential))
         return self._known[1]
 
-    def _assemble(self, mode: Indices, friction: Array) -> Matrix:
-        body = self.body
-        touches, sticks = _IN_CONTACT[mode], _STICKS[mode]
-        slips = _SLIPS[mode] * friction
-        normal = (touches * self.r, 1.0 - touches)
-        tangential = (sticks * self.r, -slips * self.r, slips, 1.0 - sticks)
-        if body.is_sparse:
-            return _sparse_blocks(body, normal, tangential)
-        return _dense_blocks(body, normal, tangential)
+    def _less_contact(self, normal: Matrix, tangential: Matrix) -> Matrix:
+        """Return the matrix of the body without contact, less rows of the contact nodes."""
+        n, p = self.body.n, self.body.p
+        if self.body.is_sparse:
+            nothing = sp.csr_matrix((n, self.size))
+            return (self._free - sp.vstack([nothing, normal, tangential])).tocsr()
+        matrix = self._free.copy()
+        matrix[n : n + p] -= normal
+        matrix[n + p :] -= tangential
+        return matrix
+
+    def test_gradients(self, friction: Array, by_alpha: Array) -> Matrix:
+        """Return the gradients of all tests, shape (3 p, n + 2 p + 1).
+
+        Parameters
+        ----------
+        friction : ndarray, shape (p,)
+        by_alpha : ndarray, shape (3 p,)
+            Derivatives by alpha, the last column.
+        """
+        if self.body.is_sparse:
+            bound = sp.diags(friction) @ self._kappa1_rows
+            rows = sp.vstack([self._kappa1_rows, self._x_rows - bound, self._x_rows + bound])
+            by_node = np.arange(3 * self.body.p).reshape(3, self.body.p).T.ravel()
+            return sp.hstack([rows.tocsr()[by_node], sp.csr_matrix(by_alpha[:, None])]).tocsr()
+        bound = friction[:, np.newaxis] * self._kappa1_rows
+        gradients = np.empty((3 * self.body.p, self.size + 1))
+        gradients[:, :-1] = _by_node(self._kappa1_rows, self._x_rows - bound, self._x_rows + bound)
+        gradients[:, -1] = by_alpha
+        return gradients
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense or sparse as the body is."""
@@ -148,35 +199,16 @@ class Coulomb(SlicewiseLinearSystem):
         return jacobian
 
 
-def _dense_blocks(
-    body: ContactBody, normal: tuple[Array, ...], tangential: tuple[Array, ...]
-) -> Array:
-    n, p = body.n, body.p
-    N = body.N.toarray() if sp.issparse(body.N) else body.N
-    T = body.T.toarray() if sp.issparse(body.T) else body.T
-    matrix = np.zeros((n + 2 * p, n + 2 * p))
-    node = np.arange(p)
-    matrix[:n, :n], matrix[:n, n : n + p], matrix[:n, n + p :] = body.A, -N.T, -T.T
-    matrix[n : n + p, :n] = normal[0][:, np.newaxis] * N
-    matrix[n + node, n + node] = normal[1]
-    matrix[n + p :, :n] = tangential[0][:, np.newaxis] * T + tangential[1][:, np.newaxis] * N
-    matrix[n + p + node, n + node] = tangential[2]
-    matrix[n + p + node, n + p + node] = tangential[3]
-    return matrix
+def _by_node(first: Array, second: Array, third: Array) -> Array:
+    """Interleave three arrays along their first axis."""
+    mixed = np.empty((3 * len(first), *first.shape[1:]))
+    mixed[0::3], mixed[1::3], mixed[2::3] = first, second, third
+    return mixed
 
 
-def _sparse_blocks(
-    body: ContactBody, normal: tuple[Array, ...], tangential: tuple[Array, ...]
-) -> Matrix:
-    N, T, d = sp.csr_matrix(body.N), sp.csr_matrix(body.T), sp.diags
-    return sp.bmat(
-        [
-            [body.A, -N.T, -T.T],
-            [d(normal[0]) @ N, d(normal[1]), None],
-            [d(tangential[0]) @ T + d(tangential[1]) @ N, d(tangential[2]), d(tangential[3])],
-        ],
-        format="csr",
-    )
+def _scaled(factors: Array, rows: Matrix) -> Matrix:
+    """Return each row multiplied by its factor."""
+    return sp.diags(factors) @ rows if sp.issparse(rows) else factors[:, np.newaxis] * rows
 
 
 def _positive(name: str, values: Any, p: int) -> Array:

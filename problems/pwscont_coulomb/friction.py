@@ -10,8 +10,7 @@ from pwscont import Character
 from pwscont.foundation.arrays import Array, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import _SLIPS, Coulomb
-from pwscont_coulomb.load import test_gradients
+from pwscont_coulomb.coulomb import SLIPS, Coulomb
 
 
 @final
@@ -45,17 +44,11 @@ class CoulombFriction(Coulomb):
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
         mode = contact.modes(character)
         column = np.zeros(self.size)
-        column[-self.body.p :] = _SLIPS[mode] * self._kappa1(z)
+        column[-self.body.p :] = SLIPS[mode] * self.kappa1(z)
         return self.with_alpha_column(self.state_matrix(mode, self.friction_at(alpha)), column)
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of the tests; kappa2 and kappa3 depend on F."""
-        kappa1 = self._kappa1(z)
+        kappa1 = self.kappa1(z)
         by_alpha = np.stack([np.zeros_like(kappa1), -kappa1, kappa1], axis=1).ravel()
-        return test_gradients(self, self.friction_at(alpha), by_alpha)
-
-    def _kappa1(self, z: Array) -> Array:
-        body = self.body
-        u, lam_nu = z[: body.n], z[body.n : body.n + body.p]
-        kappa1: Array = lam_nu - self.r * (body.N @ u - body.gap)
-        return kappa1
+        return self.test_gradients(self.friction_at(alpha), by_alpha)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
-import scipy.sparse as sp
 
 from pwscont import Character, PiecewiseLinearSystem
 from pwscont.foundation.arrays import Array, Matrix, finite_array
@@ -108,32 +108,11 @@ class CoulombLoad(Coulomb):
         rate: Array = (self.load_at(alpha + h) - self.load_at(alpha - h)) / (2.0 * h)
         return rate
 
-    @property
+    @cached_property
     def _test_gradients(self) -> Matrix:
-        return test_gradients(self, self.friction, np.zeros(3 * self.body.p))
+        return self.test_gradients(self.friction, np.zeros(3 * self.body.p))
 
 
 @final
 class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
-
-
-def test_gradients(system: Coulomb, friction: Array, by_alpha: Array) -> Matrix:
-    """Return the gradients of (kappa1, kappa2, kappa3) of all nodes, shape (3 p, n + 2 p + 1).
-
-    Parameters
-    ----------
-    system : Coulomb
-    friction : ndarray, shape (p,)
-    by_alpha : ndarray, shape (3 p,)
-        Derivatives by alpha, the last column.
-    """
-    body, r = system.body, sp.diags(system.r)
-    one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
-    F = sp.diags(friction)
-    kappa1 = sp.hstack([-r @ sp.csr_matrix(body.N), one, none])
-    x = sp.hstack([-r @ sp.csr_matrix(body.T), none, one])
-    rows = sp.vstack([kappa1, x - F @ kappa1, x + F @ kappa1]).tocsr()
-    by_node = np.arange(3 * body.p).reshape(3, body.p).T.ravel()
-    gradients = sp.hstack([rows[by_node], sp.csr_matrix(by_alpha[:, np.newaxis])]).tocsr()
-    return gradients if body.is_sparse else gradients.toarray()

@@ -9,6 +9,7 @@ the selections agree on the interfaces between the cells.
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import lru_cache
 from typing import final
 
 import numpy as np
@@ -51,8 +52,9 @@ BOUNDS = np.array(
 )
 
 
+@lru_cache(maxsize=32)
 def modes(character: Character) -> Indices:
-    """Return the mode of each node, shape (p,).
+    """Return the mode of each node, shape (p,), not to be written to.
 
     Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
     and slip- overlap; there the sign of kappa2 decides.
@@ -60,7 +62,9 @@ def modes(character: Character) -> Indices:
     signs = np.array(character.signs, dtype=bool).reshape(-1, 3)
     contact, above, below = ~signs[:, 0], signs[:, 1], ~signs[:, 2]
     slip = np.where(above, Mode.SLIP_MINUS, Mode.SLIP_PLUS)
-    return np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)
+    found = np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)
+    found.flags.writeable = False
+    return found
 
 
 def triple(character: Character, node: int) -> tuple[int, int, int]:

@@ -17,6 +17,7 @@ from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds, TransitionDetector
 from pwscont.transitions.departures import departures
+from pwscont.transitions.detection import Watch
 
 Report = Callable[[int, float], None]
 
@@ -74,7 +75,7 @@ def follow(
     report: Report,
 ) -> BranchGraph:
     """Return the graph of everything that is reached from the starts."""
-    walker = Walker(stepper, default_detectors(stepper, interval), interval)
+    walker = Walker(stepper, Watch(default_detectors(stepper, interval)), interval)
     network = Network(walker, report)
     for x, error in starts:
         network.add(departures(system, metric, x, error))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -14,12 +13,11 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.detection import (
     Event,
-    Readings,
+    Watch,
     first_on_curve,
     first_on_ray,
-    read_all,
 )
-from pwscont.transitions.detector import Arrival, TransitionDetector
+from pwscont.transitions.detector import Arrival, Reading
 from pwscont.transitions.rays import Ray
 
 MOST_STEPS = 1_000_000
@@ -40,35 +38,35 @@ class Walker:
     """Follows a ray to the end of its piece; the policy is here, the step is the stepper's."""
 
     stepper: Stepper
-    detectors: Sequence[TransitionDetector]
+    watch: Watch
     interval: tuple[float, float]
 
     def walk(self, ray: Ray) -> Walk:
         """Return the piece that ``ray`` begins."""
         points, state, before = [ray.state.x], ray.state, None
-        readings = read_all(self.detectors, ray.curve, state)
+        reading = self.watch.read(ray.curve, state)
         for _ in range(MOST_STEPS):
             segment = self.stepper.step(ray.curve, self.interval, state, before)
             if isinstance(segment, Failure):
                 return self._stopped(points, Ray(ray.curve, state), segment)
-            event, after = self._first_event(segment, readings)
+            event, after = self._first_event(segment, reading)
             if isinstance(event, Failure):
                 return self._stopped(points, Ray(ray.curve, state), event)
             if event:
                 return Walk(np.array([*points, event.state.x]), event.arrive(ray.curve))
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
             points.append(segment.end.x)
-            state, before, readings = segment.end, segment, after
+            state, before, reading = segment.end, segment, after
         return self._stopped(points, Ray(ray.curve, state), Failure(Trouble.TOO_MANY_STEPS))
 
     def _first_event(
-        self, segment: Segment, readings: Readings
-    ) -> tuple[Event | Failure | None, Readings]:
+        self, segment: Segment, reading: Reading
+    ) -> tuple[Event | Failure | None, Reading]:
         """Return the first event on the segment, and what is read at its end."""
         if not isinstance(segment, CurvedSegment):
-            return first_on_ray(self.detectors, segment, readings), readings
-        after = read_all(self.detectors, segment.curve, segment.end)
-        return first_on_curve(self.detectors, segment, readings, after), after
+            return first_on_ray(self.watch, segment, reading), reading
+        after = self.watch.read(segment.curve, segment.end)
+        return first_on_curve(self.watch, segment, reading, after), after
 
     def _stopped(self, points: list[Array], reached: Ray, failure: Failure) -> Walk:
         arrival = Arrival(Kind.STOPPED, points[-1], str(failure), (reached.reversed(),))

@@ -1,13 +1,4 @@
-"""Correctors: from a prediction back onto the curve of one frozen selection.
-
-Failure modes and answers
--------------------------
-- The selection is undefined far from its cell: non-finite values count as no convergence,
-  and the caller shortens its step.
-- Newton converges to a far part of the curve: the correction is bounded by the step length.
-- Scale: convergence is judged by the length of the correction in the metric, which neither the
-  units of z nor those of the equations change.
-"""
+"""Correctors: from a prediction back onto the curve of one frozen selection."""
 
 from __future__ import annotations
 
@@ -22,6 +13,7 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
+from pwscont.numerics.newton import newton
 
 
 @final
@@ -38,7 +30,7 @@ class Corrector(ABC):
 
     @abstractmethod
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
-        """Return the corrected state, tangent oriented like ``tangent``, or the failure."""
+        """Return the corrected state, its tangent oriented like ``tangent``, or the failure."""
 
 
 @final
@@ -55,22 +47,13 @@ class BorderedNewton(Corrector):
 
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
         """Solve [H_chi(x); t . (x - predicted)] = 0."""
-        selection, metric = curve.selection, curve.metric
-        x, row = predicted, metric.covector(tangent)
-        for iteration in range(1, self.most_iterations + 1):
-            factor = bordered(selection.jacobian(x), row)
-            if factor.sign == 0:
-                return Failure(Trouble.SINGULAR)
-            dx = factor.solve(np.append(selection.residual(x), 0.0))
-            x = x - dx
-            size = metric.norm(dx)
-            if not np.isfinite(size):
-                return Failure(Trouble.NOT_FINITE)
-            if size <= CONVERGED * (1.0 + metric.norm(x)):
-                tangent = factor.solve(last_unit(len(x)))
-                state = State(x, metric.normalised(tangent), np.abs(dx), factor.sign)
-                return Corrected(state, iteration)
-        return Failure(Trouble.NOT_CONVERGED)
+        # the border is linear: zero at the prediction, it stays zero
+        border = (0.0, curve.metric.covector(tangent))
+        root = newton(curve, lambda _: border, predicted, self.most_iterations)
+        if isinstance(root, Failure):
+            return root
+        along = curve.metric.normalised(root.factor.solve(last_unit(len(root.x))))
+        return Corrected(State(root.x, along, root.error, root.factor.sign), root.iterations)
 
 
 @final
@@ -94,7 +77,7 @@ class MoorePenrose(Corrector):
         x, t = predicted, tangent
         for iteration in range(1, self.most_iterations + 1):
             factor = bordered(selection.jacobian(x), metric.covector(t))
-            if factor.sign == 0:
+            if factor.failed:
                 return Failure(Trouble.SINGULAR)
             dx = factor.solve(np.append(selection.residual(x), 0.0))
             t = metric.normalised(factor.solve(last_unit(len(x))))

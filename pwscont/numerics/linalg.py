@@ -28,11 +28,16 @@ class Factor(ABC):
 
     Attributes
     ----------
-    sign : int
-        Sign of the determinant; 0 where a pivot vanishes.
+    failed : bool
+        Whether a pivot vanished exactly, so that nothing can be solved.
     """
 
-    sign: int
+    failed: bool
+
+    @property
+    @abstractmethod
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
 
     @abstractmethod
     def solve(self, rhs: Array) -> Array:
@@ -50,12 +55,15 @@ class DenseFactor(Factor):
     def __init__(self, matrix: Array) -> None:
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
-        self._exact_zero = info > 0
-        self.sign = 0 if self._exact_zero else self._determinant_sign()
+        self.failed = info > 0
 
-    def _determinant_sign(self) -> int:
-        negative = int((self._lu.diagonal() < 0.0).sum())
-        exchanged = int((self._pivots != np.arange(len(self._pivots))).sum())
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        if self.failed:
+            return 0
+        negative = np.count_nonzero(self._lu.diagonal() < 0.0)
+        exchanged = np.count_nonzero(self._pivots != np.arange(len(self._pivots)))
         return -1 if (negative + exchanged) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
@@ -65,7 +73,7 @@ class DenseFactor(Factor):
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
-        if self._exact_zero or not np.isfinite(self._lu).all():
+        if self.failed or not np.isfinite(self._lu).all():
             return True
         rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
         return bool(rcond < len(self._lu) * EPS)
@@ -81,11 +89,17 @@ class SparseFactor(Factor):
         try:
             self._lu = splu(sp.csc_matrix(matrix))
         except RuntimeError:  # SuperLU's word for an exactly zero pivot
-            self._lu, self.sign = None, 0
-            return
+            self._lu = None
+        self.failed = self._lu is None
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        if self._lu is None:
+            return 0
         diagonal = self._lu.U.diagonal()
         parity = _is_odd(self._lu.perm_r) ^ _is_odd(self._lu.perm_c)
-        self.sign = -1 if (int((diagonal < 0.0).sum()) + parity) % 2 else 1
+        return -1 if (np.count_nonzero(diagonal < 0.0) + parity) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""

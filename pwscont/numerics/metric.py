@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -39,7 +40,7 @@ class Metric:
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""
         y = x / self.scale
-        return float(np.sqrt(y.dot(y)))
+        return math.sqrt(y.dot(y))
 
     def covector(self, t: Array) -> Array:
         """Return the row w with ``w @ x`` the inner product of t and x."""

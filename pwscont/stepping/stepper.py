@@ -89,9 +89,17 @@ class CurvedSegment(Segment):
         return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
 
     def at(self, s: float) -> State | Failure:
-        """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
-        corrected = BorderedNewton().correct(self.curve, self.near(s), self.chord)
-        return corrected if isinstance(corrected, Failure) else corrected.state
+        """Return the state of the curve in the hyperplane normal to the chord at ``s``.
+
+        Corrected twice: the second time starts on the curve, so that the tangent is as exact
+        as the point.
+        """
+        corrector = BorderedNewton()
+        near = corrector.correct(self.curve, self.near(s), self.chord)
+        if isinstance(near, Failure):
+            return near
+        exact = corrector.correct(self.curve, near.state.x, self.chord)
+        return exact if isinstance(exact, Failure) else exact.state
 
 
 class Stepper(ABC):

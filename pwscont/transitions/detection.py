@@ -41,27 +41,38 @@ class Event:
         return self.detector.arrive(curve, self.state, self.index)
 
 
-Readings = list[Reading]
+@final
+class Watch:
+    """All detectors of a run as one: their readings are joined end to end."""
+
+    def __init__(self, detectors: Sequence[TransitionDetector]) -> None:
+        self._detectors = detectors
+
+    def read(self, curve: Curve, state: State) -> Reading:
+        """Return what all detectors read at ``state``."""
+        readings = [detector.read(curve, state) for detector in self._detectors]
+        values = np.concatenate([reading.values for reading in readings])
+        return Reading(values, np.concatenate([reading.slopes for reading in readings]))
+
+    def owner(self, curve: Curve, state: State, index: int) -> tuple[TransitionDetector, int]:
+        """Return the detector that an index of the joined reading belongs to, and its own index."""
+        for detector in self._detectors:
+            size = len(detector.read(curve, state).values)
+            if index < size:
+                return detector, index
+            index -= size
+        raise IndexError(index)
 
 
-def read_all(detectors: Sequence[TransitionDetector], curve: Curve, state: State) -> Readings:
-    """Return what every detector reads at ``state``."""
-    return [detector.read(curve, state) for detector in detectors]
-
-
-def first_on_ray(
-    detectors: Sequence[TransitionDetector], segment: Segment, start: Readings
-) -> Event | Failure:
+def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Failure:
     """Return the first event on a straight segment, by the ratio test."""
-    best, which = np.inf, None
-    for detector, reading in zip(detectors, start, strict=True):
-        distances = _ratios(reading)
-        if distances.size and distances[j := int(np.argmin(distances))] < best:
-            best, which = float(distances[j]), (detector, j)
-    if which is None:
+    distances = _ratios(start)
+    first = int(np.argmin(distances))
+    if np.isinf(best := float(distances[first])):
         return Failure(Trouble.UNBOUNDED)
-    state = which[0].locate(segment, which[1], (best, best))
-    return state if isinstance(state, Failure) else Event(*which, best, state)
+    detector, index = watch.owner(segment.curve, segment.start, first)
+    state = detector.locate(segment, index, (best, best))
+    return state if isinstance(state, Failure) else Event(detector, index, best, state)
 
 
 def _ratios(reading: Reading) -> Array:
@@ -73,26 +84,26 @@ def _ratios(reading: Reading) -> Array:
 
 
 def first_on_curve(
-    detectors: Sequence[TransitionDetector], segment: CurvedSegment, start: Readings, end: Readings
+    watch: Watch, segment: CurvedSegment, start: Reading, end: Reading
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none."""
     first: Event | None = None
-    for detector, before, after in zip(detectors, start, end, strict=True):
-        for index in _suspects(before, after, segment.length):
-            event = _event(detector, index, segment, before, after)
-            if isinstance(event, Failure):
-                return event
-            if event and (first is None or event.position < first.position):
-                first = event
+    for suspect in _suspects(start, end, segment.length):
+        event = _event(watch, suspect, segment, start, end)
+        if isinstance(event, Failure):
+            return event
+        if event and (first is None or event.position < first.position):
+            first = event
     return first
 
 
 def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
-    crossed = (after.values <= 0.0) & ((before.values > 0.0) | (before.slopes > 0.0))
-    dips = (before.slopes < 0.0) & (after.slopes > 0.0) & (after.values > 0.0)
-    if not (crossed.any() or dips.any()):
-        return []
+    if after.values.min() > 0.0 and (before.slopes * after.slopes).min() >= 0.0:
+        return []  # nearly every step: all inside, and no test turns
+    outside = after.values <= 0.0
+    crossed = outside & ((before.values > 0.0) | (before.slopes > 0.0))
+    dips = ~outside & (before.slopes < 0.0) & (after.slopes > 0.0)
     # where both tangent lines meet; a convex function stays above that point
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,17 +113,14 @@ def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
 
 
 def _event(
-    detector: TransitionDetector,
-    index: int,
-    segment: CurvedSegment,
-    before: Reading,
-    after: Reading,
+    watch: Watch, suspect: int, segment: CurvedSegment, before: Reading, after: Reading
 ) -> Event | Failure | None:
     """Return the located event, None for a dip that stays above zero."""
+    detector, index = watch.owner(segment.curve, segment.start, suspect)
     bracket: tuple[float, float] | Failure | None = (0.0, segment.length)
-    if after.values[index] > 0.0:
+    if after.values[suspect] > 0.0:
         bracket = _bracket_of_dip(detector, index, segment)
-    elif before.values[index] <= 0.0 or before.slopes[index] > 0.0:
+    elif before.slopes[suspect] > 0.0:
         bracket = _bracket_of_return(detector, index, segment)
     if bracket is None or isinstance(bracket, Failure):
         return bracket

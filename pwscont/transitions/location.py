@@ -17,38 +17,33 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.numerics.curve import State
-from pwscont.numerics.linalg import Factor, bordered, last_unit
+from pwscont.numerics.linalg import last_unit
+from pwscont.numerics.newton import Border, newton
 from pwscont.stepping.stepper import CurvedSegment, Segment
-
-#: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
-Function = Callable[[Array], tuple[float, Matrix]]
 
 MOST_NEWTON = 8
 #: A bracket in double precision cannot be halved more often.
 MOST_HALVINGS = 60
 
 
-def locate_zero(
-    segment: Segment, function: Function, bracket: tuple[float, float]
-) -> State | Failure:
-    """Return the state where ``function`` falls to zero, by Newton within a bracket.
+def locate_zero(segment: Segment, border: Border, bracket: tuple[float, float]) -> State | Failure:
+    """Return the state where ``border`` falls to zero, by Newton within a bracket.
 
     Parameters
     ----------
     segment : Segment
-    function : callable
-        Positive at the lower end of the bracket, not positive at its upper end.
+    border : callable
+        x -> (value, gradient); positive at the lower end of the bracket, not at the upper.
     bracket : tuple of float
         Distances along the segment; equal where the zero is known in advance.
     """
     lo, hi = bracket
     guess = 0.5 * (lo + hi)
     for _ in range(MOST_HALVINGS):
-        found = _newton(segment, function, guess)
+        found = _newton(segment, border, guess)
         if isinstance(found, State) and _within(segment, found, lo, hi):
             return found
         if not isinstance(segment, CurvedSegment):
@@ -56,7 +51,7 @@ def locate_zero(
         middle = segment.at(0.5 * (lo + hi))
         if isinstance(middle, Failure):
             return middle
-        lo, hi = (guess, hi) if function(middle.x)[0] > 0.0 else (lo, guess)
+        lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
     return Failure(Trouble.NOT_CONVERGED)
 
@@ -67,30 +62,19 @@ def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
     return bool(lo - slack <= segment.position(found.x) <= hi + slack)
 
 
-def _newton(segment: Segment, function: Function, guess: float) -> State | Failure:
-    """Solve {H_chi = 0, function = 0} from the point of the segment at ``guess``."""
-    curve, x = segment.curve, segment.near(guess)
-    for _ in range(MOST_NEWTON):
-        value, gradient = function(x)
-        factor = bordered(curve.selection.jacobian(x), gradient)
-        if factor.sign == 0:
-            return Failure(Trouble.SINGULAR)
-        dx = factor.solve(np.append(curve.selection.residual(x), value))
-        x = x - dx
-        size = curve.metric.norm(dx)
-        if not np.isfinite(size):
-            return Failure(Trouble.NOT_FINITE)
-        if size <= CONVERGED * (1.0 + curve.metric.norm(x)):
-            return _falling(factor, segment, x, dx)
-    return Failure(Trouble.NOT_CONVERGED)
+def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
+    """Return the zero that Newton finds from the point of the segment at ``guess``.
 
-
-def _falling(factor: Factor, segment: Segment, x: Array, dx: Array) -> State | Failure:
-    """Return the state at x with the tangent along which the function falls."""
-    if factor.is_singular():
+    Its tangent is the one along which the border falls.
+    """
+    root = newton(segment.curve, border, segment.near(guess), MOST_NEWTON)
+    if isinstance(root, Failure):
+        return root
+    if root.factor.is_singular():
         return Failure(Trouble.SINGULAR)
-    tangent = -factor.solve(last_unit(len(x)))
-    return State(x, segment.curve.metric.normalised(tangent), np.abs(dx), -factor.sign)
+    tangent = -root.factor.solve(last_unit(len(root.x)))
+    along = segment.curve.metric.normalised(tangent)
+    return State(root.x, along, root.error, -root.factor.sign)
 
 
 class _OffCurveError(Exception):

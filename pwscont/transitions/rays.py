@@ -76,7 +76,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     """
     selection, metric = curve.selection, curve.metric
     factor = bordered(selection.jacobian(x), gradient_of(selection, x, test))
-    if factor.sign == 0 or factor.is_singular():
+    if factor.is_singular():
         return None
     defect = factor.solve(np.append(selection.residual(x), 0.0))
     if not metric.norm(defect) <= DISAGREE * (1.0 + metric.norm(x)):

@@ -1,0 +1,91 @@
+"""Newton's method for one selection and one more equation, the border.
+
+With the border t . (x - predicted) = 0 it is a corrector, with kappa_i = 0 it locates a
+transition, with alpha = constant it finds a solution.
+
+Failure modes and answers
+-------------------------
+- The selection is undefined far from its cell: non-finite values are a failure, and the caller
+  shortens its step.
+- Scale: convergence is judged by the length of the correction in the metric, which neither the
+  units of z nor those of the equations change.
+- An iteration too many costs as much as the rest of a step: Newton contracts quadratically, so
+  the correction that would come next is known without being computed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.numerics.curve import Curve
+from pwscont.numerics.linalg import Factor, bordered
+
+#: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
+Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Root:
+    """A solution of {H_chi = 0, border = 0}.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (n + 1,)
+        Size of the correction that would have come next.
+    factor : Factor
+        Factorisation of the bordered Jacobian, from before the last correction.
+    iterations : int
+    """
+
+    x: Array
+    error: Array
+    factor: Factor
+    iterations: int
+
+
+def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
+    """Solve {H_chi = 0, border = 0} from the guess ``x``."""
+    selection, metric, before = curve.selection, curve.metric, 0.0
+    for iteration in range(1, most_iterations + 1):
+        value, row = border(x)
+        factor = bordered(selection.jacobian(x), row)
+        if factor.failed:
+            return Failure(Trouble.SINGULAR)
+        dx = factor.solve(joined(selection.residual(x), value))
+        x = x - dx
+        size = metric.norm(dx)
+        if not math.isfinite(size):
+            return Failure(Trouble.NOT_FINITE)
+        rate = contraction(size, before)
+        limit = 1.0 + metric.norm(x)
+        if size <= CONVERGED * limit or rate * size <= EPS * limit:
+            return Root(x, rate * np.abs(dx), factor, iteration)
+        before = size
+    return Failure(Trouble.NOT_CONVERGED)
+
+
+def joined(residual: Array, value: float) -> Array:
+    """Return the residual with one more entry (numpy.append costs several times as much)."""
+    rhs = np.empty(len(residual) + 1)
+    rhs[:-1] = residual
+    rhs[-1] = value
+    return rhs
+
+
+def contraction(size: float, before: float) -> float:
+    """Return the factor by which the next correction would be smaller than this one.
+
+    Quadratic convergence d -> c d^2 turns the ratio q of two corrections into q^2 for the next
+    two. One where there is nothing to compare with.
+    """
+    return min(1.0, (size / before) ** 2) if before > 0.0 else 1.0
