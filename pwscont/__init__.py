@@ -7,13 +7,19 @@ from pwscont.foundation.character import Character
 from pwscont.graph import BranchGraph
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 from pwscont.model.check import check_system
-from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.model.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
 from pwscont.transitions import TransitionDetector
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Block",
     "BranchGraph",
     "Character",
     "ExactLinear",

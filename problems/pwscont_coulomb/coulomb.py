@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Character, SlicewiseLinearSystem
+from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.modes import BOUNDS, SIGNS, Mode
+from pwscont_coulomb.modes import BOUNDS, SIGNS
 
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
@@ -114,8 +114,28 @@ class Coulomb(SlicewiseLinearSystem):
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each of the 4^p combinations of modes."""
-        for combination in product(Mode, repeat=self.body.p):
-            yield Character(tuple(sign for mode in combination for sign in SIGNS[mode]))
+        for combination in product(SIGNS.values(), repeat=self.body.p):
+            yield Character(tuple(sign for signs in combination for sign in signs))
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return one block of four modes per contact node."""
+        n, p, modes = self.body.n, self.body.p, tuple(SIGNS.values())
+        return tuple(
+            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), modes) for i in range(p)
+        )
+
+    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
+        """Return lam_nu <= 0, u_nu <= gap and |lam_t| <= F |lam_nu| for all nodes."""
+        body, zero = self.body, np.zeros(self.body.p)
+        one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
+        nothing, F = sp.csr_matrix((body.p, body.n)), sp.diags(self.friction_at(alpha))
+        rows = [
+            [nothing, -one, none],
+            [-sp.csr_matrix(body.N), none, none],
+            [nothing, -F, one],
+            [nothing, -F, -one],
+        ]
+        return sp.bmat(rows).tocsr(), np.concatenate([zero, body.gap, zero, zero])
 
     def describe(self, character: Character) -> str:
         """Return the contact mode of each node."""

@@ -14,4 +14,6 @@ class Kind(StrEnum):
     NONSMOOTH_FOLD = "nonsmooth fold"
     FOLD = "fold"
     CORNER = "corner"
+    NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"
+    DEGENERATE = "degenerate"
     STOPPED = "stopped"

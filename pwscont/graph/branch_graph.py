@@ -68,7 +68,7 @@ class BranchGraph:
 
     @property
     def nx(self) -> nx.MultiGraph:
-        """The networkx graph: nodes carry ``point``, edges ``piece`` (and their plain fields)."""
+        """The networkx graph, whose nodes carry ``point`` and whose edges carry ``piece``."""
         return self._nx
 
     @cached_property

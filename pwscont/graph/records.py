@@ -94,7 +94,7 @@ class Piece:
 
     @property
     def is_vertical(self) -> bool:
-        """Whether all its points have one alpha: infinitely many solutions there."""
+        """Whether all its points have one alpha, so that there are infinitely many solutions."""
         return self.det_sign == 0
 
 

@@ -88,7 +88,8 @@ def read(path: str | Path) -> Contents:
         If the file cannot be read, is damaged, or is something else.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # opened here, since numpy leaves a file open that it cannot read
+        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in ("header", "nodes", "starts", "points")}
         header = json.loads(str(arrays["header"]))
         _check(path, header)

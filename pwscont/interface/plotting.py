@@ -28,6 +28,8 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
     Kind.FOLD: {"marker": "D", "markersize": 6},
     Kind.CORNER: {"marker": "s", "markersize": 7},
+    Kind.NONSMOOTH_BRANCH_POINT: {"marker": "^", "markersize": 8},
+    Kind.DEGENERATE: {"marker": "v", "markersize": 8},
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
+from typing import final
 
 import numpy as np
 
@@ -115,12 +117,46 @@ class PiecewiseSystem(ABC):
         return frozenset((int(i), character.signs[i]) for i in self.bounding_tests(character))
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A part of a system that is in one of several modes, whatever the others do.
+
+    Attributes
+    ----------
+    tests : tuple of int
+        The test functions whose signs choose the mode.
+    rows : tuple of int
+        The rows of H that depend on the mode.
+    modes : tuple of tuple of bool
+        For every mode the signs of these tests in some character that has it.
+    """
+
+    tests: tuple[int, ...]
+    rows: tuple[int, ...]
+    modes: tuple[tuple[bool, ...], ...]
+
+
 class SlicewiseLinearSystem(PiecewiseSystem):
     """A system whose selections and test functions are affine in z at every fixed alpha.
 
-    A promise, not an interface: it lets pwscont list all solutions at one alpha by solving
-    one linear system per cell.
+    The promise lets pwscont list all solutions at one alpha by solving one linear system per
+    cell. A system whose cells are all combinations of the modes of independent parts (contact
+    nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
     """
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the parts whose modes combine freely; default one part with all cells."""
+        modes = tuple(character.signs for character in self.cells())
+        return (Block(tuple(range(len(modes[0]))), tuple(range(self.size)), modes),)
+
+    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
+        """Return A, shape (k, n), and b, shape (k,): every solution has A z + b >= 0.
+
+        The sharper these inequalities, the sooner hopeless combinations of modes are cut off;
+        default none.
+        """
+        return np.zeros((0, self.size)), np.zeros(0)
 
 
 class PiecewiseLinearSystem(SlicewiseLinearSystem):

@@ -5,15 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import Segment
+from pwscont.transitions.cone import Fan, fan, parallel
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
+
+#: Tests smaller than this part of the largest are looked at more closely.
+NEAR = 1e-9
 
 
 @final
@@ -22,10 +29,19 @@ class BoundingTests(TransitionDetector):
     """Watches the test functions that bound the current cell, and no others."""
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the bounding tests, positive inside, and their slopes."""
+        """Return the bounding tests, positive inside, and their slopes.
+
+        A piece may run along an interface: a test that is zero, and stays so, is no event.
+        """
         selection = curve.selection
-        slopes = selection.test_gradients(state.x) @ state.tangent
-        return Reading(selection.tests(state.x), slopes)
+        gradients = selection.test_gradients(state.x)
+        values, slopes = selection.tests(state.x), gradients @ state.tangent
+        near = np.abs(values) <= NEAR * np.abs(values).max(initial=0.0)
+        if np.count_nonzero(near):
+            riding = np.flatnonzero(near)
+            riding = riding[_rides(gradients[riding], values[riding], slopes[riding], state)]
+            values[riding], slopes[riding] = 1.0, 0.0
+        return Reading(values, slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""
@@ -38,20 +54,51 @@ class BoundingTests(TransitionDetector):
         return locate_zero(segment, function, bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
-        """Cross the interface where it can be crossed; otherwise stop and say why."""
-        old, x = curve.selection, state.x
-        test = int(old.bounding[index])
+        """Cross the interface; where several meet, take every way on."""
+        system, x = curve.selection.system, state.x
+        test = int(curve.selection.bounding[index])
+        zero = vanishing(system, x, state.error) | {test}
         back = Ray(curve, state).reversed()
-        new = Selection(old.system, beyond(old, x, test))
-        zero = {test, *vanishing(old, x, state.error), *vanishing(new, x, state.error)}
-        if len(zero) > 1:
-            return Arrival(Kind.CORNER, x, _corner_message(old, x, zero), (back,))
-        forth = inward_ray(Curve(new, curve.metric), x, state.error, test)
-        if forth is None or forth.state.orientation != state.orientation:
-            return Arrival(Kind.STOPPED, x, _disagreement(old, new, test), (back,))
-        message = old.system.describe_transition(old.character, new.character)
+        forth = across(curve, state, test) if len(zero) == 1 else None
+        if forth is None:
+            return corner(curve, x, state.error, zero, back)
+        message = system.describe_transition(
+            curve.selection.character, forth.curve.selection.character
+        )
         kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
         return Arrival(kind, x, message, (back, forth))
+
+
+def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:
+    """Tell which tests are zero along the piece, to the rounding of their own terms."""
+    rows = abs(gradients)
+    zero = GUARD * (rows @ (state.error + EPS * np.abs(state.x)))
+    flat = GUARD * EPS * (rows @ np.abs(state.tangent))
+    rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    return rides
+
+
+def across(curve: Curve, state: State, test: int) -> Ray | None:
+    """Return the ray on the other side of the only test that vanishes (F1, F2).
+
+    None where the curve is tangent to the interface, or the orientations do not agree because
+    the selections do not.
+    """
+    new = Selection(curve.selection.system, beyond(curve.selection, state.x, test))
+    ray = inward_ray(Curve(new, curve.metric), state.x, state.error, test)
+    return ray if ray and ray.state.orientation == state.orientation else None
+
+
+def corner(
+    curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
+) -> Arrival:
+    """Return the special point at which several interfaces meet, or one is tangent."""
+    found = fan(curve.selection.system, curve.metric, x, error, zero)
+    others = tuple(ray for ray in found.rays if back is None or not parallel(ray, back))
+    rays = others if back is None else (back, *others)
+    if len(rays) < 2 or (len(others) == len(found.rays) and back is not None):
+        return Arrival(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
+    return Arrival(found.kind, x, _message(found, zero), rays)
 
 
 def turns(back: Ray, forth: Ray) -> bool:
@@ -59,16 +106,20 @@ def turns(back: Ray, forth: Ray) -> bool:
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 
-def _corner_message(selection: Selection, x: Array, zero: set[int]) -> str:
-    tests = ", ".join(str(i) for i in sorted(int(i) for i in zero))
-    return (
-        f"several test functions ({tests}) vanish together where {selection.label} ends; "
-        "the pieces that leave from here are not followed"
-    )
+def _message(found: Fan, zero: frozenset[int]) -> str:
+    tests = f"test functions {', '.join(map(str, sorted(zero)))} vanish"
+    if found.dimension > 1:
+        return (
+            f"{tests}; solutions fill a cone of dimension {found.dimension}, of which the "
+            f"{len(found.rays)} extreme rays are followed"
+        )
+    if found.riding:
+        return f"{tests}; {len(found.rays)} pieces meet, at least one along an interface"
+    return f"{tests}; {len(found.rays)} pieces meet"
 
 
-def _disagreement(old: Selection, new: Selection, test: int) -> str:
+def _no_way_on(selection: Selection, zero: frozenset[int]) -> str:
     return (
-        f"no way across test function {test} from {old.label} to {new.label}: the curve is "
-        "tangent to the interface, or the selections do not agree on it; run check_system"
+        f"no way on where test functions {sorted(zero)} vanish at the end of {selection.label}: "
+        "do the selections agree on the interface? run check_system"
     )

@@ -12,6 +12,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray, beyond, inward_ray, vanishing
 
@@ -21,13 +22,18 @@ def departures(system: PiecewiseSystem, metric: Metric, x: Array, error: Array) 
 
     A point inside a cell has two rays on one curve and the kind START.
     """
-    selection = Selection(system, system.character(x[:-1], float(x[-1])))
-    zero = vanishing(selection, x, error)
-    if len(zero) == 0:
-        return _inside(Curve(selection, metric), x, error)
-    if len(zero) == 1:
-        return _on_interface(Curve(selection, metric), x, error, int(zero[0]))
-    return Arrival(Kind.CORNER, x, f"{len(zero)} test functions vanish at the start", ())
+    curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
+    zero = vanishing(system, x, error)
+    if not zero & _bounds_near(system, x, zero):
+        return _inside(curve, x, error)
+    return _on_interface(curve, x, error, zero)
+
+
+def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set[int]:
+    """Return the tests that bound a cell next to ``x``, among those that vanish there."""
+    here = system.character(x[:-1], float(x[-1]))
+    sides = [here, *(here.flip(test) for test in zero)]
+    return {int(test) for side in sides for test in system.bounding_tests(side)}
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
@@ -54,11 +60,15 @@ def _null_vector(curve: Curve, x: Array) -> Array | None:
     return None
 
 
-def _on_interface(curve: Curve, x: Array, error: Array, test: int) -> Arrival:
-    other = Curve(Selection(curve.selection.system, beyond(curve.selection, x, test)), curve.metric)
-    rays = [inward_ray(side, x, error, test) for side in (curve, other)]
-    found = tuple(ray for ray in rays if ray is not None)
-    message = curve.selection.system.describe_transition(
-        curve.selection.character, other.selection.character
-    )
-    return Arrival(Kind.TRANSITION, x, message, found)
+def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) -> Arrival:
+    if len(zero) == 1:
+        (test,) = zero
+        system = curve.selection.system
+        other = Curve(Selection(system, beyond(curve.selection, x, test)), curve.metric)
+        rays = [inward_ray(side, x, error, test) for side in (curve, other)]
+        found = [ray for ray in rays if ray is not None]
+        if len(found) == 2:
+            kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
+            characters = curve.selection.character, other.selection.character
+            return Arrival(kind, x, system.describe_transition(*characters), tuple(found))
+    return corner(curve, x, error, zero)

@@ -99,11 +99,11 @@ def first_on_curve(
 
 def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
-    if after.values.min() > 0.0 and (before.slopes * after.slopes).min() >= 0.0:
-        return []  # nearly every step: all inside, and no test turns
-    outside = after.values <= 0.0
-    crossed = outside & ((before.values > 0.0) | (before.slopes > 0.0))
-    dips = ~outside & (before.slopes < 0.0) & (after.slopes > 0.0)
+    crossed = (after.values <= 0.0) & ((before.values > 0.0) | (before.slopes > 0.0))
+    turned = before.slopes * after.slopes < 0.0
+    if not (np.count_nonzero(crossed) or np.count_nonzero(turned)):
+        return []  # nearly every step
+    dips = turned & (before.slopes < 0.0) & (after.values > 0.0)
     # where both tangent lines meet; a convex function stays above that point
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -23,10 +23,11 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Indices, Matrix
+from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
+from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
 
@@ -48,19 +49,20 @@ class Ray:
         return Ray(self.curve, State(state.x, -state.tangent, state.error, -state.orientation))
 
 
-def vanishing(selection: Selection, x: Array, error: Array) -> Indices:
-    """Return the indices (in the system) of the bounding tests that are zero at ``x``.
+def vanishing(system: PiecewiseSystem, x: Array, error: Array) -> frozenset[int]:
+    """Return the indices of the tests that are zero at ``x``.
 
     Parameters
     ----------
-    selection : Selection
+    system : PiecewiseSystem
     x : ndarray, shape (n + 1,)
     error : ndarray, shape (n + 1,)
         What is known about the error of ``x``.
     """
-    size = abs(selection.test_gradients(x)) @ (error + EPS * np.abs(x))
-    zero: Indices = selection.bounding[np.abs(selection.tests(x)) <= GUARD * size]
-    return zero
+    z, alpha = x[:-1], float(x[-1])
+    size = abs(system.test_jacobian(z, alpha)) @ (error + EPS * np.abs(x))
+    zero = np.abs(system.test_functions(z, alpha)) <= GUARD * size
+    return frozenset(np.flatnonzero(zero).tolist())
 
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:

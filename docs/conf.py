@@ -1,0 +1,59 @@
+"""Sphinx configuration: ``sphinx-build -b html docs docs/_build/html``."""
+
+import re
+from importlib import metadata
+
+project = "pwscont"
+author = "the pwscont developers"
+copyright = author
+release = metadata.version("pwscont")
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "_templates", "examples"]
+templates_path = ["_templates"]
+default_role = "literal"
+
+html_theme = "furo"
+html_title = f"pwscont {release}"
+html_show_sphinx = False
+
+autosummary_generate = True
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings say types and shapes
+napoleon_numpy_docstring = True
+napoleon_google_docstring = False
+napoleon_use_ivar = False
+napoleon_use_rtype = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "ExampleTitleSortKey",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_signature": False,
+    "show_memory": False,
+    "write_computation_times": False,
+    "min_reported_time": 10,
+    "backreferences_dir": None,
+    "capture_repr": (),
+}
+
+
+def _keep_bars(app, what, name, obj, options, lines):
+    """Show |x| in a docstring as it stands; reStructuredText would look for a substitution."""
+    outside_literals = re.compile(r"(``.*?``)|\|(?=\w)")
+    lines[:] = [outside_literals.sub(lambda m: m[1] or r"\|", line) for line in lines]
+
+
+def setup(app):
+    """Register what docstrings need."""
+    app.connect("autodoc-process-docstring", _keep_bars)

@@ -1,0 +1,5 @@
+"""Floor 3: all solutions of systems that are affine in z, by a search over their cells."""
+
+from pwscont.enumeration.slices import Face, Point, Slice, solve_slice
+
+__all__ = ["Face", "Point", "Slice", "solve_slice"]

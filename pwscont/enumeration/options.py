@@ -1,0 +1,178 @@
+"""A piecewise-linear problem as a list of blocks, each of which must choose one option.
+
+With y the unknowns, every block (a contact node, say) contributes one of several sets of
+equations ``E y + e = 0`` and inequalities ``G y + g >= 0``. Equations common to all cells are
+eliminated beforehand, which leaves as many unknowns as the blocks have equations: two for each
+contact node, however many displacements the body has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.character import Character
+from pwscont.model.system import Block, SlicewiseLinearSystem
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Option:
+    """One choice of one block: E y + e = 0 and G y + g >= 0.
+
+    Attributes
+    ----------
+    tests : tuple of int
+        The test functions that the block decides.
+    signs : tuple of bool
+        Their signs.
+    E, e, G, g : ndarray
+        Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
+    """
+
+    tests: tuple[int, ...]
+    signs: tuple[bool, ...]
+    E: Array
+    e: Array
+    G: Array
+    g: Array
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A slice of a system, reduced to the unknowns that its blocks decide.
+
+    Attributes
+    ----------
+    blocks : list of list of Option
+    A, b : ndarray, shapes (l, d) and (l,)
+        Inequalities A y + b >= 0 that every solution satisfies, whatever the options.
+    origin, basis : ndarray, shapes (n,) and (n, d)
+        The original unknowns are origin + basis @ y.
+    tests : int
+        Number of test functions of the system.
+    """
+
+    blocks: list[list[Option]]
+    A: Array
+    b: Array
+    origin: Array
+    basis: Array
+    tests: int
+
+    @property
+    def dimension(self) -> int:
+        """d, the number of reduced unknowns."""
+        return int(self.basis.shape[1])
+
+    def character(self, chosen: tuple[Option, ...]) -> Character:
+        """Return the character that a choice of one option per block is."""
+        signs = [True] * self.tests
+        for option in chosen:
+            for test, sign in zip(option.tests, option.signs, strict=True):
+                signs[test] = sign
+        return Character(tuple(signs))
+
+
+def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem:
+    """Return the slice of a system at ``alpha`` as a reduced problem.
+
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+    scale : ndarray, shape (n,)
+        Typical magnitudes of z; the reduced unknowns are of the order of one.
+    alpha : float
+    """
+    blocks = system.blocks()
+    slices = [_affine(system, blocks, k, alpha) for k in range(_most_modes(blocks))]
+    common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
+    origin, basis = _eliminate(slices[0][0][common], slices[0][1][common], scale)
+    zero = np.zeros(system.size)
+    K, kappa = _dense(system.test_jacobian(zero, alpha))[:, :-1], system.test_functions(zero, alpha)
+    K, kappa = K @ basis, kappa + K @ origin
+    options = [
+        [
+            _option(system, block, mode, slices[k], (K, kappa), (origin, basis))
+            for k, mode in enumerate(block.modes)
+        ]
+        for block in blocks
+    ]
+    A, b = system.necessary(alpha)
+    A, b = _unit_rows(_dense(A) @ basis, b + _dense(A) @ origin)
+    return Problem(options, A, b, origin, basis, len(kappa))
+
+
+def _most_modes(blocks: tuple[Block, ...]) -> int:
+    return max(len(block.modes) for block in blocks)
+
+
+def _affine(
+    system: SlicewiseLinearSystem, blocks: tuple[Block, ...], k: int, alpha: float
+) -> tuple[Array, Array]:
+    """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last)."""
+    zero = np.zeros(system.size)
+    signs = [True] * len(system.test_functions(zero, alpha))
+    for block in blocks:
+        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
+            signs[test] = sign
+    character = Character(tuple(signs))
+    jacobian = _dense(system.jacobian(zero, alpha, character))[:, :-1]
+    return jacobian, system.residual(zero, alpha, character)
+
+
+def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array]:
+    """Return a solution of C z + c = 0 and a basis of the null space of C.
+
+    By an orthogonal factorisation in scaled unknowns: the basis is as well conditioned as can
+    be.
+    """
+    if not len(C):
+        return np.zeros(len(scale)), np.diag(scale)
+    Q, R = np.linalg.qr((C * scale).T, mode="complete")
+    rank = len(C)
+    particular = Q[:, :rank] @ np.linalg.solve(R[:rank].T, -c)
+    return scale * particular, scale[:, np.newaxis] * Q[:, rank:]
+
+
+def _option(
+    system: SlicewiseLinearSystem,
+    block: Block,
+    mode: tuple[bool, ...],
+    affine: tuple[Array, Array],
+    tests: tuple[Array, Array],
+    reduced: tuple[Array, Array],
+) -> Option:
+    rows, (origin, basis), (K, kappa) = list(block.rows), reduced, tests
+    jacobian, residual = affine[0][rows], affine[1][rows]
+    E, e = _unit_rows(jacobian @ basis, residual + jacobian @ origin)
+    bounding = _bounding(system, block, mode, len(kappa))
+    side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounding])
+    G, g = _unit_rows(side[:, np.newaxis] * K[bounding], side * kappa[bounding])
+    return Option(block.tests, mode, E, e, G, g)
+
+
+def _bounding(
+    system: SlicewiseLinearSystem, block: Block, mode: tuple[bool, ...], tests: int
+) -> list[int]:
+    """Return the tests of the block that bound its cell in this mode."""
+    signs = [True] * tests
+    for test, sign in zip(block.tests, mode, strict=True):
+        signs[test] = sign
+    return [i for i in system.bounding_tests(Character(tuple(signs))) if i in block.tests]
+
+
+def _unit_rows(matrix: Array, vector: Array) -> tuple[Array, Array]:
+    """Return both divided by the lengths of the matrix's rows."""
+    lengths = np.linalg.norm(matrix, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    return matrix / lengths[:, np.newaxis], vector / lengths
+
+
+def _dense(matrix: Matrix) -> Array:
+    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)

@@ -1,0 +1,209 @@
+"""All rays at a corner: the cone problem H'(x; d) = 0 (F8 of the design).
+
+Where several test functions vanish at x, the zero set near x is the set of directions d with
+J_chi d = 0 and grad(kappa_i) . d of the sign that chi demands, over all cells chi that meet at
+x. This is a piecewise-linear problem in d; fixing the length of d by a generic linear condition
+c . d = +1 or -1 makes its rays the solutions of two slices, which are enumerated like any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.enumeration import Slice, solve_slice
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.character import Character
+from pwscont.foundation.kind import Kind
+from pwscont.model.selection import Selection
+from pwscont.model.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import bordered
+from pwscont.numerics.metric import Metric
+from pwscont.transitions.rays import Ray
+
+#: Two directions are one when the cosine of their angle differs from one by less than this.
+SAME_DIRECTION = 1e-12
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Fan:
+    """The rays at a corner.
+
+    Attributes
+    ----------
+    rays : tuple of Ray
+        Isolated rays, and the extreme rays of faces.
+    dimension : int
+        Largest dimension of a cone of solutions: 1 unless the corner is degenerate.
+    riding : bool
+        Whether a ray runs along an interface instead of into a cell.
+    """
+
+    rays: tuple[Ray, ...]
+    dimension: int
+    riding: bool
+
+    @property
+    def kind(self) -> Kind:
+        """What the corner is."""
+        if self.dimension > 1 or self.riding:
+            return Kind.DEGENERATE
+        if len(self.rays) > 2:
+            return Kind.NONSMOOTH_BRANCH_POINT
+        if len(self.rays) == 2 and _turns(*self.rays):
+            return Kind.NONSMOOTH_FOLD
+        return Kind.CORNER
+
+
+def fan(
+    system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
+) -> Fan:
+    """Return all rays at a solution ``x`` where the tests ``zero`` vanish."""
+    cone = _Cone(system, metric, x, zero)
+    around = Metric(np.append(metric.scale, 1.0))
+    slices = [solve_slice(cone, around, side) for side in (1.0, -1.0)]
+    rays: list[Ray] = []
+    for direction, character in _directions(slices):
+        ray = _ray(system, metric, x, error, (direction, character))
+        if not any(parallel(ray, other) for other in rays):
+            rays.append(ray)
+    dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
+    riding = any(len(point.characters) > 1 for s in slices for point in s.points)
+    return Fan(tuple(rays), dimension, riding)
+
+
+def _directions(slices: list[Slice]) -> list[tuple[Array, Character]]:
+    points = [(p.x[:-1], p.characters[0]) for s in slices for p in s.points]
+    corners = [(c[:-1], face.character) for s in slices for face in s.faces for c in face.corners]
+    return points + corners
+
+
+def _ray(
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    error: Array,
+    found: tuple[Array, Character],
+) -> Ray:
+    direction, character = found
+    curve = Curve(Selection(system, character), metric)
+    tangent = metric.normalised(direction)
+    factor = bordered(curve.selection.jacobian(x), metric.covector(tangent))
+    return Ray(curve, State(x, tangent, error, factor.sign))
+
+
+def parallel(a: Ray, b: Ray) -> bool:
+    """Tell whether two rays from one point have one direction."""
+    cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
+    return bool(cosine > 1.0 - SAME_DIRECTION)
+
+
+def _turns(a: Ray, b: Ray) -> bool:
+    """Tell whether both rays leave to the same side of alpha."""
+    return a.curve.slope(a.state) * b.curve.slope(b.state) > 0.0
+
+
+@final
+class _Cone(SlicewiseLinearSystem):
+    """H'(x; d) = 0 together with c . d = alpha, for the unknown direction d."""
+
+    def __init__(
+        self, system: PiecewiseSystem, metric: Metric, x: Array, zero: frozenset[int]
+    ) -> None:
+        self.size = len(x)
+        self._system, self._x, self._zero = system, x, zero
+        # generic: no ray of a problem with simple numbers lies in its null space
+        self._length = np.cos(1.0 + np.sqrt(2.0) * np.arange(len(x))) / metric.scale
+        self._scale = metric.scale
+        tests = system.test_functions(x[:-1], float(x[-1]))
+        self._constant = np.where(tests >= 0.0, 1.0, -1.0)
+        self._constant[list(zero)] = 0.0
+
+    @cached_property
+    def _gradients(self) -> Array:
+        rows = self._system.test_jacobian(self._x[:-1], float(self._x[-1]))
+        dense = rows.toarray() if sp.issparse(rows) else np.array(rows)
+        dense[self._constant != 0.0] = 0.0
+        return dense
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return grad(kappa_i) . d for the tests that vanish, their sign for the others."""
+        values: Array = self._gradients @ z + self._constant
+        return values
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the gradients by (d, alpha)."""
+        return np.column_stack([self._gradients, np.zeros(len(self._gradients))])
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return (J_chi d, c . d - alpha)."""
+        return np.append(self._rows(character) @ z, self._length @ z - alpha)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant Jacobian."""
+        rows = self._rows(character)
+        matrix = np.zeros((self.size, self.size + 1))
+        matrix[:-1, :-1] = rows.toarray() if sp.issparse(rows) else rows
+        matrix[-1, :-1], matrix[-1, -1] = self._length, -1.0
+        return matrix
+
+    def _rows(self, character: Character) -> Matrix:
+        return self._system.jacobian(self._x[:-1], float(self._x[-1]), character)
+
+    def bounding_tests(self, character: Character) -> list[int]:
+        """Return the bounding tests of the cell that vanish at the corner."""
+        return [i for i in self._system.bounding_tests(character) if i in self._zero]
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the metric's scale."""
+        return self._scale
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the system's blocks, with only the modes of the cells that meet here."""
+        if not isinstance(self._system, SlicewiseLinearSystem):
+            return (self._one_block(),)
+        return tuple(
+            Block(block.tests, block.rows, tuple(filter(self._admits(block), block.modes)))
+            for block in self._system.blocks()
+        )
+
+    def _admits(self, block: Block) -> _Admits:
+        signs = self._constant >= 0.0
+        return _Admits(self._system, block, signs.tolist(), self._zero)
+
+    def _one_block(self) -> Block:
+        """Return all cells that meet here as the modes of one block."""
+        zero = sorted(self._zero)
+        signs = Character(tuple((self._constant >= 0.0).tolist()))
+        cells: dict[frozenset[tuple[int, bool]], tuple[bool, ...]] = {}
+        for pattern in range(2 ** len(zero)):
+            character = signs
+            for k, test in enumerate(zero):
+                character = character.with_sign(test, bool(pattern >> k & 1))
+            cells.setdefault(self._system.cell(character), character.signs)
+        rows = tuple(range(self.size - 1))
+        return Block(tuple(range(len(signs.signs))), rows, tuple(cells.values()))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Admits:
+    """Tells whether a mode of a block belongs to a cell that meets at the corner."""
+
+    system: PiecewiseSystem
+    block: Block
+    signs: list[bool]
+    zero: frozenset[int]
+
+    def __call__(self, mode: tuple[bool, ...]) -> bool:
+        signs = list(self.signs)
+        for test, sign in zip(self.block.tests, mode, strict=True):
+            signs[test] = sign
+        bounding = set(self.system.bounding_tests(Character(tuple(signs)))) & set(self.block.tests)
+        return all(signs[i] == self.signs[i] for i in bounding - self.zero)
