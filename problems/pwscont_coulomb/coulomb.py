@@ -138,8 +138,24 @@ class Coulomb(SlicewiseLinearSystem):
         return sp.bmat(rows).tocsr(), np.concatenate([zero, body.gap, zero, zero])
 
     def describe(self, character: Character) -> str:
-        """Return the contact mode of each node."""
+        """Return mode and character triple of each node: ``node 1 slip- (1, 1, 0), ...``.
+
+        The triples are the paper's, (kappa1 <= 0, kappa2 >= 0, kappa3 <= 0); without contact
+        the last two depend on the point, see :meth:`triples`.
+        """
         return contact.describe(character)
+
+    def label(self, character: Character) -> str:
+        """Return the contact mode of each node: ``node 1 slip-, node 2 stick``."""
+        return contact.label(character)
+
+    def triples(self, z: Array, alpha: float) -> list[tuple[int, int, int]]:
+        """Return the paper's character triple of each node at a point (section 3.1)."""
+        n, p = self.body.n, self.body.p
+        lam_nu, x = z[n : n + p], self._x_rows @ z
+        bound = self.friction_at(alpha) * lam_nu
+        signs = zip(self.kappa1(z) <= 0.0, x - bound >= 0.0, x + bound <= 0.0, strict=True)
+        return [(int(a), int(b), int(c)) for a, b, c in signs]
 
     def describe_transition(self, before: Character, after: Character) -> str:
         """Return the paper's message, such as ``contact-slip → contact-stick``."""

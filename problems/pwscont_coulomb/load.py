@@ -84,6 +84,8 @@ class CoulombLoad(Coulomb):
         f = np.asarray(self.load(alpha), dtype=float)
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
+        if not np.isfinite(f).all():
+            raise InvalidInputError(f"load({alpha}) is not finite: {f}")
         return f
 
     def friction_at(self, alpha: float) -> Array:

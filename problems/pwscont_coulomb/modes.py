@@ -67,15 +67,27 @@ def modes(character: Character) -> Indices:
     return found
 
 
-def triple(character: Character, node: int) -> tuple[int, int, int]:
-    """Return the paper's character of one node: (kappa1 <= 0, kappa2 >= 0, kappa3 <= 0)."""
-    first, second, third = character.signs[3 * node : 3 * node + 3]
-    return int(not first), int(second), int(not third)
+#: The paper's character of each mode: (kappa1 <= 0, kappa2 >= 0, kappa3 <= 0).
+TRIPLES = {
+    Mode.NO_CONTACT: "(0, *, *)",
+    Mode.STICK: "(1, 1, 1)",
+    Mode.SLIP_PLUS: "(1, 0, 1)",
+    Mode.SLIP_MINUS: "(1, 1, 0)",
+}
+
+
+def label(character: Character) -> str:
+    """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
+    return _listed([Mode(mode).word for mode in modes(character)])
 
 
 def describe(character: Character) -> str:
-    """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
-    words = [Mode(mode).word for mode in modes(character)]
+    """Return the modes with their triples, such as ``node 1 slip- (1, 1, 0)``."""
+    found = [Mode(mode) for mode in modes(character)]
+    return _listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
+
+
+def _listed(words: list[str]) -> str:
     if len(words) == 1:
         return words[0]
     return ", ".join(f"node {i} {word}" for i, word in enumerate(words, start=1))

@@ -43,20 +43,23 @@ class Walker:
 
     def walk(self, ray: Ray) -> Walk:
         """Return the piece that ``ray`` begins."""
-        points, state, before = [ray.state.x], ray.state, None
+        points, state, before, longest = [ray.state.x], ray.state, None, np.inf
         reading = self.watch.read(ray.curve, state)
         for _ in range(MOST_STEPS):
-            segment = self.stepper.step(ray.curve, self.interval, state, before)
+            segment = self.stepper.step(ray.curve, self.interval, state, before, longest)
             if isinstance(segment, Failure):
                 return self._stopped(points, Ray(ray.curve, state), segment)
             event, after = self._first_event(segment, reading)
-            if isinstance(event, Failure):
-                return self._stopped(points, Ray(ray.curve, state), event)
-            if event:
+            if isinstance(event, Event):
                 return Walk(np.array([*points, event.state.x]), event.arrive(ray.curve))
+            if isinstance(event, Failure):  # too long a step to see what happens within it
+                if not isinstance(segment, CurvedSegment):
+                    return self._stopped(points, Ray(ray.curve, state), event)
+                longest = 0.5 * segment.length
+                continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
             points.append(segment.end.x)
-            state, before, reading = segment.end, segment, after
+            state, before, reading, longest = segment.end, segment, after, np.inf
         return self._stopped(points, Ray(ray.curve, state), Failure(Trouble.TOO_MANY_STEPS))
 
     def _first_event(

@@ -175,7 +175,9 @@ class BranchGraph:
         """
         self._inside(alpha)
         at_nodes = [self._solution_at(node) for node in self._nodes_at(alpha)]
-        between = [refine(self.system, piece, alpha) for piece in self._through(alpha)]
+        between = [
+            refine(self.system, piece, alpha, self.interval) for piece in self._through(alpha)
+        ]
         return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
     def _solution_at(self, node: int) -> Solution:

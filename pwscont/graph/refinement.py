@@ -17,8 +17,18 @@ from pwscont.stepping.stepper import CurvedSegment
 from pwscont.transitions.location import locate_zero
 
 
-def refine(system: PiecewiseSystem | None, piece: Piece, alpha: float) -> Solution:
+def refine(
+    system: PiecewiseSystem | None, piece: Piece, alpha: float, interval: tuple[float, float]
+) -> Solution:
     """Return the solution of a piece at an alpha strictly inside it, to full accuracy.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem or None
+    piece : Piece
+    alpha : float
+    interval : tuple of float
+        The interval of the graph, for the metric.
 
     Raises
     ------
@@ -27,7 +37,7 @@ def refine(system: PiecewiseSystem | None, piece: Piece, alpha: float) -> Soluti
     """
     a, b = _around(piece, alpha)
     around = (piece, a, b, alpha)
-    x = _on_chord(*around) if system is None else _corrected(system, *around)
+    x = _on_chord(*around) if system is None else _corrected(system, *around, interval)
     return Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
 
 
@@ -51,10 +61,16 @@ def _on_chord(piece: Piece, a: Array, b: Array, alpha: float) -> Array:
     return x
 
 
-def _corrected(system: PiecewiseSystem, piece: Piece, a: Array, b: Array, alpha: float) -> Array:
+def _corrected(
+    system: PiecewiseSystem,
+    piece: Piece,
+    a: Array,
+    b: Array,
+    alpha: float,
+    interval: tuple[float, float],
+) -> Array:
     """Solve {H_chi = 0, alpha fixed} between two points of the piece."""
-    scale = np.append(system.scale(*piece.interval), abs(b[-1] - a[-1]))
-    curve = Curve(Selection(system, piece.character), Metric(scale))
+    curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
     start, end = (State(x, b - a, np.zeros_like(x), 0) for x in (a, b))
     segment = CurvedSegment.between(curve, start, end, suggestion=0.0)
     row = -last_unit(len(a))

@@ -39,7 +39,7 @@ class Selection:
     @cached_property
     def label(self) -> str:
         """The name of the cell in the user's words."""
-        return self.system.describe(self.character)
+        return self.system.label(self.character)
 
     def residual(self, x: Array) -> Array:
         """Return H_chi(x), shape (n,)."""

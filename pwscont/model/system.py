@@ -69,12 +69,16 @@ class PiecewiseSystem(ABC):
         return range(len(character.signs))
 
     def describe(self, character: Character) -> str:
-        """Return the name of the cell that a user reads in tables and pictures."""
+        """Return all that a user may want to know of a cell, in words."""
         return f"cell {character}"
+
+    def label(self, character: Character) -> str:
+        """Return the short name of a cell for tables and pictures; default the description."""
+        return self.describe(character)
 
     def describe_transition(self, before: Character, after: Character) -> str:
         """Return what a user reads at the transition from one cell to another."""
-        return f"{self.describe(before)} → {self.describe(after)}"
+        return f"{self.label(before)} → {self.label(after)}"
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of z over the interval, shape (n,); default ones.

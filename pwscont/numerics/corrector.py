@@ -76,16 +76,16 @@ class MoorePenrose(Corrector):
         selection, metric = curve.selection, curve.metric
         x, t = predicted, tangent
         for iteration in range(1, self.most_iterations + 1):
-            factor = bordered(selection.jacobian(x), metric.covector(t))
+            factor = bordered(selection.jacobian(x), metric.covector(t), metric.binary)
             if factor.failed:
                 return Failure(Trouble.SINGULAR)
             dx = factor.solve(np.append(selection.residual(x), 0.0))
             t = metric.normalised(factor.solve(last_unit(len(x))))
             dx = dx - metric.covector(t).dot(dx) * t
             x = x - dx
-            size = metric.norm(dx)
+            size = metric.relative(dx, x)
             if not np.isfinite(size):
                 return Failure(Trouble.NOT_FINITE)
-            if size <= CONVERGED * (1.0 + metric.norm(x)):
+            if size <= CONVERGED:
                 return Corrected(State(x, t, np.abs(dx), factor.sign), iteration)
         return Failure(Trouble.NOT_CONVERGED)

@@ -6,8 +6,9 @@ Failure modes and answers
   pivots and the parity of the permutation (F10 of the design).
 - The matrix is singular at a branch point or where the curve is tangent to an interface: the
   reciprocal condition number says so; a solution is never returned with nan in it.
-- Rows in different units: partial pivoting compares entries of one column, hence only rows
-  must be comparable; the border, a single row, does no harm at any scale.
+- Rows and columns in different units: columns are multiplied by the typical magnitudes of the
+  unknowns and rows divided by their largest entries, both rounded to powers of two, so that
+  scaling itself rounds nothing. Pivoting and condition then do not depend on units.
 """
 
 from __future__ import annotations
@@ -50,9 +51,20 @@ class Factor(ABC):
 
 @final
 class DenseFactor(Factor):
-    """LU with partial pivoting by LAPACK."""
+    """LU with partial pivoting by LAPACK.
 
-    def __init__(self, matrix: Array) -> None:
+    Parameters
+    ----------
+    matrix : ndarray, shape (k, k)
+        Overwritten.
+    scale : ndarray, shape (k,)
+        Typical magnitudes of the unknowns, powers of two.
+    """
+
+    def __init__(self, matrix: Array, scale: Array) -> None:
+        matrix *= scale
+        self._columns, self._rows = scale, power_of_two(np.abs(matrix).max(axis=1))
+        matrix /= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
         self.failed = info > 0
@@ -68,8 +80,8 @@ class DenseFactor(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs)[0]
-        return solution
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows)[0]
+        return self._columns * scaled
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
@@ -81,13 +93,16 @@ class DenseFactor(Factor):
 
 @final
 class SparseFactor(Factor):
-    """LU by SuperLU."""
+    """LU by SuperLU; parameters as for :class:`DenseFactor`."""
 
-    def __init__(self, matrix: Any) -> None:
+    def __init__(self, matrix: Any, scale: Array) -> None:
         from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
 
+        scaled = matrix @ sp.diags(scale)
+        self._columns = scale
+        self._rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
         try:
-            self._lu = splu(sp.csc_matrix(matrix))
+            self._lu = splu(sp.csc_matrix(sp.diags(1.0 / self._rows) @ scaled))
         except RuntimeError:  # SuperLU's word for an exactly zero pivot
             self._lu = None
         self.failed = self._lu is None
@@ -103,8 +118,8 @@ class SparseFactor(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        solution: Array = self._lu.solve(rhs)
-        return solution
+        scaled: Array = self._lu.solve(rhs / self._rows)
+        return self._columns * scaled
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
@@ -128,20 +143,25 @@ def _is_odd(permutation: Any) -> int:
     return (len(permutation) - cycles) % 2
 
 
-def factor(matrix: Matrix) -> Factor:
-    """Factorise a square matrix, dense or sparse."""
-    return SparseFactor(matrix) if sp.issparse(matrix) else DenseFactor(matrix)
+def power_of_two(values: Array) -> Array:
+    """Return for each value a power of two that is at most twice as large; one for zero."""
+    return np.ldexp(1.0, np.frexp(values)[1])
 
 
-def bordered(jacobian: Matrix, row: Any) -> Factor:
-    """Factorise the (n + 1, n + 1) matrix [J; row]."""
+def factor(matrix: Matrix, scale: Array) -> Factor:
+    """Factorise a square matrix, dense or sparse; ``scale`` as for :class:`DenseFactor`."""
+    return SparseFactor(matrix, scale) if sp.issparse(matrix) else DenseFactor(+matrix, scale)
+
+
+def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
+    """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`."""
     if sp.issparse(jacobian):
-        return SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]))
+        return SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
     n = len(jacobian)
     matrix = np.empty((n + 1, n + 1))
     matrix[:n] = jacobian
     matrix[n] = row
-    return DenseFactor(matrix)
+    return DenseFactor(matrix, scale)
 
 
 def last_unit(size: int) -> Array:

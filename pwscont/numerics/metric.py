@@ -10,6 +10,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.linalg import power_of_two
 
 
 @final
@@ -20,10 +21,16 @@ class Metric:
     ----------
     scale : ndarray, shape (n + 1,)
         Positive typical magnitudes of (z, alpha).
+
+    Attributes
+    ----------
+    scale, binary : ndarray, shape (n + 1,)
+        The magnitudes, and the powers of two next above them.
     """
 
     def __init__(self, scale: Array) -> None:
         self.scale = scale
+        self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
 
     @classmethod
@@ -41,6 +48,10 @@ class Metric:
         """Return the length of a difference of two points."""
         y = x / self.scale
         return math.sqrt(y.dot(y))
+
+    def relative(self, dx: Array, x: Array) -> float:
+        """Return the largest component of ``dx`` relative to that of ``x`` or its scale."""
+        return float((np.abs(dx) / (self.scale + np.abs(x))).max())
 
     def covector(self, t: Array) -> Array:
         """Return the row w with ``w @ x`` the inner product of t and x."""

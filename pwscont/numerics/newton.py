@@ -7,8 +7,8 @@ Failure modes and answers
 -------------------------
 - The selection is undefined far from its cell: non-finite values are a failure, and the caller
   shortens its step.
-- Scale: convergence is judged by the length of the correction in the metric, which neither the
-  units of z nor those of the equations change.
+- Scale: convergence is judged by the correction of each unknown relative to its own size, which
+  neither the units of z nor those of the equations change.
 - An iteration too many costs as much as the rest of a step: Newton contracts quadratically, so
   the correction that would come next is known without being computed.
 """
@@ -58,17 +58,16 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
     selection, metric, before = curve.selection, curve.metric, 0.0
     for iteration in range(1, most_iterations + 1):
         value, row = border(x)
-        factor = bordered(selection.jacobian(x), row)
+        factor = bordered(selection.jacobian(x), row, metric.binary)
         if factor.failed:
             return Failure(Trouble.SINGULAR)
         dx = factor.solve(joined(selection.residual(x), value))
         x = x - dx
-        size = metric.norm(dx)
+        size = metric.relative(dx, x)
         if not math.isfinite(size):
             return Failure(Trouble.NOT_FINITE)
         rate = contraction(size, before)
-        limit = 1.0 + metric.norm(x)
-        if size <= CONVERGED * limit or rate * size <= EPS * limit:
+        if size <= CONVERGED or rate * size <= EPS:
             return Root(x, rate * np.abs(dx), factor, iteration)
         before = size
     return Failure(Trouble.NOT_CONVERGED)

@@ -47,8 +47,7 @@ def semismooth_newton(
             return Failure(Trouble.NOT_FINITE)
         rows = _row_scale(jacobian, metric)
         step = _direction(jacobian, residual, rows, metric)
-        size = metric.norm(step)
-        if size <= CONVERGED * (1.0 + metric.norm(x)):
+        if metric.relative(step, x) <= CONVERGED:
             return x + step, np.abs(step)
         damped = _line_search(system, x, step, residual / rows, rows)
         if damped is None:
@@ -70,7 +69,7 @@ def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
 
 def _direction(jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
-    lu = factor(jacobian)
+    lu = factor(jacobian, metric.binary[:-1])
     if not lu.is_singular():
         return np.append(-lu.solve(residual), 0.0)
     dense = jacobian.toarray() if sp.issparse(jacobian) else jacobian

@@ -20,7 +20,12 @@ class ExactLinear(Stepper):
     """
 
     def step(
-        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
     ) -> Segment | Failure:
         """Return the ray from ``state``."""
         return StraightSegment(curve, state)

@@ -30,10 +30,16 @@ class NaturalParameter(Stepper):
     step_size: StepSize = field(default_factory=StepSize)
 
     def step(
-        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
     ) -> Segment | Failure:
         """Halve the increment of alpha until the corrector converges."""
         length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
+        length = min(length, longest)
         lo, hi = interval
         sign = 1.0 if state.tangent[-1] > 0.0 else -1.0
         while length >= self.step_size.smallest:

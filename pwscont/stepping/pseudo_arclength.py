@@ -36,12 +36,18 @@ class PseudoArclength(Stepper):
     step_size: StepSize = field(default_factory=StepSize)
 
     def step(
-        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
     ) -> Segment | Failure:
         """Halve the step until the corrector converges and the curve turns little."""
         previous, length = None, self.step_size.first
         if isinstance(before, CurvedSegment):
             previous, length = before.start, before.suggestion
+        length = min(length, longest)
         direction = self.predictor.direction(curve, previous, state)
         failure = Failure(Trouble.NOT_CONVERGED)
         while length >= self.step_size.smallest:

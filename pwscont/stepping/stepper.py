@@ -107,7 +107,12 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(
-        self, curve: Curve, interval: tuple[float, float], state: State, before: Segment | None
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
     ) -> Segment | Failure:
         """Return the next segment from ``state``.
 
@@ -120,6 +125,8 @@ class Stepper(ABC):
             Where the step starts.
         before : Segment or None
             The step before on the same piece; None on the first.
+        longest : float
+            Upper bound on the length of the step.
 
         Returns
         -------

@@ -94,7 +94,7 @@ def _ray(
     direction, character = found
     curve = Curve(Selection(system, character), metric)
     tangent = metric.normalised(direction)
-    factor = bordered(curve.selection.jacobian(x), metric.covector(tangent))
+    factor = bordered(curve.selection.jacobian(x), metric.covector(tangent), metric.binary)
     return Ray(curve, State(x, tangent, error, factor.sign))
 
 

@@ -40,7 +40,9 @@ def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
     tangent = _null_vector(curve, x)
     if tangent is None:
         return Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
-    border = bordered(curve.selection.jacobian(x), curve.metric.covector(tangent))
+    border = bordered(
+        curve.selection.jacobian(x), curve.metric.covector(tangent), curve.metric.binary
+    )
     forth = Ray(curve, State(x, tangent, error, border.sign))
     return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
 
@@ -54,7 +56,7 @@ def _null_vector(curve: Curve, x: Array) -> Array | None:
     for j in range(size - 1, -1, -1):
         row = np.zeros(size)
         row[j] = 1.0
-        factor = bordered(jacobian, row)
+        factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
             return curve.metric.normalised(factor.solve(last_unit(size)))
     return None

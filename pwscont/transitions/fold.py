@@ -30,7 +30,10 @@ class SmoothFolds(TransitionDetector):
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign = 1.0 if index == 0 else -1.0
-        return locate_sign_change(segment, lambda state: sign * float(state.tangent[-1]), bracket)
+        found = locate_sign_change(segment, lambda state: sign * float(state.tangent[-1]), bracket)
+        if isinstance(found, State):
+            found.tangent[-1] = 0.0  # what a fold is; a rest of rounding would be found again
+        return found
 
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
         """Go on along the same curve."""

@@ -91,9 +91,10 @@ def locate_sign_change(
 
     For functions without a gradient: a few corrected points more than Newton needs.
     """
+    ends = {0.0: segment.start, segment.length: segment.end}
 
     def along(s: float) -> float:
-        state = segment.at(s)
+        state = ends[s] if s in ends else segment.at(s)
         if isinstance(state, Failure):
             raise _OffCurveError(state)
         return function(state)

@@ -77,7 +77,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     None where the curve is tangent to the interface or is not on this selection at all.
     """
     selection, metric = curve.selection, curve.metric
-    factor = bordered(selection.jacobian(x), gradient_of(selection, x, test))
+    factor = bordered(selection.jacobian(x), gradient_of(selection, x, test), metric.binary)
     if factor.is_singular():
         return None
     defect = factor.solve(np.append(selection.residual(x), 0.0))

@@ -1,0 +1,349 @@
+"""Every bad input is refused before any work, by an error that names what is wrong."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+
+from pwscont import (
+    ExactLinear,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    explore,
+    trace,
+)
+from pwscont.foundation.errors import (
+    InvalidInputError,
+    InvalidSystemError,
+    PwscontError,
+    StartNotFoundError,
+)
+
+A = np.array([[2.0, -1.0], [-1.0, 2.0]])
+N, T = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
+LOAD = AffineLoad([0.25, 0.0], [0.0, 1.0])
+NOT_FINITE = pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+
+
+def body():
+    return ContactBody(A, N, T)
+
+
+def with_entry(matrix, value):
+    changed = matrix.copy()
+    changed[0, 0] = value
+    return changed
+
+
+# -- the body ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix], ids=["dense", "sparse"])
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        ([[2.0, -1.0], [-0.9, 2.0]], "A is not symmetric"),
+        ([[2.0, -3.0], [-3.0, 2.0]], "A is not positive definite"),
+        ([[1.0, -1.0], [-1.0, 1.0]], "A is not positive definite"),
+        ([[-2.0, 0.0], [0.0, -2.0]], "A is not positive definite"),
+        ([[2.0, 0.0], [0.0, 0.0]], "A is not positive definite"),
+        ([[2.0, -1.0, 0.0], [-1.0, 2.0, 0.0]], "A must be square"),
+    ],
+)
+def test_stiffness(kind, matrix, words):
+    with pytest.raises(InvalidInputError, match=words):
+        ContactBody(kind(np.array(matrix)), N, T)
+
+
+@pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix], ids=["dense", "sparse"])
+@NOT_FINITE
+@pytest.mark.parametrize("which", ["A", "N", "T"])
+def test_matrices_must_be_finite(kind, bad, which):
+    matrices = {"A": A, "N": N, "T": T}
+    matrices[which] = with_entry(matrices[which], bad)
+    with pytest.raises(InvalidInputError, match=rf"{which}\S* must be finite"):
+        ContactBody(*(kind(matrix) for matrix in matrices.values()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((A, N[:, :1], T), "N has shape"),
+        ((A, N, np.vstack([T, T])), "T has shape"),
+        ((A, N, T[:, :1]), "T has shape"),
+        ((A, [1.0, 0.0], T), "N must be a matrix"),
+        ((2.0, N, T), "A must be a matrix"),
+        ((A, 0.0 * N, T), "N is rank deficient"),
+        ((A, N, 0.0 * T), "T is rank deficient"),
+        ((A, N, N), "N and T together are rank deficient"),
+        ((A, N, T, [-0.1]), "gap of node 1 is negative"),
+        ((A, N, T, [0.1, 0.2]), "gap has shape"),
+        ((A, N, T, [np.nan]), "gap must be finite"),
+        ((A, N, T, ["wide"]), "gap must be an array of numbers"),
+        (("stiff", N, T), "A must be an array of numbers"),
+    ],
+)
+def test_body(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        ContactBody(*arguments)
+
+
+@pytest.mark.parametrize("which", ["N", "T"])
+def test_rank_deficient_operators_of_two_nodes(which):
+    operators = {"N": np.eye(4)[[0, 2]], "T": np.eye(4)[[1, 3]]}
+    operators[which] = operators[which][[0, 0]]
+    with pytest.raises(InvalidInputError, match=f"{which} is rank deficient"):
+        ContactBody(np.eye(4), **operators)
+
+
+def test_which_gap_is_negative_is_said():
+    with pytest.raises(InvalidInputError, match=r"gap of node 2 is negative: -0\.5"):
+        ContactBody(np.eye(4), np.eye(4)[[0, 2]], np.eye(4)[[1, 3]], [1.0, -0.5])
+
+
+# -- loads, friction, r --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((LOAD, -1.0), "friction must not be negative"),
+        ((LOAD, [-0.5]), "friction must not be negative"),
+        ((LOAD, np.nan), "friction must be finite"),
+        ((LOAD, np.inf), "friction must be finite"),
+        ((LOAD, [1.0, 2.0]), "friction must be a number or 1 numbers"),
+        ((LOAD, "rough"), "friction must be an array of numbers"),
+        ((LOAD, 1.0, 0.0), "r must be positive"),
+        ((LOAD, 1.0, -1.0), "r must be positive"),
+        ((LOAD, 1.0, [-1.0]), "r must be positive"),
+        ((LOAD, 1.0, np.nan), "r must be finite"),
+        ((LOAD, 1.0, [1.0, 1.0]), "r must be a number or 1 numbers"),
+        (([1.0, 0.0], 1.0), "load must be an AffineLoad or a callable"),
+        ((AffineLoad([1.0] * 3, [1.0] * 3), 1.0), "load has shape"),
+    ],
+)
+def test_load_problem(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        CoulombLoad(body(), *arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([1.0, np.nan],), "force must be finite"),
+        (([1.0],), "force has shape"),
+        (([1.0, 0.0], 0.0), "r must be positive"),
+        ((["down", 0.0],), "force must be an array of numbers"),
+    ],
+)
+def test_friction_problem(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        CoulombFriction(body(), *arguments)
+
+
+@NOT_FINITE
+def test_affine_load_must_be_finite(bad):
+    with pytest.raises(InvalidInputError, match="f0 must be finite"):
+        AffineLoad([bad, 0.0], [0.0, 1.0])
+    with pytest.raises(InvalidInputError, match="f1 must be finite"):
+        AffineLoad([0.0, 0.0], [0.0, bad])
+
+
+def test_affine_load_shapes_must_agree():
+    with pytest.raises(InvalidInputError, match="f1 has shape"):
+        AffineLoad([0.0, 0.0], [1.0])
+
+
+def test_load_path_with_a_wrong_shape():
+    system = CoulombLoad(body(), lambda alpha: np.ones(3), 1.0)
+    with pytest.raises(InvalidInputError, match=r"load.* has shape"):
+        explore(system, (0.0, 1.0))
+
+
+@NOT_FINITE
+def test_load_path_that_is_not_finite(bad):
+    system = CoulombLoad(body(), lambda alpha: np.array([bad, alpha]), 1.0)
+    with pytest.raises(PwscontError, match="load"):
+        explore(system, (0.0, 1.0))
+    with pytest.raises(PwscontError, match="load"):
+        trace(system, (np.zeros(4), 0.5), (0.0, 1.0))
+
+
+# -- interval, start, stepper --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [
+        ((1.0, 1.0), "interval needs finite lo < hi"),
+        ((2.0, -2.0), "interval needs finite lo < hi"),
+        ((0.0, np.inf), "interval needs finite lo < hi"),
+        ((-np.inf, 0.0), "interval needs finite lo < hi"),
+        ((np.nan, 1.0), "interval needs finite lo < hi"),
+        ((0.0, 1.0, 2.0), "interval must be two numbers"),
+        ((0.0,), "interval must be two numbers"),
+        (1.0, "interval must be two numbers"),
+        (("a", "b"), "interval must be two numbers"),
+        (None, "interval must be two numbers"),
+    ],
+)
+def test_interval(interval, words):
+    system = CoulombLoad(body(), LOAD, 4.0)
+    with pytest.raises(InvalidInputError, match=words):
+        explore(system, interval)
+    with pytest.raises(InvalidInputError, match=words):
+        trace(system, (np.zeros(4), 0.0), interval)
+
+
+@pytest.mark.parametrize("interval", [(-0.1, 2.0), (-3.0, -1.0)])
+def test_negative_friction_interval(interval):
+    with pytest.raises(InvalidInputError, match=r"interval .*CoulombFriction"):
+        explore(CoulombFriction(body(), [1.0, -3.0]), interval)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ((np.zeros(4), 2.5), "outside the interval"),
+        ((np.zeros(4), -2.5), "outside the interval"),
+        ((np.zeros(4), np.nan), "outside the interval"),
+        ((np.zeros(3), 0.0), "z of the start has shape"),
+        ((np.zeros((4, 1)), 0.0), "z of the start has shape"),
+        ((0.0, 0.0), "z of the start has shape"),
+        (([0.0, np.nan, 0.0, 0.0], 0.0), "z of the start must be finite"),
+        (([0.0, np.inf, 0.0, 0.0], 0.0), "z of the start must be finite"),
+        ((["a"] * 4, 0.0), "z of the start must be an array of numbers"),
+        (3.0, "start must be a pair"),
+        ((np.zeros(4),), "start must be a pair"),
+        ((np.zeros(4), 0.0, 1.0), "start must be a pair"),
+        ((np.zeros(4), "here"), "start must be a pair"),
+    ],
+)
+def test_start(start, words):
+    with pytest.raises(InvalidInputError, match=words):
+        trace(CoulombLoad(body(), LOAD, 4.0), start, (-2.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    "system",
+    [CoulombFriction(body(), [1.0, -3.0]), CoulombLoad(body(), lambda a: np.ones(2), 1.0)],
+    ids=["friction", "curved load"],
+)
+def test_exact_stepper_needs_straight_pieces(system):
+    with pytest.raises(InvalidInputError, match="ExactLinear needs a PiecewiseLinearSystem"):
+        explore(system, (0.0, 1.0), stepper=ExactLinear())
+    with pytest.raises(InvalidInputError, match="ExactLinear needs a PiecewiseLinearSystem"):
+        trace(system, (np.zeros(4), 0.5), (0.0, 1.0), stepper=ExactLinear())
+
+
+# -- a user's own system -------------------------------------------------------------------------
+
+
+class Kinked(PiecewiseSystem):
+    """A correct system, z + |z| = alpha; the tests below break one method each."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return z + (z if character.signs[0] else -z / 2.0) - alpha
+
+
+def broken(**methods):
+    return type("Broken", (Kinked,), methods)()
+
+
+def test_the_system_is_right_when_nothing_is_broken():
+    graph = explore(broken(), (-1.0, 1.0))
+    assert graph.multiplicity() == [(-1.0, 1.0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("method", "returned"),
+    [
+        ("residual", lambda self, z, alpha, character: np.zeros(2)),
+        ("residual", lambda self, z, alpha, character: np.zeros((1, 1))),
+        ("residual", lambda self, z, alpha, character: 0.0),
+        ("residual", lambda self, z, alpha, character: [0.0]),
+        ("residual", lambda self, z, alpha, character: None),
+        ("jacobian", lambda self, z, alpha, character: np.ones((1, 1))),
+        ("jacobian", lambda self, z, alpha, character: np.ones(2)),
+        ("jacobian", lambda self, z, alpha, character: sp.csr_matrix((2, 2))),
+        ("test_functions", lambda self, z, alpha: np.zeros((1, 1))),
+        ("test_functions", lambda self, z, alpha: 1.0),
+        ("test_functions", lambda self, z, alpha: [1.0]),
+        ("test_jacobian", lambda self, z, alpha: np.ones((1, 1))),
+        ("test_jacobian", lambda self, z, alpha: np.ones((2, 2))),
+        ("bounding_tests", lambda self, character: [1]),
+        ("bounding_tests", lambda self, character: [-1]),
+    ],
+)
+def test_wrong_shapes(method, returned):
+    system = broken(**{method: returned})
+    with pytest.raises(InvalidSystemError, match=rf"Broken\.{method} returned"):
+        trace(system, ([1.0], 0.5), (-1.0, 1.0))
+    with pytest.raises(InvalidSystemError, match=rf"Broken\.{method} returned"):
+        explore(system, (-1.0, 1.0))
+
+
+@pytest.mark.parametrize("size", [0, -1, 1.5, None, "one"])
+def test_size(size):
+    with pytest.raises(InvalidSystemError, match=r"Broken\.size must be the number of unknowns"):
+        trace(broken(size=size), ([1.0], 0.5), (-1.0, 1.0))
+
+
+@pytest.mark.parametrize("scale", [[0.0], [-1.0], [1.0, 1.0], [np.nan]])
+def test_scale(scale):
+    system = broken(scale=lambda self, lo, hi: np.array(scale))
+    with pytest.raises(PwscontError, match=r"Broken\.scale"):
+        trace(system, ([1.0], 0.5), (-1.0, 1.0))
+
+
+def test_too_many_tests_to_try_all_cells():
+    class ManyTests(PiecewiseLinearSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z[0] - np.arange(17.0)
+
+        def residual(self, z, alpha, character):
+            return z - alpha
+
+    with pytest.raises(InvalidSystemError, match=r"17 test functions.*override cells\(\)"):
+        explore(ManyTests(), (0.0, 1.0))
+    assert len(trace(ManyTests(), ([0.5], 0.5), (0.25, 0.75)).pieces) == 1  # needs no cells
+
+
+# -- starts without a solution -------------------------------------------------------------------
+
+
+class NoSolution(PiecewiseSystem):
+    """z^2 + 1 + |z| = alpha^2 has no solution for |alpha| < 1."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return z**2 + 1.0 + (z if character.signs[0] else -z) - alpha**2
+
+
+@pytest.mark.parametrize("z", [0.0, 1.0, -3.0, 1e-9, 100.0])
+def test_start_from_which_no_solution_is_found(z):
+    with pytest.raises(StartNotFoundError, match="no solution found near the start"):
+        trace(NoSolution(), ([z], 0.5), (-2.0, 2.0))
+
+
+def test_the_same_system_where_it_has_solutions():
+    """z^2 + z = 1.25 for alpha = 1.5: z = (-1 + sqrt(6)) / 2."""
+    graph = trace(NoSolution(), ([1.0], 1.5), (1.2, 2.0))
+    (solution,) = graph.solutions(1.5)
+    assert solution.z[0] == pytest.approx((6.0**0.5 - 1.0) / 2.0, abs=1e-12)
+
+
+def test_errors_are_value_errors_too():
+    with pytest.raises(ValueError, match="interval"):
+        explore(broken(), (1.0, 0.0))

@@ -1,0 +1,95 @@
+"""Rough starts: corrected to a true solution, or refused; never a wrong point."""
+
+import numpy as np
+import pytest
+from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad
+from random_bodies import (
+    contact_body,
+    load_with_several_solutions,
+    random_body,
+    random_vector,
+)
+from reference_enumeration import enumerate_solutions
+
+from pwscont import trace
+from pwscont.foundation.errors import StartNotFoundError
+
+TRIES = 40
+
+
+def rough_starts(size, seed, spread):
+    return spread * np.random.default_rng([seed, 7]).normal(size=(TRIES, size))
+
+
+def corrected(system, z, alpha):
+    """Return the solutions at the start's alpha on the component found, None if refused."""
+    try:
+        graph = trace(system, (z, alpha), (alpha - 1e-3, alpha + 1e-3))
+    except StartNotFoundError:
+        return None
+    return graph
+
+
+def distance_to(known, z):
+    return min(np.abs(found.z - z).max() / (1.0 + np.abs(found.z).max()) for found in known)
+
+
+def start_of(graph, alpha):
+    """Return the corrected start: within a piece it is listed as such."""
+    return [p.z for p in graph.special_points("start") if p.alpha == alpha]
+
+
+def run(system, known, alpha, spread, seed):
+    """Return how many starts were corrected; fail on any point that is no solution."""
+    count = 0
+    for z in rough_starts(system.size, seed, spread):
+        graph = corrected(system, z, alpha)
+        if graph is None:
+            continue
+        found = start_of(graph, alpha)
+        assert len(found) == 1
+        assert distance_to(known, found[0]) < 1e-9
+        assert all(distance_to(known, s.z) < 1e-9 for s in graph.solutions(alpha))
+        count += 1
+    return count
+
+
+@pytest.mark.parametrize("spread", [0.1, 1.0, 100.0])
+@pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.parametrize("friction", [0.3, 2.0])
+def test_load_path(p, spread, friction):
+    body = random_body(p, seed=11 + p, gap=True)
+    load = AffineLoad(*(random_vector(body.n, seed) for seed in (1, 2)))
+    system = CoulombLoad(contact_body(body), load, friction)
+    known = enumerate_solutions(body, load(0.5), friction)
+    assert run(system, known, 0.5, spread, seed=p) > 0.8 * TRIES
+
+
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_friction(p):
+    body = random_body(p, seed=21 + p)
+    force = random_vector(body.n, 3)
+    system = CoulombFriction(contact_body(body), force)
+    known = enumerate_solutions(body, force, 1.5)
+    assert run(system, known, 1.5, 1.0, seed=p) > 0.8 * TRIES
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_strong_friction_with_several_solutions(seed):
+    """With F = 10 Newton may fail; what it finds must still be a solution."""
+    body = random_body(2, seed=31 + seed)
+    middle, f1 = load_with_several_solutions(body, 10.0, seed), random_vector(body.n, seed)
+    load = AffineLoad(middle - 0.5 * f1, f1)
+    system = CoulombLoad(contact_body(body), load, 10.0)
+    known = enumerate_solutions(body, load(0.5), 10.0)
+    assert len(known) > 1
+    assert run(system, known, 0.5, 3.0, seed=seed) > 0.5 * TRIES
+
+
+def test_a_solution_as_start_is_kept():
+    body = random_body(2, seed=5)
+    load = AffineLoad(*(random_vector(body.n, seed) for seed in (6, 7)))
+    system = CoulombLoad(contact_body(body), load, 1.0)
+    for found in enumerate_solutions(body, load(0.5), 1.0):
+        (start,) = start_of(trace(system, (found.z, 0.5), (0.4, 0.6)), 0.5)
+        np.testing.assert_allclose(start, found.z, rtol=1e-12, atol=1e-12)

@@ -1,0 +1,77 @@
+"""Results do not depend on the units of length, force and the parameter."""
+
+import numpy as np
+import pytest
+from paper_systems import CASES, ONE_NODE, TWO_NODES
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from reference_enumeration import Body
+
+from pwscont import ExactLinear, PseudoArclength, explore, trace
+
+# stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
+UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]
+ALL_UNITS = pytest.mark.parametrize(("stiffness", "force"), UNITS)
+STEPPERS = pytest.mark.parametrize("stepper", [ExactLinear(), PseudoArclength()])
+
+
+def scaled_body(body: Body, stiffness):
+    return ContactBody(stiffness * body.A, body.N, body.T)
+
+
+def natural(z, body, stiffness, force):
+    """Return z in the paper's units."""
+    scale = np.repeat([force / stiffness, force], [body.n, 2 * body.p])
+    return z / scale
+
+
+def assert_same(graph, reference, body, stiffness, force, per_alpha):
+    assert [p.label for p in graph.pieces] == [p.label for p in reference.pieces]
+    for found, expected in zip(graph.pieces, reference.pieces, strict=True):
+        assert found.det_sign == expected.det_sign
+        ends = np.array(found.interval) / per_alpha
+        np.testing.assert_allclose(ends, expected.interval, rtol=1e-11, atol=1e-11)
+        z = [natural(z, body, stiffness, force) for z in found.z[[0, -1]]]
+        np.testing.assert_allclose(z, expected.z[[0, -1]], rtol=1e-9, atol=1e-11)
+
+
+@ALL_UNITS
+@STEPPERS
+@pytest.mark.parametrize("name", ["fig7", "example1"])
+def test_affine_load(stiffness, force, stepper, name):
+    case, body = CASES[name], CASES[name].body
+    load = AffineLoad(force * case.load.f0, case.load.f1)
+    system = CoulombLoad(scaled_body(body, stiffness), load, 4.0)
+    interval = tuple(force * end for end in case.interval)
+    graph = explore(system, interval, stepper=stepper)
+    reference = explore(case.system, case.interval)
+    assert_same(graph, reference, body, stiffness, force, per_alpha=force)
+
+
+@ALL_UNITS
+def test_friction(stiffness, force):
+    case = CASES["example3"]
+    load = force * np.array([0.4, -1.4, 1.5, -1.5])
+    system = CoulombFriction(scaled_body(TWO_NODES, stiffness), load)
+    graph = explore(system, case.interval)
+    reference = explore(case.system, case.interval)
+    assert_same(graph, reference, TWO_NODES, stiffness, force, per_alpha=1.0)
+
+
+@ALL_UNITS
+def test_trace_from_a_rough_start(stiffness, force):
+    """Semismooth Newton, too, measures in the units of the system."""
+    load = AffineLoad([0.25 * force, 0.0], [0.0, force])
+    system = CoulombLoad(scaled_body(ONE_NODE, stiffness), load, 4.0)
+    graph = trace(system, (np.zeros(4), 1.5), (-2.0, 2.0))
+    assert [count for _, _, count in graph.multiplicity()] == [1, 3, 1]
+    alphas = [node.alpha for node in graph.special_points("nonsmooth fold")]
+    np.testing.assert_allclose(alphas, [-0.5, -1.0], rtol=1e-11)
+
+
+@pytest.mark.parametrize("r", [1e-4, 0.1, 10.0, 1e4])
+@pytest.mark.parametrize("name", ["fig7", "example1"])
+def test_the_scale_of_the_augmented_multipliers_does_not_matter(r, name):
+    case = CASES[name]
+    system = CoulombLoad(scaled_body(case.body, 1.0), case.load, 4.0, r=r)
+    graph = explore(system, case.interval)
+    assert_same(graph, explore(case.system, case.interval), case.body, 1.0, 1.0, 1.0)
