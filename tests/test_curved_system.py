@@ -205,6 +205,35 @@ def test_start_is_reported_within_its_piece():
     assert start.z[0] == pytest.approx(-(0.99**0.5), abs=1e-12)
 
 
+# -- starts at special points --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "start",
+    [([-1.0], -1.0), ([UPPER_FOLD[0]], UPPER_FOLD[1]), ([0.0], 0.0), ([-1.0 - 3.0**0.5], 2.0)],
+    ids=["fold", "upper fold", "nonsmooth fold", "end"],
+)
+def test_start_at_a_special_point(start):
+    """Wherever the trace starts, the curve is the same: four pieces, three turns."""
+    graph = trace(TwoCurves(), start, (-2.0, 2.0))
+    assert len(graph.pieces) == 4
+    assert [count for _, _, count in graph.multiplicity()] == [0, 2, 4, 2]
+    assert_alphas(graph.special_points("fold"), [-1.0, UPPER_FOLD[1]])
+    assert_alphas(graph.special_points("nonsmooth fold"), [0.0])
+
+
+@pytest.mark.parametrize(
+    "start",
+    [([0.0], 1.0), ([0.0], -1.0), ([0.3], 0.91**0.5), ([0.3], -(0.91**0.5))],
+    ids=["fold", "lower fold", "nonsmooth fold", "lower nonsmooth fold"],
+)
+def test_start_at_a_special_point_of_a_loop(start):
+    graph = trace(Loop(), start, (-1.5, 1.5))
+    assert len(graph.pieces) == 6
+    assert [count for _, _, count in graph.multiplicity()] == [0, 2, 4, 2, 4, 2, 0]
+    assert_alphas(graph.special_points("fold"), [-1.0, -(0.95**0.5), 0.95**0.5, 1.0])
+
+
 # -- two unknowns, three cells, scaled units -----------------------------------------------------
 
 
