@@ -13,16 +13,27 @@ from pwscont.model.system import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
+from pwscont.search import (
+    AllTransitions,
+    EndPoints,
+    MultiStart,
+    Search,
+    Slices,
+    enumerate_solutions,
+)
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
 from pwscont.transitions import TransitionDetector
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "AllTransitions",
     "Block",
     "BranchGraph",
     "Character",
+    "EndPoints",
     "ExactLinear",
+    "MultiStart",
     "NaturalParameter",
     "Panel",
     "ParameterPath",
@@ -30,10 +41,13 @@ __all__ = [
     "PiecewiseSystem",
     "PseudoArclength",
     "Scene",
+    "Search",
+    "Slices",
     "SlicewiseLinearSystem",
     "Stepper",
     "TransitionDetector",
     "check_system",
+    "enumerate_solutions",
     "explore",
     "plot",
     "trace",

@@ -2,6 +2,7 @@
 
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
+from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
 
-__all__ = ["AffineLoad", "ContactBody", "CoulombFriction", "CoulombLoad"]
+__all__ = ["AffineLoad", "ContactBody", "CoulombFriction", "CoulombLoad", "FromFrictionless"]

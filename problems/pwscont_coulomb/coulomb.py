@@ -27,6 +27,7 @@ import scipy.sparse as sp
 from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.search import Search
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import BOUNDS, SIGNS
@@ -46,6 +47,9 @@ class Coulomb(SlicewiseLinearSystem):
         Scale of the augmented multipliers (force per length), positive. Default: the stiffness
         of each node, so that results do not depend on units.
     """
+
+    #: One solution more with positive than with negative determinant, whatever f and F >= 0.
+    degree = 1
 
     def __init__(self, body: ContactBody, r: Any = None) -> None:
         self.body = body
@@ -171,6 +175,12 @@ class Coulomb(SlicewiseLinearSystem):
         lam = [f"λ_{symbol}{_suffix(node, p)}" for symbol in "νt" for node in range(p)]
         return (*u, *lam)
 
+    def searches(self) -> tuple[Search, ...]:
+        """Return the homotopy from the frictionless problem, which works for any p."""
+        from pwscont_coulomb.frictionless import FromFrictionless  # noqa: PLC0415  it traces us
+
+        return (FromFrictionless(),)
+
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval."""
         loads = [np.abs(self.load_at(alpha)).max() for alpha in np.linspace(lo, hi, 9)]
@@ -251,6 +261,14 @@ def _positive(name: str, values: Any, p: int) -> Array:
     array = per_node(name, values, p)
     if (array <= 0.0).any():
         raise InvalidInputError(f"{name} must be positive, got {array.min():.6g}")
+    return array
+
+
+def not_negative(name: str, values: Any, p: int) -> Array:
+    """Return a number, or p numbers, as p finite numbers that are not negative."""
+    array = per_node(name, values, p)
+    if (array < 0.0).any():
+        raise InvalidInputError(f"{name} must not be negative, got {array.min():.6g}")
     return array
 
 

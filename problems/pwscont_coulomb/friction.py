@@ -10,12 +10,14 @@ from pwscont import Character
 from pwscont.foundation.arrays import Array, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import SLIPS, Coulomb
+from pwscont_coulomb.coulomb import SLIPS, Coulomb, not_negative
 
 
 @final
 class CoulombFriction(Coulomb):
     """Coulomb friction under a fixed load; the parameter is the coefficient F >= 0.
+
+    With a profile, the coefficient of node i is ``F * profile[i]``.
 
     Parameters
     ----------
@@ -24,31 +26,34 @@ class CoulombFriction(Coulomb):
         The load f.
     r : float or array_like, shape (p,), optional
         As for :class:`~pwscont_coulomb.coulomb.Coulomb`.
+    profile : float or array_like, shape (p,), optional
+        Ratios between the nodes' coefficients, not negative; default all 1.
     """
 
     domain = (0.0, np.inf)
 
-    def __init__(self, body: ContactBody, force: Any, r: Any = None) -> None:
+    def __init__(self, body: ContactBody, force: Any, r: Any = None, profile: Any = 1.0) -> None:
         super().__init__(body, r)
         self.force = finite_array("force", force, (body.n,))
+        self.profile = not_negative("profile", profile, body.p)
 
     def load_at(self, alpha: float) -> Array:
         """Return the fixed load, shape (n,)."""
         return self.force
 
     def friction_at(self, alpha: float) -> Array:
-        """Return F = alpha at every node, shape (p,)."""
-        return np.full(self.body.p, alpha)
+        """Return F = alpha times the profile, shape (p,)."""
+        return alpha * self.profile
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
         mode = contact.modes(character)
         column = np.zeros(self.size)
-        column[-self.body.p :] = SLIPS[mode] * self.kappa1(z)
+        column[-self.body.p :] = SLIPS[mode] * self.profile * self.kappa1(z)
         return self.with_alpha_column(self.state_matrix(mode, self.friction_at(alpha)), column)
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of the tests; kappa2 and kappa3 depend on F."""
-        kappa1 = self.kappa1(z)
-        by_alpha = np.stack([np.zeros_like(kappa1), -kappa1, kappa1], axis=1).ravel()
+        bound = self.profile * self.kappa1(z)
+        by_alpha = np.stack([np.zeros_like(bound), -bound, bound], axis=1).ravel()
         return self.test_gradients(self.friction_at(alpha), by_alpha)

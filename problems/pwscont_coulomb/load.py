@@ -14,7 +14,7 @@ from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.rounding import EPS
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import Coulomb, per_node
+from pwscont_coulomb.coulomb import Coulomb, not_negative
 
 
 @final
@@ -70,9 +70,7 @@ class CoulombLoad(Coulomb):
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:
         super().__init__(body, r)
-        self.friction = per_node("friction", friction, body.p)
-        if (self.friction < 0.0).any():
-            raise InvalidInputError(f"friction must not be negative, got {self.friction.min():.6g}")
+        self.friction = not_negative("friction", friction, body.p)
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load

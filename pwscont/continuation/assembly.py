@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.continuation.network import Edge, Network, Node
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
@@ -16,7 +17,11 @@ from pwscont.model.system import PiecewiseSystem
 
 
 def assemble(
-    network: Network, system: PiecewiseSystem, interval: tuple[float, float], parameter: str
+    network: Network,
+    system: PiecewiseSystem,
+    interval: tuple[float, float],
+    parameter: str,
+    searched: Searched,
 ) -> BranchGraph:
     """Return the branch graph of a finished network.
 
@@ -38,7 +43,13 @@ def assemble(
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
     starts = [_inner_start(edge.edge, i) for i, edge in enumerate(order)]
     return BranchGraph(
-        points, pieces, interval, starts=filter(None, starts), system=system, parameter=parameter
+        points,
+        pieces,
+        interval,
+        starts=filter(None, starts),
+        system=system,
+        parameter=parameter,
+        searched=searched,
     )
 
 

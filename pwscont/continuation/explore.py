@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pwscont.continuation.default_search import default_search
 from pwscont.continuation.preparation import (
     Report,
     checked_interval,
@@ -15,7 +16,7 @@ from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.metric import Metric
-from pwscont.search import EndPoints, Search
+from pwscont.search import Search
 from pwscont.stepping import Stepper
 
 
@@ -36,14 +37,16 @@ def explore(
     interval : tuple of float
         (lo, hi).
     search : Search, optional
-        Default :class:`~pwscont.search.EndPoints`: all solutions at both ends, which gives
-        every component but closed loops (F5 of the design).
+        Where to look for starts; searches add up with ``+``. The default depends on the size:
+        complete where that takes seconds (every transition point of a piecewise-linear system,
+        or all solutions at both ends), otherwise searches that promise nothing.
     stepper, parameter, report : optional
         As for :func:`pwscont.trace`.
 
     Returns
     -------
     BranchGraph
+        Its ``searched`` and ``guarantee`` say what was searched and what that promises.
 
     Raises
     ------
@@ -54,5 +57,7 @@ def explore(
     check_contract(system, np.zeros(checked_size(system)), lo)
     chosen = checked_stepper(system, stepper)
     metric = Metric.of(system, (lo, hi))
-    starts = (search or EndPoints()).starts(system, metric, (lo, hi))
-    return follow(system, metric, (lo, hi), starts, chosen, parameter, report)
+    chosen_search = search or default_search(system)
+    starts = chosen_search.starts(system, metric, (lo, hi))
+    searched = chosen_search.searched(system)
+    return follow(system, metric, (lo, hi), starts, chosen, parameter, report, searched)

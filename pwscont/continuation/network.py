@@ -13,6 +13,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Walk, Walker
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
@@ -82,7 +83,11 @@ class Network:
         if any(self._match(ray) for ray in rays):
             return
         interior = arrival.kind == Kind.START and not at_end
+        if interior and self._is_known(rays[0]):
+            return
         start = self._new(Arrival(arrival.kind, arrival.x, arrival.message, tuple(rays)))
+        if not interior:
+            self._register(start)
         self._follow_all(after_first=(lambda: self._dissolve(start)) if interior else None)
 
     def _follow_all(self, after_first: Callable[[], None] | None) -> None:
@@ -110,6 +115,8 @@ class Network:
         """Return the node at which a walk arrived, and take its ray there."""
         match = self._match(walk.arrival.rays[0])
         node, index = match if match else (self._new(walk.arrival), 0)
+        if not match:
+            self._register(node)
         self.nodes[node].taken[index] = True
         return node
 
@@ -125,13 +132,26 @@ class Network:
                 return node, index
         return None
 
+    def _is_known(self, ray: Ray) -> bool:
+        """Tell whether a ray starts on a piece that has been followed."""
+        cell, interval = ray.curve.selection.cell, self._walker.interval
+        return any(
+            edge.ray.curve.selection.cell == cell
+            and lies_on(edge.ray.curve, edge.points, ray.state.x, interval)
+            for edge in self.edges
+        )
+
     def _new(self, arrival: Arrival) -> int:
+        """Add a node whose rays will be followed."""
         node = max(self.nodes, default=-1) + 1
         self.nodes[node] = Node(arrival.kind, arrival.x, arrival.message, list(arrival.rays))
-        for index, ray in enumerate(arrival.rays):
-            self._by_cell[ray.curve.selection.cell].append((node, index))
-            self._queue.append((node, index))
+        self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
+
+    def _register(self, node: int) -> None:
+        """Let walks arrive at a node."""
+        for index, ray in enumerate(self.nodes[node].rays):
+            self._by_cell[ray.curve.selection.cell].append((node, index))
 
     def _dissolve(self, start: int) -> None:
         """Join the two halves of the piece in whose middle tracing began."""
@@ -139,6 +159,11 @@ class Network:
         if len(halves) != 2:
             return
         forth, back = halves
+        if _same_side(forth, back):
+            self.nodes[start].kind = Kind.FOLD
+            self.nodes[start].message = f"fold on {forth.ray.curve.selection.label}"
+            self._register(start)
+            return
         straight = len(forth.points) == 2 and len(back.points) == 2
         rest = forth.points[1:] if straight else forth.points
         points = np.vstack([back.points[:0:-1], rest])
@@ -146,8 +171,12 @@ class Network:
         self.edges = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).x
         self.edges.append(Edge(back.end, forth.end, begin, points, begun_at))
-        cell = forth.ray.curve.selection.cell
-        self._by_cell[cell] = [entry for entry in self._by_cell[cell] if entry[0] != start]
+
+
+def _same_side(forth: Edge, back: Edge) -> bool:
+    """Tell whether alpha turns at the point where two halves begin: it is a fold."""
+    (first, second) = (edge.points[1, -1] - edge.points[0, -1] for edge in (forth, back))
+    return bool(first * second > 0.0)
 
 
 def _points_inside(ray: Ray, lo: float, hi: float) -> bool:

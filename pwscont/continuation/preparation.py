@@ -10,6 +10,7 @@ from pwscont.continuation.assembly import assemble
 from pwscont.continuation.network import Network
 from pwscont.continuation.walk import Walker
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.guarantee import Searched
 from pwscont.graph import BranchGraph
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.numerics.metric import Metric
@@ -73,10 +74,11 @@ def follow(
     stepper: Stepper,
     parameter: str,
     report: Report,
+    searched: Searched,
 ) -> BranchGraph:
     """Return the graph of everything that is reached from the starts."""
     walker = Walker(stepper, Watch(default_detectors(stepper, interval)), interval)
     network = Network(walker, report)
     for x, error in starts:
         network.add(departures(system, metric, x, error))
-    return assemble(network, system, interval, parameter)
+    return assemble(network, system, interval, parameter, searched)

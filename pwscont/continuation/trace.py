@@ -15,6 +15,7 @@ from pwscont.foundation.arrays import finite_array
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
 from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
+from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.metric import Metric
@@ -71,7 +72,7 @@ def trace(
             f"no solution found near the start at alpha = {alpha} ({found.trouble.name}); start "
             "closer to a solution, or let explore() search for starts"
         )
-    return follow(system, metric, (lo, hi), [found], chosen, parameter, report)
+    return follow(system, metric, (lo, hi), [found], chosen, parameter, report, NOT_SEARCHED)
 
 
 def _checked_start(

@@ -183,7 +183,8 @@ def _inside(
 ) -> npt.NDArray[np.bool_]:
     """Tell which points satisfy all inequalities, relaxed by SLACK."""
     slack = -SLACK * (1.0 + np.abs(points).max(axis=1, initial=0.0))
-    inside = np.ones(len(points), dtype=bool)
+    inside: npt.NDArray[np.bool_] = np.ones(len(points), dtype=bool)
+    inside &= (points @ problem.A.T + problem.b >= slack[:, np.newaxis]).all(axis=1)
     for option in chosen:
         inside &= (points @ option.G.T + option.g >= slack[:, np.newaxis]).all(axis=1)
     picks = np.indices([len(options) for options in rest]).reshape(len(rest), -1)[:, regular]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any, final
 
@@ -14,15 +14,20 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import presentation, storage
-from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.graph.refinement import refine
 from pwscont.model.system import PiecewiseSystem
 
-#: An interval of alpha and the number of solutions at each regular alpha within it.
-Multiplicity = tuple[float, float, int]
+NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
+WORDS = {
+    Promise.NOTHING: "balanced",
+    Promise.BUT_LOOPS: "complete but for closed loops",
+    Promise.EVERYTHING: "complete",
+}
 
 
 @final
@@ -42,6 +47,8 @@ class BranchGraph:
         Needed to answer to full accuracy between the points of a curved piece.
     parameter : str
         Name of the parameter, for tables and axes.
+    searched : Searched
+        Where starts were searched, and what that promises.
     """
 
     def __init__(
@@ -53,8 +60,10 @@ class BranchGraph:
         starts: Iterable[SpecialPoint] = (),
         system: PiecewiseSystem | None = None,
         parameter: str = "alpha",
+        searched: Searched = NOT_SEARCHED,
     ) -> None:
         self.interval = interval
+        self.searched = searched
         self.starts = tuple(starts)
         self.system = system
         self.parameter = parameter
@@ -183,7 +192,9 @@ class BranchGraph:
     def _solution_at(self, node: int) -> Solution:
         point, piece = self.point(node), self._pieces_at(node)[0]
         index = self._index(node)
-        return Solution(point.z, point.alpha, piece.character, piece.label, index, piece.id)
+        return Solution(
+            point.z, point.alpha, piece.character, piece.label, index, piece.id, point.kind
+        )
 
     def _index(self, node: int) -> int:
         """Return the index of the solution at a node: the sum of the signs to its right.
@@ -196,17 +207,37 @@ class BranchGraph:
         at_hi = bool(self._same(alpha, self.interval[1]))
         return sum(piece.det_sign for piece in (left if at_hi else right))
 
-    def multiplicity(self) -> list[Multiplicity]:
-        """Return ``(lo, hi, count)`` for successive intervals with the same number of solutions."""
-        breaks = self._breaks()
-        table: list[Multiplicity] = []
-        for lo, hi in pairwise(breaks):
+    def multiplicity(self) -> list[Stretch]:
+        """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+
+        The number holds at every regular alpha of the stretch; each entry says whether it holds
+        at its ends as well (``lo_closed``, ``hi_closed``). Single values of alpha with another
+        number, such as folds, are found by :meth:`where` and :meth:`count`.
+        """
+        table: list[tuple[float, float, int]] = []
+        for lo, hi in pairwise(self._breaks()):
             count = len(self._through(0.5 * (lo + hi)))
             if table and table[-1][2] == count:
                 table[-1] = (table[-1][0], hi, count)
             else:
                 table.append((lo, hi, count))
-        return table
+        return [self._stretch(*row) for row in table]
+
+    def _stretch(self, lo: float, hi: float, count: int) -> Stretch:
+        return Stretch(lo, hi, count, self.count(lo) == count, self.count(hi) == count)
+
+    def where(self, count: int) -> list[Stretch]:
+        """Return all stretches and single values of alpha with exactly ``count`` solutions."""
+        stretches = [stretch for stretch in self.multiplicity() if stretch[2] == count]
+        covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
+        single = [
+            Stretch(alpha, alpha, count, True, True)
+            for alpha in self._breaks()
+            if self.count(alpha) == count
+            and alpha not in covered
+            and not any(lo < alpha < hi for lo, hi, _ in stretches)
+        ]
+        return sorted([*stretches, *single])
 
     def _breaks(self) -> list[float]:
         """Return both ends of the interval and the alphas of all nodes, without repetition."""
@@ -227,19 +258,84 @@ class BranchGraph:
         nodes = sum(self._index(node) for node in self._nodes_at(alpha))
         return nodes + sum(piece.det_sign for piece in self._through(alpha))
 
+    def path(self, a: Solution, b: Solution) -> list[Piece]:
+        """Return the pieces of a shortest way along the branches from one solution to another.
+
+        Parameters
+        ----------
+        a, b : Solution
+            Answers of :meth:`solutions`.
+
+        Returns
+        -------
+        list of Piece
+            From the piece of ``a`` to the piece of ``b``; empty where no way connects them.
+        """
+        joints = nx.Graph()
+        joints.add_nodes_from(piece.id for piece in self.pieces)
+        for node in self._nx.nodes:
+            joints.add_edges_from(combinations((p.id for p in self._pieces_at(node)), 2))
+        try:
+            return [self.pieces[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
+        except nx.NetworkXNoPath:
+            return []
+
     def balances(self) -> list[int]:
         """Return the balance within each interval between successive special points."""
         return [self.balance(0.5 * (a + b)) for a, b in pairwise(self._breaks())]
 
     def is_balanced(self) -> bool:
-        """Tell whether the balance is the same at every regular alpha of the interval."""
-        return len(set(self.balances())) <= 1
+        """Tell whether the balance is the same at every regular alpha of the interval.
+
+        Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
+        """
+        return not self._unbalanced()
+
+    def _unbalanced(self) -> list[tuple[float, float]]:
+        """Return the stretches in which the balance is not what it must be.
+
+        Without a known degree, those that differ from the most frequent value.
+        """
+        values, gaps = self.balances(), list(pairwise(self._breaks()))
+        degree = self.system.degree if self.system else None
+        if degree is None:
+            degree = max(values, key=values.count)
+        wrong = [gap for value, gap in zip(values, gaps, strict=True) if value != degree]
+        merged: list[tuple[float, float]] = []
+        for lo, hi in wrong:
+            if merged and merged[-1][1] == lo:
+                merged[-1] = (merged[-1][0], hi)
+            else:
+                merged.append((lo, hi))
+        return merged
+
+    @property
+    def guarantee(self) -> str:
+        """What is known about the completeness of the graph, in words.
+
+        "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
+        branch missing in (lo, hi)". Balance is necessary for completeness, not sufficient.
+        """
+        if gaps := self._unbalanced():
+            where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
+            return f"not balanced: at least one branch missing in {where}"
+        if any(point.kind == Kind.STOPPED for point in self._points):
+            return "balanced"
+        return WORDS[self.searched.promise]
 
     # -- outside -----------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
         """Write the graph to one portable file (a zip of arrays and JSON; no pickle)."""
-        storage.write(path, self._points, self.pieces, self.starts, self.interval, self.parameter)
+        storage.write(
+            path,
+            self._points,
+            self.pieces,
+            self.starts,
+            self.interval,
+            self.parameter,
+            self.searched,
+        )
 
     @classmethod
     def load(cls, path: str | Path, system: PiecewiseSystem | None = None) -> BranchGraph:
@@ -257,8 +353,16 @@ class BranchGraph:
         GraphFileError
             If the file is missing, damaged, or no branch graph.
         """
-        points, pieces, starts, interval, parameter = storage.read(path)
-        return cls(points, pieces, interval, starts=starts, system=system, parameter=parameter)
+        points, pieces, starts, interval, parameter, searched = storage.read(path)
+        return cls(
+            points,
+            pieces,
+            interval,
+            starts=starts,
+            system=system,
+            parameter=parameter,
+            searched=searched,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""

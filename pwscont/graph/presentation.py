@@ -70,6 +70,8 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
         "multiplicity": [list(row) for row in graph.multiplicity()],
         "balance": {
             "value": balances[0] if len(set(balances)) == 1 else None,
-            "constant": graph.is_balanced(),
+            "constant": len(set(balances)) <= 1,
         },
+        "searched": graph.searched.what,
+        "guarantee": graph.guarantee,
     }

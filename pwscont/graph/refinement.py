@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
 from pwscont.foundation.errors import PwscontError, SystemNeededError
 from pwscont.foundation.outcome import Failure
-from pwscont.graph.records import Piece, Solution
+from pwscont.foundation.records import Piece, Solution
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -35,47 +36,56 @@ def refine(
     SystemNeededError
         If the piece is curved and there is no system to correct with.
     """
-    a, b = _around(piece, alpha)
-    around = (piece, a, b, alpha)
-    x = _on_chord(*around) if system is None else _corrected(system, *around, interval)
+    if system is None:
+        x = _on_chord(piece, alpha)
+    else:
+        x = solve_between(system, piece.character, piece.points, alpha, interval)
     return Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
 
 
-def _around(piece: Piece, alpha: float) -> tuple[Array, Array]:
-    """Return the two neighbouring stored points with alpha between them."""
-    rising = piece.alpha[-1] > piece.alpha[0]
-    points = piece.points if rising else piece.points[::-1]
-    i = int(np.searchsorted(points[:, -1], alpha))
-    i = min(max(i, 1), len(points) - 1)
-    return points[i - 1], points[i]
-
-
-def _on_chord(piece: Piece, a: Array, b: Array, alpha: float) -> Array:
-    if len(piece.points) > 2:
-        raise SystemNeededError(
-            f"piece {piece.id} is curved, and this graph was loaded without its system; "
-            "use BranchGraph.load(path, system=...)"
-        )
-    x: Array = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)
-    x[-1] = alpha
-    return x
-
-
-def _corrected(
+def solve_between(
     system: PiecewiseSystem,
-    piece: Piece,
-    a: Array,
-    b: Array,
+    character: Character,
+    points: Array,
     alpha: float,
     interval: tuple[float, float],
 ) -> Array:
-    """Solve {H_chi = 0, alpha fixed} between two points of the piece."""
-    curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
+    """Solve {H_chi = 0, alpha fixed} between two points of a piece, shape (k, n + 1).
+
+    Raises
+    ------
+    PwscontError
+        If Newton fails between the two stored points.
+    """
+    a, b = _around(points, alpha)
+    curve = Curve(Selection(system, character), Metric.of(system, interval))
     start, end = (State(x, b - a, np.zeros_like(x), 0) for x in (a, b))
     segment = CurvedSegment.between(curve, start, end, suggestion=0.0)
     row = -last_unit(len(a))
     found = locate_zero(segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length))
     if isinstance(found, Failure):
-        raise PwscontError(f"no solution found on piece {piece.id} at alpha = {alpha}: {found}")
+        label = system.label(character)
+        raise PwscontError(f"no solution found in {label} at alpha = {alpha}: {found}")
     found.x[-1] = alpha
     return found.x
+
+
+def _around(points: Array, alpha: float) -> tuple[Array, Array]:
+    """Return the two neighbouring points with alpha between them."""
+    rising = points[-1, -1] > points[0, -1]
+    ordered = points if rising else points[::-1]
+    i = int(np.searchsorted(ordered[:, -1], alpha))
+    i = min(max(i, 1), len(points) - 1)
+    return ordered[i - 1], ordered[i]
+
+
+def _on_chord(piece: Piece, alpha: float) -> Array:
+    if len(piece.points) > 2:
+        raise SystemNeededError(
+            f"piece {piece.id} is curved, and this graph was loaded without its system; "
+            "use BranchGraph.load(path, system=...)"
+        )
+    a, b = _around(piece.points, alpha)
+    x: Array = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)
+    x[-1] = alpha
+    return x

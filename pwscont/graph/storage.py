@@ -12,13 +12,16 @@ import numpy as np
 
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import GraphFileError
+from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
-from pwscont.graph.records import Piece, SpecialPoint
+from pwscont.foundation.records import Piece, SpecialPoint
 
 FORMAT = "pwscont branch graph"
 VERSION = 1
 
-Contents = tuple[list[SpecialPoint], list[Piece], list[SpecialPoint], tuple[float, float], str]
+Contents = tuple[
+    list[SpecialPoint], list[Piece], list[SpecialPoint], tuple[float, float], str, Searched
+]
 
 
 def write(
@@ -28,6 +31,7 @@ def write(
     starts: Sequence[SpecialPoint],
     interval: tuple[float, float],
     parameter: str,
+    searched: Searched,
 ) -> None:
     """Write a graph; the file appears whole or not at all."""
     header = {
@@ -35,6 +39,7 @@ def write(
         "version": VERSION,
         "interval": interval,
         "parameter": parameter,
+        "searched": [searched.what, int(searched.promise)],
         "nodes": [_node_header(point) for point in points],
         "starts": [_node_header(point) for point in starts],
         "pieces": [_piece_header(piece) for piece in pieces],
@@ -121,7 +126,9 @@ def _contents(header: dict[str, Any], arrays: dict[str, Any]) -> Contents:
         for h, end in zip(header["pieces"], ends, strict=True)
     ]
     lo, hi = header["interval"]
-    return nodes, pieces, starts, (float(lo), float(hi)), str(header["parameter"])
+    what, promise = header["searched"]
+    searched = Searched(what, Promise(promise))
+    return nodes, pieces, starts, (float(lo), float(hi)), str(header["parameter"]), searched
 
 
 def _node(header: dict[str, Any], z: Any) -> SpecialPoint:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -36,10 +36,14 @@ class PiecewiseSystem(ABC):
         n, the number of equations and of unknowns z.
     domain : tuple of float
         Values of the parameter for which the system makes sense; default all.
+    degree : int or None
+        The sum of the signs of det(dH/dz) over all solutions at any regular alpha, where it is
+        known to be one and the same; default None, not known.
     """
 
     size: int
     domain: tuple[float, float] = (-np.inf, np.inf)
+    degree: int | None = None
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -111,6 +115,14 @@ class PiecewiseSystem(ABC):
             if (key := self.cell(character)) not in seen:
                 seen.add(key)
                 yield character
+
+    def searches(self) -> tuple[Any, ...]:
+        """Return searches (:class:`~pwscont.search.Search`) made for this kind of system.
+
+        They are added to the default of :func:`pwscont.explore` where trying every cell would
+        take too long; default none.
+        """
+        return ()
 
     def character(self, z: Array, alpha: float) -> Character:
         """Return the character of the point."""

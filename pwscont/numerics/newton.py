@@ -9,8 +9,9 @@ Failure modes and answers
   shortens its step.
 - Scale: convergence is judged by the correction of each unknown relative to its own size, which
   neither the units of z nor those of the equations change.
-- An iteration too many costs as much as the rest of a step: Newton contracts quadratically, so
-  the correction that would come next is known without being computed.
+- An iteration too many costs as much as the rest of a step: where quadratic contraction lets
+  hope that the next correction is rounding, it is computed with the old factorisation. Hope
+  alone would not do: corrections of linear equations contract at once and hide the others.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Root:
     ----------
     x : ndarray, shape (n + 1,)
     error : ndarray, shape (n + 1,)
-        Size of the correction that would have come next.
+        Size of the last correction.
     factor : Factor
         Factorisation of the bordered Jacobian, from before the last correction.
     iterations : int
@@ -66,9 +67,12 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         size = metric.relative(dx, x)
         if not math.isfinite(size):
             return Failure(Trouble.NOT_FINITE)
-        rate = contraction(size, before)
-        if size <= CONVERGED or rate * size <= EPS:
-            return Root(x, rate * np.abs(dx), factor, iteration)
+        if size > CONVERGED and hopeful(size, before):
+            dx = factor.solve(joined(selection.residual(x), border(x)[0]))
+            x = x - dx
+            size = metric.relative(dx, x)
+        if size <= CONVERGED:
+            return Root(x, np.abs(dx), factor, iteration)
         before = size
     return Failure(Trouble.NOT_CONVERGED)
 
@@ -81,10 +85,9 @@ def joined(residual: Array, value: float) -> Array:
     return rhs
 
 
-def contraction(size: float, before: float) -> float:
-    """Return the factor by which the next correction would be smaller than this one.
+def hopeful(size: float, before: float) -> bool:
+    """Tell whether the next correction might be rounding, if convergence is quadratic.
 
-    Quadratic convergence d -> c d^2 turns the ratio q of two corrections into q^2 for the next
-    two. One where there is nothing to compare with.
+    d -> c d^2 turns the ratio q of two corrections into q^2 for the next two.
     """
-    return min(1.0, (size / before) ** 2) if before > 0.0 else 1.0
+    return before > 0.0 and size * (size / before) ** 2 <= EPS

@@ -8,17 +8,22 @@ Failure modes and answers
 - A singular element of the Jacobian: the step is regularised (Levenberg and Marquardt).
 - Cycling between cells: the merit function must fall, by Armijo's rule.
 - A stationary point of the merit function that is no solution: the failure says so.
+- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONVERGED
+from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import factor
 from pwscont.numerics.metric import Metric
@@ -29,9 +34,22 @@ ARMIJO = 1e-4
 
 
 def semismooth_newton(
-    system: PiecewiseSystem, metric: Metric, z: Array, alpha: float
+    system: PiecewiseSystem,
+    metric: Metric,
+    z: Array,
+    alpha: float,
+    known: Sequence[Array] = (),
 ) -> tuple[Array, Array] | Failure:
     """Solve H(z, alpha) = 0 for z from a rough start.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+    z : ndarray, shape (n,)
+    alpha : float
+    known : sequence of ndarray, shape (n + 1,)
+        Solutions (z, alpha) to keep away from: H is multiplied by 1 + 1 / distance^2 for each.
 
     Returns
     -------
@@ -47,9 +65,10 @@ def semismooth_newton(
             return Failure(Trouble.NOT_FINITE)
         rows = _row_scale(jacobian, metric)
         step = _direction(jacobian, residual, rows, metric)
+        step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
             return x + step, np.abs(step)
-        damped = _line_search(system, x, step, residual / rows, rows)
+        damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
             return Failure(Trouble.NOT_CONVERGED)
         x = damped
@@ -80,16 +99,50 @@ def _direction(jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -
     return np.append(step * metric.scale[:-1], 0.0)
 
 
-def _line_search(
-    system: PiecewiseSystem, x: Array, step: Array, before: Array, rows: Array
-) -> Array | None:
+@final
+@dataclass(frozen=True, slots=True)
+class _Merit:
+    """The squared residual, deflated, with rows scaled alike."""
+
+    system: PiecewiseSystem
+    metric: Metric
+    rows: Array
+    known: Sequence[Array]
+
+    def __call__(self, x: Array) -> float:
+        z, alpha = x[:-1], float(x[-1])
+        scaled = self.system.residual(z, alpha, self.system.character(z, alpha)) / self.rows
+        return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
+
+
+def _line_search(merit: _Merit, x: Array, step: Array) -> Array | None:
     """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
-    merit, length = float(before @ before), 1.0
+    before, length = merit(x), 1.0
     for _ in range(MOST_HALVINGS):
         trial = x + length * step
-        z, alpha = trial[:-1], float(trial[-1])
-        after = system.residual(z, alpha, system.character(z, alpha)) / rows
-        if float(after @ after) <= (1.0 - 2.0 * ARMIJO * length) * merit:
+        if merit(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
             return trial
         length *= 0.5
     return None
+
+
+def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
+    """Return the product of 1 + 1 / distance^2 over the known solutions."""
+    factor = 1.0
+    for other in known:
+        factor *= 1.0 + 1.0 / max(metric.norm(x - other) ** 2, EPS**2)
+    return factor
+
+
+def _stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
+    """Return the factor by which deflation lengthens, shortens or turns the Newton step.
+
+    With M the deflating factor and d the step, the step of M H is d / (1 - (grad M . d) / M)
+    by the formula of Sherman and Morrison (Farrell, Birkisson and Funke 2015).
+    """
+    slope = 0.0
+    for other in known:
+        distance = max(metric.norm(x - other) ** 2, EPS**2)
+        inner = float(metric.covector(x - other).dot(step))
+        slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
+    return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0

@@ -1,5 +1,16 @@
 """Floor 5: where tracing can start, found without being told."""
 
-from pwscont.search.search import EndPoints, Search
+from pwscont.search.all_transitions import AllTransitions
+from pwscont.search.enumeration import enumerate_solutions
+from pwscont.search.multi_start import MultiStart
+from pwscont.search.search import Search
+from pwscont.search.slices import EndPoints, Slices
 
-__all__ = ["EndPoints", "Search"]
+__all__ = [
+    "AllTransitions",
+    "EndPoints",
+    "MultiStart",
+    "Search",
+    "Slices",
+    "enumerate_solutions",
+]

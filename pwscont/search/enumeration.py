@@ -1,10 +1,14 @@
-"""All solutions at one alpha, by trying every cell."""
+"""Solutions at one alpha, by trying every cell."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from pwscont.enumeration import Face, Point, Slice, solve_slice
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.records import Solution
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -12,24 +16,84 @@ from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.transitions.cone import fan
+from pwscont.transitions.rays import vanishing
 
 #: A solution and what is known about its error, each of shape (n + 1,).
 Found = tuple[Array, Array]
 
 
-def solutions_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
-    """Return the isolated solutions at ``alpha``, each once.
+def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Solution]:
+    """Return all isolated solutions of a system of linear pieces at one alpha.
 
-    Complete for a :class:`~pwscont.model.system.SlicewiseLinearSystem`, whose cells hold at
-    most one isolated solution each. For other systems Newton is tried once in every cell, from
-    z = 0, which may miss some.
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+    alpha : float
+
+    Returns
+    -------
+    list of Solution
+        Each once, also where several cells share it; such a one carries the ``kind`` of point
+        that it is, and the sum of signs of the solutions that meet there: 0 at a fold.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system is not affine in z at fixed alpha.
     """
+    if not isinstance(system, SlicewiseLinearSystem):
+        raise InvalidInputError(
+            f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
+            "none; use explore with MultiStart"
+        )
+    metric = Metric(np.append(system.scale(alpha, alpha), max(1.0, abs(alpha))))
+    return [_solution(system, metric, point) for point in solve_slice(system, metric, alpha).points]
+
+
+def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> Solution:
+    z, alpha, character = point.x[:-1], float(point.x[-1]), point.characters[0]
+    index, kind = _index(system, metric, point)
+    return Solution(z, alpha, character, system.label(character), index, -1, kind)
+
+
+def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
+    """Return the sum of signs to the right of a point, and the kind of point."""
+    signs = point.det_signs
+    if len(signs) == 1:
+        return signs[0], None
+    if len(signs) == 2:
+        return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
+    zero = vanishing(system, point.x, point.error)
+    found = fan(system, metric, point.x, point.error, zero)
+    right = [ray.state.orientation for ray in found.rays if ray.curve.slope(ray.state) > 0.0]
+    return sum(right), found.kind
+
+
+def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
+    """Return solutions at ``alpha`` to start from, each once; of a face, its corners.
+
+    Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried
+    once in every cell, from z = 0, which may miss some.
+    """
+    if isinstance(system, SlicewiseLinearSystem):
+        return as_starts(solve_slice(system, metric, alpha))
     found: list[Found] = []
     for character in system.cells():
         solution = _in_cell(Curve(Selection(system, character), metric), alpha)
         if solution and not any(_same(metric, solution, other) for other in found):
             found.append(solution)
     return found
+
+
+def as_starts(found: Slice) -> list[Found]:
+    """Return the points of a slice, and the corners of its faces, as starts."""
+    points = [(point.x, point.error) for point in found.points]
+    return points + [start for face in found.faces for start in _corners(face)]
+
+
+def _corners(face: Face) -> list[Found]:
+    return [(corner, np.zeros_like(corner)) for corner in face.corners]
 
 
 def _in_cell(curve: Curve, alpha: float) -> Found | None:
@@ -52,8 +116,3 @@ def _same(metric: Metric, a: Found, b: Found) -> bool:
     rounding = GUARD * EPS * (metric.norm(a[0]) + metric.norm(b[0]))
     errors = GUARD * (metric.norm(a[1]) + metric.norm(b[1]))
     return metric.norm(a[0] - b[0]) <= rounding + errors
-
-
-def is_complete(system: PiecewiseSystem) -> bool:
-    """Tell whether :func:`solutions_at` finds every isolated solution of this system."""
-    return isinstance(system, SlicewiseLinearSystem)

@@ -113,7 +113,10 @@ class Solution:
     det_sign : int
         Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
     piece : int
-        The id of the piece that it lies on (at a node: of one of them).
+        The id of the piece that it lies on (at a node: of one of them); -1 where there is no
+        graph.
+    kind : Kind or None
+        The kind of special point that it is, such as a fold; None inside a piece.
     """
 
     z: Array
@@ -122,7 +125,39 @@ class Solution:
     label: str
     det_sign: int
     piece: int
+    kind: Kind | None = None
 
     def __repr__(self) -> str:
         z = np.array2string(self.z, precision=6, suppress_small=True)
-        return f"Solution({self.label}, alpha={self.alpha:.10g}, det {self.det_sign:+d}, z={z})"
+        where = f"{self.label}{f', {self.kind}' if self.kind else ''}"
+        return f"Solution({where}, alpha={self.alpha:.10g}, det {self.det_sign:+d}, z={z})"
+
+
+@final
+class Stretch(tuple[float, float, int]):
+    """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).
+
+    Attributes
+    ----------
+    lo_closed, hi_closed : bool
+        Whether the number holds at that end as well. At a fold, where two solutions merge, the
+        number is in between, and neither neighbour includes the end.
+    """
+
+    lo_closed: bool
+    hi_closed: bool
+
+    def __new__(cls, lo: float, hi: float, count: int, lo_closed: bool, hi_closed: bool) -> Stretch:
+        """Return the tuple (lo, hi, count) that knows its ends."""
+        stretch = super().__new__(cls, (lo, hi, count))
+        stretch.lo_closed, stretch.hi_closed = lo_closed, hi_closed
+        return stretch
+
+    def __getnewargs__(self) -> tuple[float, float, int, bool, bool]:
+        return (*self, self.lo_closed, self.hi_closed)
+
+    @property
+    def ends(self) -> str:
+        """The stretch in the notation of intervals, such as ``[0, 3)``."""
+        left, right = "[" if self.lo_closed else "(", "]" if self.hi_closed else ")"
+        return f"{left}{self[0]:.8g}, {self[1]:.8g}{right}"

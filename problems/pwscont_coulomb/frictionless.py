@@ -1,0 +1,59 @@
+"""Solutions at a given load and friction, by increasing the friction from zero.
+
+Without friction the problem is a convex one with exactly one solution. Following it while all
+coefficients grow in proportion leads to solutions of the problem asked for: an odd number of
+them, since the component starts at one end only. Others, on components that do not reach F = 0,
+are not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont import PiecewiseSystem, trace
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
+from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.numerics.metric import Metric
+from pwscont.search import Search
+from pwscont_coulomb.coulomb import Coulomb
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FromFrictionless(Search):
+    """Solutions at both ends of the interval by homotopy from F = 0."""
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield the solutions found at lo, then those at hi."""
+        if not isinstance(system, Coulomb):
+            raise InvalidInputError(
+                f"FromFrictionless is for Coulomb friction, not for {type(system).__name__}"
+            )
+        for alpha in interval:
+            yield from _at(system, alpha)
+
+    def searched(self, system: PiecewiseSystem) -> Searched:
+        """Promise nothing beyond the component of the frictionless solution."""
+        return Searched("homotopy from zero friction at both ends", Promise.NOTHING)
+
+
+def _at(system: Coulomb, alpha: float) -> Iterator[tuple[Array, Array]]:
+    """Yield the solutions at one alpha that the homotopy leads to."""
+    from pwscont_coulomb.friction import CoulombFriction  # noqa: PLC0415  it is a Coulomb itself
+
+    homotopy = CoulombFriction(
+        system.body, system.load_at(alpha), system.r, system.friction_at(alpha)
+    )
+    try:
+        graph = trace(homotopy, (np.zeros(system.size), 0.0), (0.0, 1.0), parameter="homotopy")
+    except StartNotFoundError:
+        return
+    for solution in graph.solutions(1.0):
+        yield np.append(solution.z, alpha), np.zeros(system.size + 1)

@@ -1,0 +1,47 @@
+"""Whether a solution is a point of a piece that is already known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import PwscontError
+from pwscont.foundation.rounding import EPS
+from pwscont.graph.refinement import solve_between
+from pwscont.numerics.curve import Curve
+
+#: Solutions at one alpha in one cell are one when closer than this times their size.
+SAME = EPS**0.5
+
+
+def lies_on(curve: Curve, points: Array, x: Array, interval: tuple[float, float]) -> bool:
+    """Tell whether ``x`` lies on the piece with these points.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve of the piece, on whose selection ``x`` lies as well.
+    points : ndarray, shape (k, n + 1)
+    x : ndarray, shape (n + 1,)
+    interval : tuple of float
+    """
+    metric, alpha = curve.metric, float(x[-1])
+    if not points[:, -1].min() <= alpha <= points[:, -1].max():
+        return False
+    if len(points) == 2:
+        nearest = _nearest_on_chord(curve, points, x)
+    else:
+        try:
+            selection = curve.selection
+            nearest = solve_between(selection.system, selection.character, points, alpha, interval)
+        except PwscontError:  # alpha stands on an end of the piece, which is a node
+            nearest = points[np.argmin(np.abs(points[:, -1] - alpha))]
+    return bool(metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)))
+
+
+def _nearest_on_chord(curve: Curve, points: Array, x: Array) -> Array:
+    chord = points[1] - points[0]
+    row = curve.metric.covector(chord)
+    s = float(row.dot(x - points[0]) / row.dot(chord))
+    nearest: Array = points[0] + min(max(s, 0.0), 1.0) * chord
+    return nearest

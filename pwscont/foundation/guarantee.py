@@ -1,0 +1,32 @@
+"""What a search promises of its result, in the words that users read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import final
+
+
+@final
+class Promise(IntEnum):
+    """How much of the zero set a search finds; larger is more."""
+
+    NOTHING = 0
+    BUT_LOOPS = 1
+    EVERYTHING = 2
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """What was searched, and what that promises.
+
+    Attributes
+    ----------
+    what : str
+        The searches, in words.
+    promise : Promise
+    """
+
+    what: str
+    promise: Promise

@@ -1,0 +1,146 @@
+"""Every transition point of every cell, for systems whose pieces are all straight.
+
+A component without a transition is a straight line from one end of the interval to the other;
+all others, closed loops included, have a transition point. So these points and the solutions at
+one end give every component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.enumeration import solve_slice
+from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.model.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
+from pwscont.numerics.metric import Metric
+from pwscont.search.enumeration import Found, as_starts, starts_at
+from pwscont.search.search import Search
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class AllTransitions(Search):
+    """All transition points in the interval and all solutions at its lower end: complete."""
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield the solutions at lo, then the points where each test function vanishes."""
+        if not isinstance(system, PiecewiseLinearSystem):
+            raise InvalidInputError(
+                f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
+                "none; use EndPoints, Slices or MultiStart"
+            )
+        yield from starts_at(system, metric, interval[0])
+        around = Metric(np.append(metric.scale, 1.0))
+        for block in system.blocks():
+            for test in block.tests:
+                points = _OnInterface(system, block, test, interval)
+                if points.is_bounding:
+                    yield from _within(interval, _solve(points, around))
+
+    def searched(self, system: PiecewiseSystem) -> Searched:
+        """Promise everything."""
+        return Searched("all transition points and all solutions at lo", Promise.EVERYTHING)
+
+
+def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:
+    """Yield the points (z, alpha) in the interval, without the idle parameter."""
+    lo, hi = interval
+    for x, error in found:
+        if lo <= x[-2] <= hi:
+            yield x[:-1], error[:-1]
+
+
+def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
+    return as_starts(solve_slice(points, metric, 0.0))
+
+
+@final
+class _OnInterface(SlicewiseLinearSystem):
+    """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha).
+
+    Only cells that the test bounds take part, and only points of the interval. Its own
+    parameter is idle.
+    """
+
+    def __init__(
+        self,
+        system: PiecewiseLinearSystem,
+        block: Block,
+        test: int,
+        interval: tuple[float, float],
+    ) -> None:
+        self.size = system.size + 1
+        self._system, self._test, self._interval = system, test, interval
+        modes = tuple(mode for mode in block.modes if self._is_bounded(block, mode))
+        self.is_bounding = bool(modes)
+        self._block = Block(block.tests, block.rows, modes)
+
+    def _is_bounded(self, block: Block, mode: tuple[bool, ...]) -> bool:
+        tests = len(self._system.test_functions(np.zeros(self._system.size), 0.0))
+        signs = [True] * tests
+        for i, sign in zip(block.tests, mode, strict=True):
+            signs[i] = sign
+        return self._test in self._system.bounding_tests(Character(tuple(signs)))
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return the tests of the system."""
+        return self._system.test_functions(z[:-1], float(z[-1]))
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return their gradients, with a column of zeros for the idle parameter."""
+        return _with_zero_column(self._system.test_jacobian(z[:-1], float(z[-1])))
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return (H_chi, kappa_test)."""
+        state, parameter = z[:-1], float(z[-1])
+        kappa = self._system.test_functions(state, parameter)[self._test]
+        return np.append(self._system.residual(state, parameter, character), kappa)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant Jacobian."""
+        state, parameter = z[:-1], float(z[-1])
+        rows = _dense(self._system.jacobian(state, parameter, character))
+        kappa = _dense(self._system.test_jacobian(state, parameter))[self._test]
+        return _with_zero_column(np.vstack([rows, kappa]))
+
+    def bounding_tests(self, character: Character) -> Sequence[int]:
+        """Return those of the system but for the test that is zero."""
+        return [i for i in self._system.bounding_tests(character) if i != self._test]
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the system's blocks, one of them restricted to the cells at the interface."""
+        return tuple(
+            self._block if block.tests == self._block.tests else block
+            for block in self._system.blocks()
+        )
+
+    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
+        """Return lo <= alpha <= hi."""
+        lo, hi = self._interval
+        rows = np.zeros((2, self.size))
+        rows[0, -1], rows[1, -1] = 1.0, -1.0
+        return rows, np.array([-lo, hi])
+
+
+def _with_zero_column(matrix: Matrix) -> Array:
+    dense = _dense(matrix)
+    return np.column_stack([dense, np.zeros(len(dense))])
+
+
+def _dense(matrix: Matrix) -> Array:
+    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)

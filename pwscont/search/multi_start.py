@@ -1,0 +1,74 @@
+"""Newton from many rough starts, with the solutions already found deflated away."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import EPS
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.metric import Metric
+from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.search.enumeration import Found
+from pwscont.search.search import Search
+
+#: Solutions closer than this in the metric are one: far above what Newton leaves as error.
+SAME = EPS**0.5
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MultiStart(Search):
+    """Semismooth Newton at both ends of the interval from random starts, with deflation.
+
+    A solution once found is divided out of H (Farrell, Birkisson and Funke 2015), so that the
+    same start may lead to the next one. Any number may be missed: nothing is promised. Runs
+    with one seed are identical.
+
+    Attributes
+    ----------
+    count : int
+        Number of starts at each end; the first is z = 0.
+    seed : int
+    spread : float
+        Starts are normally distributed with this many typical magnitudes as deviation.
+    """
+
+    count: int = 20
+    seed: int = 0
+    spread: float = 1.0
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield the solutions found at lo, then those at hi."""
+        rng = np.random.default_rng(self.seed)
+        guesses = self.spread * rng.normal(size=(self.count, system.size)) * metric.scale[:-1]
+        guesses[0] = 0.0
+        for alpha in interval:
+            yield from self._at(system, metric, alpha, guesses)
+
+    def _at(
+        self, system: PiecewiseSystem, metric: Metric, alpha: float, guesses: np.ndarray
+    ) -> Iterator[Found]:
+        known: list[Found] = []
+        for guess in guesses:
+            found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+            while not isinstance(found, Failure) and _is_new(metric, found, known):
+                known.append(found)
+                yield found
+                found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+
+    def searched(self, system: PiecewiseSystem) -> Searched:
+        """Promise nothing."""
+        what = f"Newton from {self.count} starts at both ends (seed {self.seed}), with deflation"
+        return Searched(what, Promise.NOTHING)
+
+
+def _is_new(metric: Metric, found: Found, known: list[Found]) -> bool:
+    return all(metric.norm(found[0] - x) > SAME for x, _ in known)

@@ -1,0 +1,64 @@
+"""Searches at given values of alpha."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
+
+from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.numerics.metric import Metric
+from pwscont.search.enumeration import Found, starts_at
+from pwscont.search.search import Search
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class EndPoints(Search):
+    """All solutions at both ends of the interval.
+
+    A component of the zero set within the interval is a closed loop or ends at an end of the
+    interval, so this finds every component but loops, wherever the enumeration is complete.
+    """
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield the solutions at lo, then those at hi."""
+        for alpha in interval:
+            yield from starts_at(system, metric, alpha)
+
+    def searched(self, system: PiecewiseSystem) -> Searched:
+        """Promise everything but loops for slices that can be enumerated."""
+        if isinstance(system, SlicewiseLinearSystem):
+            return Searched("all solutions at both ends of the interval", Promise.BUT_LOOPS)
+        return Searched("one Newton iteration per cell at both ends", Promise.NOTHING)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Slices(Search):
+    """All solutions at some values of alpha in between, which find loops that cross them.
+
+    Attributes
+    ----------
+    alphas : tuple of float
+        Values outside the interval are left out.
+    """
+
+    alphas: tuple[float, ...]
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield the solutions slice by slice."""
+        lo, hi = interval
+        for alpha in self.alphas:
+            if lo <= alpha <= hi:
+                yield from starts_at(system, metric, alpha)
+
+    def searched(self, system: PiecewiseSystem) -> Searched:
+        """Promise nothing beyond the slices."""
+        listed = ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
+        return Searched(f"solutions at alpha = {listed}", Promise.NOTHING)
