@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.foundation.guarantee import Searched
+from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.metric import Metric
 from pwscont.search.enumeration import Found
