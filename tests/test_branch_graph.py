@@ -406,9 +406,10 @@ def test_repr(fig7):
     assert "f_t in [-2, 2]" in lines[0]
     assert "components: 1, pieces: 4, special points: 5" in lines[0]
     assert [line.strip() for line in lines[1:]] == [
-        "1 solution for f_t in (-2, -1)",
+        "1 solution for f_t in [-2, -1)",
         "3 solutions for f_t in (-1, -0.5)",
-        "1 solution for f_t in (-0.5, 2)",
+        "1 solution for f_t in (-0.5, 2]",
+        "complete",
     ]
 
 

@@ -24,9 +24,10 @@ def as_text(graph: BranchGraph) -> str:
         f"special points: {len(graph.special_points())}"
     ]
     lines += [
-        f"  {count} solution{'' if count == 1 else 's'} for {name} in ({number(a)}, {number(b)})"
-        for a, b, count in graph.multiplicity()
+        f"  {stretch[2]} solution{'' if stretch[2] == 1 else 's'} for {name} in {stretch.ends}"
+        for stretch in graph.multiplicity()
     ]
+    lines.append(f"  {graph.guarantee}")
     return "\n".join(lines)
 
 

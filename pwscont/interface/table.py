@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from math import isinf
 
 import numpy as np
 
@@ -60,22 +61,34 @@ def _point(graph: BranchGraph, node: int, orientation: int) -> str:
 
 def _counts(graph: BranchGraph) -> Iterator[str]:
     yield f"Number of solutions by {graph.parameter}"
-    for lo, hi, count in graph.multiplicity():
-        yield f"  ({number(lo)}, {number(hi)}): {count}"
-    vertical = sorted({p.interval[0] for p in graph.pieces if p.is_vertical})
-    for alpha in vertical:
-        yield f"  {number(alpha)}: infinitely many (a vertical piece)"
-    yield _balance(graph)
+    previous = None
+    for stretch in graph.multiplicity():
+        if previous is not None and not (previous.hi_closed or stretch.lo_closed):
+            yield f"  {number(stretch[0])}: {_between(graph, stretch[0])}"
+        yield f"  {stretch.ends}: {stretch[2]}"
+        previous = stretch
+    yield from _vertical_pieces(graph)
+    yield f"Searched: {graph.searched.what}"
+    yield f"Guarantee: {graph.guarantee} ({_balance(graph)})"
+
+
+def _between(graph: BranchGraph, alpha: float) -> str:
+    """Return the number of solutions at one alpha between two stretches."""
+    count = graph.count(alpha)
+    return "infinitely many" if isinf(count) else f"{count}, counting a double one once"
+
+
+def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
+    for alpha in sorted({p.interval[0] for p in graph.pieces if p.is_vertical}):
+        yield f"  {number(alpha)}: infinitely many, a vertical piece"
 
 
 def _balance(graph: BranchGraph) -> str:
+    """Return the sum of signs, which is necessary for completeness but not sufficient."""
     values = sorted(set(graph.balances()))
     if len(values) == 1:
-        return (
-            f"Balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout "
-            "(necessary for completeness, not sufficient: a missed pair cancels)"
-        )
-    return f"Balance: the sums of signs of det(dH/dz) vary ({values}): a branch is missing"
+        return f"the signs of det(dH/dz) sum to {values[0]:+d} throughout"
+    return f"the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
 
 
 def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:

@@ -150,6 +150,8 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
     sides = [here.with_sign(test, sign) for sign in (True, False)]
     if not any(test in system.bounding_tests(side) for side in sides):
         return
+    if any(system.end(side, frozenset({test})) for side in sides):
+        return  # nothing is promised beyond
     one, other = (system.residual(z, alpha, side) for side in sides)
     if not (jump := _relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
         yield Defect(

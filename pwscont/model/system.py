@@ -84,6 +84,14 @@ class PiecewiseSystem(ABC):
         """Return what a user reads at the transition from one cell to another."""
         return f"{self.label(before)} → {self.label(after)}"
 
+    def end(self, character: Character, tests: frozenset[int]) -> str | None:
+        """Return why a curve in this cell ends where all of ``tests`` vanish.
+
+        Default None: it goes on in another cell. A system that means nothing beyond some of its
+        tests, such as the locus of a transition, says so here.
+        """
+        return None
+
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of z over the interval, shape (n,); default ones.
 

@@ -59,6 +59,8 @@ class BoundingTests(TransitionDetector):
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error) | {test}
         back = Ray(curve, state).reversed()
+        if end := system.end(curve.selection.character, zero):
+            return Arrival(Kind.END, x, end, (back,))
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
             return corner(curve, x, state.error, zero, back)
