@@ -36,7 +36,7 @@ def assemble(
         _special_point(
             number,
             network.nodes[node],
-            _messages(system, node, touching[node]) or (network.nodes[node].message,) * 2,
+            _messages(system, network.nodes[node], touching[node], node),
         )
         for node, number in numbers.items()
     ]
@@ -128,11 +128,16 @@ def _inner_start(edge: Edge, piece: int) -> SpecialPoint | None:
     return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece)
 
 
-def _messages(system: PiecewiseSystem, node: int, edges: list[_Directed]) -> tuple[str, str] | None:
-    """Return the messages at a transition for both orientations, None elsewhere."""
-    before = [edge.character for edge in edges if edge.end == node]
-    after = [edge.character for edge in edges if edge.start == node]
+def _messages(
+    system: PiecewiseSystem, node: Node, edges: list[_Directed], number: int
+) -> tuple[str, str]:
+    """Return the messages at a node for both orientations: what changes, and what else is known."""
+    before = [edge.character for edge in edges if edge.end == number]
+    after = [edge.character for edge in edges if edge.start == number]
     if len(before) != 1 or len(after) != 1 or before == after:
-        return None
+        return node.message, node.message
     forward, backward = before + after, after + before
-    return system.describe_transition(*forward), system.describe_transition(*backward)
+    changes = system.describe_transition(*forward), system.describe_transition(*backward)
+    if node.kind in (Kind.TRANSITION, Kind.NONSMOOTH_FOLD):
+        return changes
+    return f"{changes[0]}; {node.message}", f"{changes[1]}; {node.message}"

@@ -14,6 +14,7 @@ class Kind(StrEnum):
     NONSMOOTH_FOLD = "nonsmooth fold"
     FOLD = "fold"
     CORNER = "corner"
+    PARTIAL_CORNER = "corner searched in part"
     NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"
     DEGENERATE = "degenerate"
     STOPPED = "stopped"

@@ -319,7 +319,7 @@ class BranchGraph:
         if gaps := self._unbalanced():
             where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
             return f"not balanced: at least one branch missing in {where}"
-        if any(point.kind == Kind.STOPPED for point in self._points):
+        if any(point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) for point in self._points):
             return "balanced"
         return WORDS[self.searched.promise]
 

@@ -110,6 +110,11 @@ def turns(back: Ray, forth: Ray) -> bool:
 
 def _message(found: Fan, zero: frozenset[int]) -> str:
     tests = f"test functions {', '.join(map(str, sorted(zero)))} vanish"
+    if not found.exact:
+        return (
+            f"{len(zero)} test functions vanish: too many cells to try all; a bounded search "
+            f"found {len(found.rays)} pieces, and there may be more"
+        )
     if found.dimension > 1:
         return (
             f"{tests}; solutions fill a cone of dimension {found.dimension}, of which the "

@@ -10,22 +10,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.enumeration import Slice, solve_slice
+from pwscont.enumeration import Point, Slice, solve_slice
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.outcome import Failure
 from pwscont.model.selection import Selection
 from pwscont.model.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.transitions.rays import Ray
 
+#: All cells at a corner are tried up to this number: twelve tests.
+MANY_CELLS = 2**12
+#: Newton starts that may fail at a corner with more cells before the search ends.
+MOST_FAILURES = 2
 #: Two directions are one when the cosine of their angle differs from one by less than this.
 SAME_DIRECTION = 1e-12
 
@@ -43,15 +50,20 @@ class Fan:
         Largest dimension of a cone of solutions: 1 unless the corner is degenerate.
     riding : bool
         Whether a ray runs along an interface instead of into a cell.
+    exact : bool
+        Whether all cells that meet here were tried; otherwise there may be more rays.
     """
 
     rays: tuple[Ray, ...]
     dimension: int
     riding: bool
+    exact: bool
 
     @property
     def kind(self) -> Kind:
         """What the corner is."""
+        if not self.exact:
+            return Kind.PARTIAL_CORNER
         if self.dimension > 1 or self.riding:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
@@ -67,21 +79,42 @@ def fan(
     """Return all rays at a solution ``x`` where the tests ``zero`` vanish."""
     cone = _Cone(system, metric, x, zero)
     around = Metric(np.append(metric.scale, 1.0))
-    slices = [solve_slice(cone, around, side) for side in (1.0, -1.0)]
+    exact = prod(len(block.modes) for block in cone.blocks()) <= MANY_CELLS
+    solve = solve_slice if exact else _sample_slice
+    slices = [solve(cone, around, side) for side in (1.0, -1.0)]
     rays: list[Ray] = []
-    for direction, character in _directions(slices):
-        ray = _ray(system, metric, x, error, (direction, character))
+    for found in _directions(slices):
+        ray = _ray(system, metric, x, error, found)
         if not any(parallel(ray, other) for other in rays):
             rays.append(ray)
     dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
     riding = any(len(point.characters) > 1 for s in slices for point in s.points)
-    return Fan(tuple(rays), dimension, riding)
+    return Fan(tuple(rays), dimension, riding, exact)
 
 
 def _directions(slices: list[Slice]) -> list[tuple[Array, Character]]:
     points = [(p.x[:-1], p.characters[0]) for s in slices for p in s.points]
     corners = [(c[:-1], face.character) for s in slices for face in s.faces for c in face.corners]
     return points + corners
+
+
+def _sample_slice(cone: SlicewiseLinearSystem, metric: Metric, side: float) -> Slice:
+    """Return solutions of a slice with too many cells, by Newton from a few starts.
+
+    Each is deflated away once it is found; nothing says that there are no others.
+    """
+    rng = np.random.default_rng(MOST_FAILURES)  # fixed: two runs are identical
+    found: list[Point] = []
+    failures = 0
+    while failures < MOST_FAILURES:
+        guess = rng.normal(size=cone.size) * metric.scale[:-1]
+        root = semismooth_newton(cone, metric, guess, side, [point.x for point in found])
+        if isinstance(root, Failure):
+            failures += 1
+            continue
+        x, error = root
+        found.append(Point(x, error, (cone.character(x[:-1], side),), (0,)))
+    return Slice(tuple(found), ())
 
 
 def _ray(
