@@ -215,7 +215,7 @@ class BranchGraph:
         number, such as folds, are found by :meth:`where` and :meth:`count`.
         """
         table: list[tuple[float, float, int]] = []
-        for lo, hi in pairwise(self._breaks()):
+        for lo, hi in pairwise(self.breaks()):
             count = len(self._through(0.5 * (lo + hi)))
             if table and table[-1][2] == count:
                 table[-1] = (table[-1][0], hi, count)
@@ -232,14 +232,14 @@ class BranchGraph:
         covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
         single = [
             Stretch(alpha, alpha, count, True, True)
-            for alpha in self._breaks()
+            for alpha in self.breaks()
             if self.count(alpha) == count
             and alpha not in covered
             and not any(lo < alpha < hi for lo, hi, _ in stretches)
         ]
         return sorted([*stretches, *single])
 
-    def _breaks(self) -> list[float]:
+    def breaks(self) -> list[float]:
         """Return both ends of the interval and the alphas of all nodes, without repetition."""
         lo, hi = self.interval
         breaks = [lo]
@@ -282,7 +282,7 @@ class BranchGraph:
 
     def balances(self) -> list[int]:
         """Return the balance within each interval between successive special points."""
-        return [self.balance(0.5 * (a + b)) for a, b in pairwise(self._breaks())]
+        return [self.balance(0.5 * (a + b)) for a, b in pairwise(self.breaks())]
 
     def is_balanced(self) -> bool:
         """Tell whether the balance is the same at every regular alpha of the interval.
@@ -296,7 +296,7 @@ class BranchGraph:
 
         Without a known degree, those that differ from the most frequent value.
         """
-        values, gaps = self.balances(), list(pairwise(self._breaks()))
+        values, gaps = self.balances(), list(pairwise(self.breaks()))
         degree = self.system.degree if self.system else None
         if degree is None:
             degree = max(values, key=values.count)
