@@ -117,7 +117,9 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 
 
 def _special_point(number: int, node: Node, messages: tuple[str, str]) -> SpecialPoint:
-    return SpecialPoint(number, node.kind, node.x[:-1], float(node.x[-1]), *messages)
+    error = node.rays[0].state.error if node.rays else np.zeros_like(node.x)
+    x = node.x
+    return SpecialPoint(number, node.kind, x[:-1], float(x[-1]), *messages, error=error)
 
 
 def _inner_start(edge: Edge, piece: int) -> SpecialPoint | None:
@@ -125,7 +127,8 @@ def _inner_start(edge: Edge, piece: int) -> SpecialPoint | None:
     if (x := edge.begun_at) is None:
         return None
     message = f"start in {edge.ray.curve.selection.label}"
-    return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece)
+    z, alpha, error = x[:-1], float(x[-1]), edge.ray.state.error
+    return SpecialPoint(-1, Kind.START, z, alpha, message, message, piece, error)
 
 
 def _messages(

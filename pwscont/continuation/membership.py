@@ -33,7 +33,8 @@ def lies_on(curve: Curve, points: Array, x: Array, interval: tuple[float, float]
     else:
         try:
             selection = curve.selection
-            nearest = solve_between(selection.system, selection.character, points, alpha, interval)
+            around = (selection.system, selection.character, points, alpha, interval)
+            nearest = solve_between(*around)[0]
         except PwscontError:  # alpha stands on an end of the piece, which is a node
             nearest = points[np.argmin(np.abs(points[:, -1] - alpha))]
     return bool(metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)))

@@ -30,6 +30,7 @@ from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.newton import newton
+from pwscont.numerics.uncertainty import uncertainty
 
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
@@ -116,11 +117,11 @@ def _refined(curve: Curve, start: Array) -> Point | None:
     root = newton(curve, lambda x: (float(x[-1]) - alpha, row), start, REFINEMENTS)
     if isinstance(root, Failure):
         return None
-    root.x[-1] = alpha
-    uncertain = abs(selection.test_gradients(root.x)) @ (root.error + EPS * np.abs(root.x))
+    root.x[-1], error = alpha, uncertainty(root)
+    uncertain = abs(selection.test_gradients(root.x)) @ (error + EPS * np.abs(root.x))
     if (selection.tests(root.x) < -GUARD * uncertain).any():
         return None
-    return Point(root.x, root.error, (selection.character,), (root.factor.sign,))
+    return Point(root.x, error, (selection.character,), (root.factor.sign,))
 
 
 def _add(points: list[Point], new: Point, metric: Metric) -> None:

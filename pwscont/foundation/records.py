@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -10,6 +10,24 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
+
+#: With fewer significant digits a result says so wherever it is shown.
+FEW_DIGITS = 6.0
+
+
+def _no_error() -> Array:
+    return np.zeros(0)
+
+
+def significant(error: Array, values: Array) -> float:
+    """Return how many decimal digits of the largest values are significant.
+
+    Sizes are compared within the vector as a whole; 16 where the error is rounding.
+    """
+    size, off = np.abs(values).max(initial=0.0), error.max(initial=0.0)
+    if not off or not size:
+        return 16.0
+    return float(min(16.0, max(0.0, -np.log10(off / size))))
 
 
 @final
@@ -32,6 +50,8 @@ class SpecialPoint:
         The message when passed in negative orientation.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
+    error : ndarray, shape (n + 1,)
+        Estimate of the error of (z, alpha) from rounding and conditioning.
     """
 
     id: int
@@ -41,6 +61,12 @@ class SpecialPoint:
     message: str
     backward: str
     piece: int | None = None
+    error: Array = field(default_factory=_no_error)
+
+    @property
+    def digits(self) -> float:
+        """Number of significant decimal digits of (z, alpha), by the estimated error."""
+        return significant(self.error, np.append(self.z, self.alpha))
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
@@ -117,6 +143,8 @@ class Solution:
         graph.
     kind : Kind or None
         The kind of special point that it is, such as a fold; None inside a piece.
+    error : ndarray, shape (n + 1,)
+        Estimate of the error of (z, alpha) from rounding and conditioning.
     """
 
     z: Array
@@ -126,6 +154,12 @@ class Solution:
     det_sign: int
     piece: int
     kind: Kind | None = None
+    error: Array = field(default_factory=_no_error)
+
+    @property
+    def digits(self) -> float:
+        """Number of significant decimal digits of z, by the estimated error."""
+        return significant(self.error[: len(self.z)], self.z)
 
     def __repr__(self) -> str:
         z = np.array2string(self.z, precision=6, suppress_small=True)

@@ -193,7 +193,14 @@ class BranchGraph:
         point, piece = self.point(node), self._pieces_at(node)[0]
         index = self._index(node)
         return Solution(
-            point.z, point.alpha, piece.character, piece.label, index, piece.id, point.kind
+            z=point.z,
+            alpha=point.alpha,
+            character=piece.character,
+            label=piece.label,
+            det_sign=index,
+            piece=piece.id,
+            kind=point.kind,
+            error=point.error,
         )
 
     def _index(self, node: int) -> int:

@@ -51,7 +51,7 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
         "components": len(graph.components()),
         "nodes": [
             {"id": p.id, "kind": str(p.kind), "alpha": p.alpha, "z": p.z.tolist()}
-            | {"message": p.message}
+            | {"message": p.message, "error": p.error.tolist(), "digits": p.digits}
             for p in graph.special_points()
             if p.id >= 0
         ],

@@ -37,10 +37,12 @@ def refine(
         If the piece is curved and there is no system to correct with.
     """
     if system is None:
-        x = _on_chord(piece, alpha)
+        x, error = _on_chord(piece, alpha), np.zeros(0)
     else:
-        x = solve_between(system, piece.character, piece.points, alpha, interval)
-    return Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
+        x, error = solve_between(system, piece.character, piece.points, alpha, interval)
+    return Solution(
+        x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id, error=error
+    )
 
 
 def solve_between(
@@ -49,8 +51,13 @@ def solve_between(
     points: Array,
     alpha: float,
     interval: tuple[float, float],
-) -> Array:
+) -> tuple[Array, Array]:
     """Solve {H_chi = 0, alpha fixed} between two points of a piece, shape (k, n + 1).
+
+    Returns
+    -------
+    x, error : ndarray, shape (n + 1,)
+        The solution and an estimate of its error.
 
     Raises
     ------
@@ -67,7 +74,7 @@ def solve_between(
         label = system.label(character)
         raise PwscontError(f"no solution found in {label} at alpha = {alpha}: {found}")
     found.x[-1] = alpha
-    return found.x
+    return found.x, found.error
 
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:

@@ -68,6 +68,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "message": point.message,
         "backward": point.backward,
         "piece": point.piece,
+        "error": point.error.tolist(),
     }
 
 
@@ -140,6 +141,7 @@ def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
         message=header["message"],
         backward=header["backward"],
         piece=header["piece"],
+        error=np.array(header["error"], dtype=float),
     )
 
 

@@ -40,7 +40,8 @@ class State:
     tangent : ndarray, shape (n + 1,)
         Direction in which the curve is followed, of length one in the metric.
     error : ndarray, shape (n + 1,)
-        Size of the last Newton correction: what is known about the error of ``x``.
+        What is known about the error of ``x``: at a located point an estimate, on the way the
+        size of the last correction.
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     """

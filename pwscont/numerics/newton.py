@@ -43,13 +43,17 @@ class Root:
     x : ndarray, shape (n + 1,)
     error : ndarray, shape (n + 1,)
         Size of the last correction.
+    jacobian, row
+        Jacobian and gradient of the border, from before the last correction.
     factor : Factor
-        Factorisation of the bordered Jacobian, from before the last correction.
+        Factorisation of both together.
     iterations : int
     """
 
     x: Array
     error: Array
+    jacobian: Matrix
+    row: Matrix
     factor: Factor
     iterations: int
 
@@ -59,7 +63,8 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
     selection, metric, before = curve.selection, curve.metric, 0.0
     for iteration in range(1, most_iterations + 1):
         value, row = border(x)
-        factor = bordered(selection.jacobian(x), row, metric.binary)
+        jacobian = selection.jacobian(x)
+        factor = bordered(jacobian, row, metric.binary)
         if factor.failed:
             return Failure(Trouble.SINGULAR)
         dx = factor.solve(joined(selection.residual(x), value))
@@ -72,7 +77,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             x = x - dx
             size = metric.relative(dx, x)
         if size <= CONVERGED:
-            return Root(x, np.abs(dx), factor, iteration)
+            return Root(x, np.abs(dx), jacobian, row, factor, iteration)
         before = size
     return Failure(Trouble.NOT_CONVERGED)
 

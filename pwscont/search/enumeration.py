@@ -54,7 +54,8 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Sol
 def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> Solution:
     z, alpha, character = point.x[:-1], float(point.x[-1]), point.characters[0]
     index, kind = _index(system, metric, point)
-    return Solution(z, alpha, character, system.label(character), index, -1, kind)
+    label = system.label(character)
+    return Solution(z, alpha, character, label, index, -1, kind, point.error)
 
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:

@@ -12,6 +12,8 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.newton import Root
+from pwscont.numerics.uncertainty import uncertainty
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray, beyond, inward_ray, vanishing
@@ -40,10 +42,10 @@ def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
     tangent = _null_vector(curve, x)
     if tangent is None:
         return Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
-    border = bordered(
-        curve.selection.jacobian(x), curve.metric.covector(tangent), curve.metric.binary
-    )
-    forth = Ray(curve, State(x, tangent, error, border.sign))
+    jacobian, row = curve.selection.jacobian(x), curve.metric.covector(tangent)
+    factor = bordered(jacobian, row, curve.metric.binary)
+    error = uncertainty(Root(x, error, jacobian, row, factor, 0))
+    forth = Ray(curve, State(x, tangent, error, factor.sign))
     return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
 
 

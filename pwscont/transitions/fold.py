@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
@@ -31,12 +32,24 @@ class SmoothFolds(TransitionDetector):
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign = 1.0 if index == 0 else -1.0
         found = locate_sign_change(segment, lambda state: sign * float(state.tangent[-1]), bracket)
-        if isinstance(found, State):
-            found.tangent[-1] = 0.0  # what a fold is; a rest of rounding would be found again
-        return found
+        return found if isinstance(found, Failure) else _settled(segment, found)
 
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
         """Go on along the same curve."""
         forth = Ray(curve, state)
         message = f"fold on {curve.selection.label}"
         return Arrival(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+
+
+def _settled(segment: CurvedSegment, state: State) -> State:
+    """Return a located fold with an exactly vertical tangent and an estimate of its error.
+
+    The tangent is known to rounding, so the place along the curve to rounding over the rate at
+    which the tangent turns. Alpha is stationary there: its error is of second order.
+    """
+    tangent = state.tangent.copy()
+    tangent[-1] = 0.0  # what a fold is; a rest of rounding would be found again
+    turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
+    along = GUARD * EPS * segment.length / turn if turn else segment.length
+    size = EPS * np.abs(state.x) + state.error
+    return State(state.x, tangent, size + along * np.abs(tangent), state.orientation)

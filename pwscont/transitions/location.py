@@ -22,6 +22,7 @@ from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.numerics.curve import State
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.newton import Border, newton
+from pwscont.numerics.uncertainty import uncertainty
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
 MOST_NEWTON = 8
@@ -74,7 +75,7 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
         return Failure(Trouble.SINGULAR)
     tangent = -root.factor.solve(last_unit(len(root.x)))
     along = segment.curve.metric.normalised(tangent)
-    return State(root.x, along, root.error, -root.factor.sign)
+    return State(root.x, along, uncertainty(root), -root.factor.sign)
 
 
 class _OffCurveError(Exception):
@@ -100,7 +101,7 @@ def locate_sign_change(
         return function(state)
 
     try:
-        s = brentq(along, *bracket, xtol=4.0 * EPS * segment.length, rtol=4.0 * EPS)
+        s = brentq(along, *bracket, xtol=CONVERGED * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure
     return segment.at(s)
