@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
@@ -32,6 +33,8 @@ class ContactBody:
     ----------
     n, p : int
         Number of displacements and of contact nodes.
+    numbers : tuple of int
+        What the contact nodes are called: 1, ..., p.
     stiffness : ndarray, shape (p,)
         Stiffness of each contact node against normal displacement (force per length).
 
@@ -53,6 +56,7 @@ class ContactBody:
             if matrix.shape != (p, n):
                 raise InvalidInputError(f"{name} has shape {matrix.shape}, expected ({p}, {n})")
         self.n, self.p = n, p
+        self.numbers = tuple(range(1, p + 1))
         self.gap = finite_array("gap", np.zeros(p) if gap is None else gap, (p,))
         self._check()
         self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
@@ -61,6 +65,38 @@ class ContactBody:
     def is_sparse(self) -> bool:
         """Whether A is a sparse matrix; the Jacobians then are, too."""
         return bool(sp.issparse(self.A))
+
+    def with_nodes(self, kept: Indices) -> ContactBody:
+        """Return the same body with only some of its contact nodes."""
+        body = copy(self)
+        body.N, body.T, body.gap = self.N[kept], self.T[kept], self.gap[kept]
+        body.p, body.stiffness = len(kept), self.stiffness[kept]
+        body.numbers = tuple(self.numbers[i] for i in kept)
+        return body
+
+    def reach(self, energies: Array) -> Array:
+        """Return how far each contact node can move towards the obstacle, shape (p,).
+
+        Contact forces do no positive work: with lam_nu (N u) = lam_nu gap <= 0 and
+        lam_t (T u) <= 0, equilibrium gives u.A u <= f.u. Hence |u|_A <= |f|_(A^-1), and by
+        Cauchy and Schwarz (N u)_i^2 <= (N A^-1 N^T)_ii (f.A^-1 f).
+
+        Parameters
+        ----------
+        energies : ndarray
+            f.A^-1 f of all loads that may occur, or of those whose convex hull they fill.
+        """
+        flexibility = _diagonal(self.N @ self.solve(_dense(self.N).T))
+        reach: Array = np.sqrt(flexibility * energies.max())
+        return reach
+
+    def solve(self, forces: Array) -> Array:
+        """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""
+        if self.is_sparse:
+            from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
+
+            return np.asarray(splu(self.A.tocsc()).solve(forces))
+        return np.asarray(np.linalg.solve(self.A, forces))
 
     def _check(self) -> None:
         asymmetry = abs(self.A - self.A.T).max()
@@ -95,6 +131,10 @@ def _matrix(name: str, values: Any) -> Matrix:
 def _diagonal(matrix: Matrix) -> Array:
     diagonal: Array = np.asarray(matrix.diagonal())
     return diagonal
+
+
+def _dense(matrix: Matrix) -> Array:
+    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
 
 
 def _stack(matrices: list[Matrix]) -> Matrix:

@@ -27,6 +27,7 @@ import scipy.sparse as sp
 from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.model.reduction import Reduction
 from pwscont.search import Search
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
@@ -35,6 +36,10 @@ from pwscont_coulomb.modes import BOUNDS, SIGNS
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
+
+
+#: Rounding in the bound by which nodes are left out is far below this part of it.
+REACH_MARGIN = 1e-6
 
 
 class Coulomb(SlicewiseLinearSystem):
@@ -63,19 +68,25 @@ class Coulomb(SlicewiseLinearSystem):
 
     def _free_matrix(self) -> Matrix:
         """Return dH/dz without any contact: equilibrium, lam_nu = 0, lam_t = 0."""
-        body, one = self.body, sp.identity(self.body.p)
-        N, T = sp.csr_matrix(body.N), sp.csr_matrix(body.T)
-        blocks = [[sp.csr_matrix(body.A), -N.T, -T.T], [None, one, None], [None, None, one]]
-        matrix = sp.bmat(blocks, format="csr")
-        return matrix if body.is_sparse else matrix.toarray()
+        n, body = self.body.n, self.body
+        if not body.is_sparse:
+            matrix = np.eye(self.size)
+            matrix[:n] = np.hstack([body.A, -body.N.T, -body.T.T])
+            return matrix
+        one, N, T = sp.identity(body.p), sp.csr_matrix(body.N), sp.csr_matrix(body.T)
+        blocks = [[body.A, -N.T, -T.T], [None, one, None], [None, None, one]]
+        return sp.bmat(blocks, format="csr")
 
     def _test_rows(self) -> tuple[Matrix, Matrix]:
         """Return the gradients by z of kappa1 and x, each of shape (p, n + 2 p)."""
-        body, r = self.body, sp.diags(self.r)
+        body, r = self.body, self.r
+        if not body.is_sparse:
+            one, none = np.eye(body.p), np.zeros((body.p, body.p))
+            N, T = -r[:, np.newaxis] * body.N, -r[:, np.newaxis] * body.T
+            return np.hstack([N, one, none]), np.hstack([T, none, one])
         one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
-        kappa1 = sp.hstack([-r @ sp.csr_matrix(body.N), one, none]).tocsr()
-        x = sp.hstack([-r @ sp.csr_matrix(body.T), none, one]).tocsr()
-        return (kappa1, x) if body.is_sparse else (kappa1.toarray(), x.toarray())
+        N, T = -sp.diags(r) @ sp.csr_matrix(body.N), -sp.diags(r) @ sp.csr_matrix(body.T)
+        return sp.hstack([N, one, none]).tocsr(), sp.hstack([T, none, one]).tocsr()
 
     # -- what a subclass adds ------------------------------------------------------------
 
@@ -174,6 +185,43 @@ class Coulomb(SlicewiseLinearSystem):
                 u[column] = f"u_{symbol}{_suffix(node, p)}"
         lam = [f"λ_{symbol}{_suffix(node, p)}" for symbol in "νt" for node in range(p)]
         return (*u, *lam)
+
+    def test_name(self, test: int) -> str:
+        """Return a name such as ``kappa2 of node 3``."""
+        return f"kappa{test % 3 + 1} of node {self.body.numbers[test // 3]}"
+
+    def reduction(self, lo: float, hi: float) -> Reduction | None:
+        """Leave out contact nodes that cannot reach the obstacle, by an energy bound."""
+        energies = self._energies(lo, hi)
+        if not self._has_gap or energies is None:
+            return None
+        reach = self.body.reach(energies)
+        idle = self.body.gap > reach * (1.0 + REACH_MARGIN)
+        idle[np.argmin(self.body.gap - reach)] = False  # at least one node remains
+        return self._without(np.flatnonzero(idle), reach) if idle.any() else None
+
+    def _energies(self, lo: float, hi: float) -> Array | None:
+        """Return f.A^-1 f of the loads whose convex hull holds all loads, None if unknown."""
+        return None
+
+    def _with_nodes(self, kept: Indices) -> Coulomb:
+        """Return the same problem with only some of its contact nodes."""
+        raise NotImplementedError
+
+    def _without(self, idle: Indices, reach: Array) -> Reduction:
+        n, p, gap, numbers = self.body.n, self.body.p, self.body.gap, self.body.numbers
+        kept = np.setdiff1d(np.arange(p), idle)
+        return Reduction(
+            system=self._with_nodes(kept),
+            kept=np.concatenate([np.arange(n), n + kept, n + p + kept]),
+            tests=(3 * kept[:, np.newaxis] + np.arange(3)).ravel(),
+            idle=Character(SIGNS[contact.Mode.NO_CONTACT] * p),
+            reasons=tuple(
+                f"node {numbers[i]} cannot touch: it moves by at most {reach[i]:.3g} of its gap "
+                f"{gap[i]:.3g} (energy bound)"
+                for i in idle
+            ),
+        )
 
     def searches(self) -> tuple[Search, ...]:
         """Return the homotopy from the frictionless problem, which works for any p."""

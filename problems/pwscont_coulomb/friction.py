@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character
-from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import SLIPS, Coulomb, not_negative
@@ -44,6 +44,14 @@ class CoulombFriction(Coulomb):
     def friction_at(self, alpha: float) -> Array:
         """Return F = alpha times the profile, shape (p,)."""
         return alpha * self.profile
+
+    def _energies(self, lo: float, hi: float) -> Array:
+        """Return the energy of the fixed load."""
+        return np.array([self.force @ self.body.solve(self.force)])
+
+    def _with_nodes(self, kept: Indices) -> Coulomb:
+        body = self.body.with_nodes(kept)
+        return CoulombFriction(body, self.force, self.r[kept], self.profile[kept])
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""

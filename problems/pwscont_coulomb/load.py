@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character, PiecewiseLinearSystem
-from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.rounding import EPS
 from pwscont_coulomb import modes as contact
@@ -89,6 +89,17 @@ class CoulombLoad(Coulomb):
     def friction_at(self, alpha: float) -> Array:
         """Return F, shape (p,)."""
         return self.friction
+
+    def _energies(self, lo: float, hi: float) -> Array | None:
+        """Return the energies at both ends for an affine load; other paths are not bounded."""
+        if not isinstance(self.load, AffineLoad):
+            return None
+        loads = np.column_stack([self.load_at(lo), self.load_at(hi)])
+        return np.asarray((loads * self.body.solve(loads)).sum(axis=0))
+
+    def _with_nodes(self, kept: Indices) -> Coulomb:
+        body = self.body.with_nodes(kept)
+        return CoulombLoad(body, self.load, self.friction[kept], self.r[kept])
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 
 from pwscont.continuation.network import Edge, Network, Node
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseSystem
 
 
@@ -22,13 +26,16 @@ def assemble(
     interval: tuple[float, float],
     parameter: str,
     searched: Searched,
+    reduction: Reduction | None,
 ) -> BranchGraph:
     """Return the branch graph of a finished network.
 
-    Pieces are directed and numbered along the positive orientation of their component.
+    Pieces are directed and numbered along the positive orientation of their component. What
+    was left out of the system is put back.
     """
     width = interval[1] - interval[0]
-    edges = [_Directed(edge, width) for edge in network.edges]
+    lift = Lift(system, reduction)
+    edges = [_Directed(edge, width, lift) for edge in network.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, network))}
     touching = _by_node(order)
@@ -37,11 +44,12 @@ def assemble(
             number,
             network.nodes[node],
             _messages(system, network.nodes[node], touching[node], node),
+            lift,
         )
         for node, number in numbers.items()
     ]
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
-    starts = [_inner_start(edge.edge, i) for i, edge in enumerate(order)]
+    starts = [_inner_start(edge, i, lift) for i, edge in enumerate(order)]
     return BranchGraph(
         points,
         pieces,
@@ -53,15 +61,33 @@ def assemble(
     )
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """The way from the system that was followed to the full one."""
+
+    system: PiecewiseSystem
+    reduction: Reduction | None
+
+    def points(self, points: Array) -> Array:
+        """Return points, or one, with all unknowns."""
+        return self.reduction.points(points, self.system.size) if self.reduction else points
+
+    def character(self, character: Character) -> Character:
+        """Return the character with all signs."""
+        return self.reduction.character(character) if self.reduction else character
+
+
 class _Directed:
     """An edge turned so that it follows the positive orientation."""
 
-    def __init__(self, edge: Edge, width: float) -> None:
+    def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
         self.edge = edge
         forward = edge.ray.state.orientation > 0
         self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
-        self.points: Array = edge.points if forward else edge.points[::-1]
-        self.character = edge.ray.curve.selection.character
+        self.points: Array = lift.points(edge.points if forward else edge.points[::-1])
+        self.character = lift.character(edge.ray.curve.selection.character)
+        self.label = lift.system.label(self.character)
         self.det_sign = self._direction(width)
 
     def _direction(self, width: float) -> int:
@@ -78,7 +104,7 @@ class _Directed:
             start=numbers[self.start],
             end=numbers[self.end],
             character=self.character,
-            label=self.edge.ray.curve.selection.label,
+            label=self.label,
             points=self.points,
             det_sign=self.det_sign,
         )
@@ -116,19 +142,20 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
             yield node
 
 
-def _special_point(number: int, node: Node, messages: tuple[str, str]) -> SpecialPoint:
-    error = node.rays[0].state.error if node.rays else np.zeros_like(node.x)
-    x = node.x
+def _special_point(number: int, node: Node, messages: tuple[str, str], lift: Lift) -> SpecialPoint:
+    error = lift.points(node.rays[0].state.error if node.rays else np.zeros_like(node.x))
+    x = lift.points(node.x)
     return SpecialPoint(number, node.kind, x[:-1], float(x[-1]), *messages, error=error)
 
 
-def _inner_start(edge: Edge, piece: int) -> SpecialPoint | None:
+def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:
     """Return the point in the middle of a piece where tracing began, if it did."""
-    if (x := edge.begun_at) is None:
+    edge = directed.edge
+    if edge.begun_at is None:
         return None
-    message = f"start in {edge.ray.curve.selection.label}"
-    z, alpha, error = x[:-1], float(x[-1]), edge.ray.state.error
-    return SpecialPoint(-1, Kind.START, z, alpha, message, message, piece, error)
+    x, error = lift.points(edge.begun_at), lift.points(edge.ray.state.error)
+    message = f"start in {directed.label}"
+    return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece, error)
 
 
 def _messages(

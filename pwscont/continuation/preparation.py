@@ -12,11 +12,18 @@ from pwscont.continuation.walk import Walker
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Searched
 from pwscont.graph import BranchGraph
+from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.numerics.metric import Metric
 from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
-from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds, TransitionDetector
+from pwscont.transitions import (
+    BoundingTests,
+    IntervalEnds,
+    SmoothBranchPoints,
+    SmoothFolds,
+    TransitionDetector,
+)
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
 
@@ -61,13 +68,19 @@ def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper
 def default_detectors(
     stepper: Stepper, interval: tuple[float, float]
 ) -> tuple[TransitionDetector, ...]:
-    """Return what must be watched: straight pieces have no smooth folds."""
+    """Return what must be watched: straight pieces neither fold nor branch within a cell.
+
+    Branch points come before folds, for alpha may turn at one.
+    """
     always = (IntervalEnds(*interval), BoundingTests())
-    return always if isinstance(stepper, ExactLinear) else (*always, SmoothFolds())
+    if isinstance(stepper, ExactLinear):
+        return always
+    return (*always, SmoothBranchPoints(), SmoothFolds())
 
 
 def follow(
     system: PiecewiseSystem,
+    reduction: Reduction | None,
     metric: Metric,
     interval: tuple[float, float],
     starts: Iterable[Found],
@@ -76,9 +89,13 @@ def follow(
     report: Report,
     searched: Searched,
 ) -> BranchGraph:
-    """Return the graph of everything that is reached from the starts."""
+    """Return the graph of everything that is reached from the starts.
+
+    Starts and metric are those of the reduced system, where there is one.
+    """
+    followed = reduction.system if reduction else system
     walker = Walker(stepper, Watch(default_detectors(stepper, interval)), interval)
     network = Network(walker, report)
     for x, error in starts:
-        network.add(departures(system, metric, x, error))
-    return assemble(network, system, interval, parameter, searched)
+        network.add(departures(followed, metric, x, error))
+    return assemble(network, system, interval, parameter, searched, reduction)

@@ -65,14 +65,18 @@ def trace(
     chosen = checked_stepper(system, stepper)
     z, alpha = _checked_start(system, start, (lo, hi))
     check_contract(system, z, alpha)
-    metric = Metric.of(system, (lo, hi))
-    found = semismooth_newton(system, metric, z, alpha)
+    reduction = system.reduction(lo, hi)
+    smaller, rough = (reduction.system, reduction.state(z)) if reduction else (system, z)
+    metric = Metric.of(smaller, (lo, hi))
+    found = semismooth_newton(smaller, metric, rough, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near the start at alpha = {alpha} ({found.trouble.name}); start "
             "closer to a solution, or let explore() search for starts"
         )
-    return follow(system, metric, (lo, hi), [found], chosen, parameter, report, NOT_SEARCHED)
+    return follow(
+        system, reduction, metric, (lo, hi), [found], chosen, parameter, report, NOT_SEARCHED
+    )
 
 
 def _checked_start(

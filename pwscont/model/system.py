@@ -14,6 +14,7 @@ from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.differences import central_differences, exact_differences
+from pwscont.model.reduction import Reduction
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
@@ -123,6 +124,18 @@ class PiecewiseSystem(ABC):
             if (key := self.cell(character)) not in seen:
                 seen.add(key)
                 yield character
+
+    def reduction(self, lo: float, hi: float) -> Reduction | None:
+        """Return a smaller system with the same solutions for alpha in [lo, hi], if there is one.
+
+        Only what provably stays in one mode on the whole interval may be left out; default
+        None.
+        """
+        return None
+
+    def test_name(self, test: int) -> str:
+        """Return what a user calls a test function."""
+        return f"test function {test}"
 
     def searches(self) -> tuple[Any, ...]:
         """Return searches (:class:`~pwscont.search.Search`) made for this kind of system.

@@ -12,6 +12,7 @@ from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
+from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import Segment
 from pwscont.transitions.cone import Fan, fan, parallel
@@ -100,7 +101,7 @@ def corner(
     rays = others if back is None else (back, *others)
     if len(rays) < 2 or (len(others) == len(found.rays) and back is not None):
         return Arrival(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
-    return Arrival(found.kind, x, _message(found, zero), rays)
+    return Arrival(found.kind, x, _message(curve.selection.system, found, zero), rays)
 
 
 def turns(back: Ray, forth: Ray) -> bool:
@@ -108,8 +109,8 @@ def turns(back: Ray, forth: Ray) -> bool:
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 
-def _message(found: Fan, zero: frozenset[int]) -> str:
-    tests = f"test functions {', '.join(map(str, sorted(zero)))} vanish"
+def _message(system: PiecewiseSystem, found: Fan, zero: frozenset[int]) -> str:
+    tests = f"{', '.join(map(system.test_name, sorted(zero)))} vanish"
     if not found.exact:
         return (
             f"{len(zero)} test functions vanish: too many cells to try all; a bounded search "
@@ -126,7 +127,8 @@ def _message(found: Fan, zero: frozenset[int]) -> str:
 
 
 def _no_way_on(selection: Selection, zero: frozenset[int]) -> str:
+    tests = ", ".join(map(selection.system.test_name, sorted(zero)))
     return (
-        f"no way on where test functions {sorted(zero)} vanish at the end of {selection.label}: "
+        f"no way on where {tests} vanish at the end of {selection.label}: "
         "do the selections agree on the interface? run check_system"
     )
