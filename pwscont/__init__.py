@@ -7,12 +7,15 @@ from pwscont.foundation.character import Character
 from pwscont.graph import BranchGraph
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 from pwscont.model.check import check_system
+from pwscont.model.fold_locus import FoldLocus
+from pwscont.model.locus import TransitionLocus
 from pwscont.model.system import (
     Block,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
+from pwscont.numerics.banded import BandedJacobian
 from pwscont.search import (
     AllTransitions,
     EndPoints,
@@ -28,11 +31,13 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AllTransitions",
+    "BandedJacobian",
     "Block",
     "BranchGraph",
     "Character",
     "EndPoints",
     "ExactLinear",
+    "FoldLocus",
     "MultiStart",
     "NaturalParameter",
     "Panel",
@@ -46,6 +51,7 @@ __all__ = [
     "SlicewiseLinearSystem",
     "Stepper",
     "TransitionDetector",
+    "TransitionLocus",
     "check_system",
     "enumerate_solutions",
     "explore",

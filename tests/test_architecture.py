@@ -26,6 +26,7 @@ FLOORS = {
     "search": 5,
     "continuation": 6,
     "interface": 7,
+    "bench": 8,
 }
 FILES = sorted(path for path in ROOT.rglob("*.py"))
 BUILDING = [path for path in FILES if path.parent != ROOT]

@@ -5,12 +5,14 @@ import io
 import re
 import runpy
 import tomllib
+from itertools import product
+from math import inf
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pwscont import BranchGraph
+from pwscont import BranchGraph, enumerate_solutions
 from pwscont.interface.cli import main
 from pwscont.interface.registry import scene_names
 
@@ -65,20 +67,48 @@ def readme(tmp_path_factory):
 # -- the manual --------------------------------------------------------------------------
 
 
+def stretches(graph):
+    """Return the table of numbers of solutions with rounded ends, and whether they are closed."""
+    return [
+        (pytest.approx(lo, abs=1e-12), pytest.approx(hi, abs=1e-12), count)
+        for lo, hi, count in graph.multiplicity()
+    ]
+
+
+def kinds_at(graph, alpha):
+    """Return the kinds of all special points at one alpha, sorted."""
+    near = [p for p in graph.special_points() if p.alpha == pytest.approx(alpha, abs=1e-9)]
+    return sorted(str(point.kind) for point in near)
+
+
+def inner_kinds(graph):
+    """Return the kinds of all special points but starts and ends, sorted."""
+    kinds = (str(point.kind) for point in graph.special_points())
+    return sorted(kind for kind in kinds if kind not in ("start", "end"))
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_every_example_draws_a_balanced_graph(path):
+def test_every_example_prints_and_draws(path):
     import matplotlib.pyplot as plt  # noqa: PLC0415
 
     namespace, printed = run_example(path.name)
     graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]
     assert graphs
-    for graph in graphs:
-        assert graph.is_balanced()
-        assert graph.balances()[0] == 1
-        assert not graph.special_points("stopped")
-        assert not graph.special_points("corner")
+    assert not any(graph.special_points("stopped") for graph in graphs)
     assert plt.get_fignums()
     assert printed
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["paper_curve.py", "own_system.py", "how_many_solutions.py", "corners_and_branching.py"],
+)
+def test_every_graph_of_an_example_has_balance_one(name):
+    namespace, _ = run_example(name)
+    graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]
+    for graph in graphs:
+        assert graph.is_balanced()
+        assert set(graph.balances()) == {1}
 
 
 def test_tutorial_shows_the_numbers_of_the_paper():
@@ -111,6 +141,135 @@ def test_how_to_finds_both_folds_and_the_mistake():
     assert namespace["loaded"].count(0.2) == 3
     assert "no defects" in printed
     assert "H jumps across test function 0" in printed
+
+
+def test_two_nodes_have_up_to_five_solutions():
+    namespace, printed = run_example("how_many_solutions.py")
+    graph, system = namespace["graph"], namespace["system"]
+    # stick at the second node ends where |2 alpha| = F; the other folds are found by hand, too
+    folds = (-2.8, -2.0, -1.2, -1.0)
+    assert stretches(graph) == [
+        (-4.0, -2.8, 1),
+        (-2.8, -2.0, 3),
+        (-2.0, -1.2, 5),
+        (-1.2, -1.0, 3),
+        (-1.0, 3.0, 1),
+    ]
+    assert [s.ends for s in graph.where(5)] == ["(-2, -1.2)"]
+    assert graph.guarantee == "complete"
+    for fold, numbers in zip(folds, ((1, 2, 3), (3, 4, 5), (5, 4, 3), (3, 2, 1)), strict=True):
+        assert kinds_at(graph, fold) == ["nonsmooth fold"]
+        for alpha, number in zip((fold - 1e-12, fold, fold + 1e-12), numbers, strict=True):
+            found = enumerate_solutions(system, alpha)
+            assert len(found) == number
+            assert sum(solution.det_sign for solution in found) == 1
+    assert "alpha = -2 -1e-12: 3 solutions\n" in printed
+    assert "alpha = -2 +0: 4 solutions nonsmooth fold\n" in printed
+    assert "alpha = -2 +1e-12: 5 solutions\n" in printed
+
+
+def test_states_of_the_two_nodes_in_closed_form():
+    namespace, _ = run_example("how_many_solutions.py")
+    graph, alpha = namespace["graph"], -1.5
+    found = {solution.label: solution for solution in graph.solutions(alpha)}
+    free = np.linalg.solve(namespace["body"].A, [1.0, alpha, 1.0, 2.0 * alpha])
+    assert found["node 1 no contact, node 2 no contact"].z == pytest.approx([*free, 0, 0, 0, 0])
+    stuck = [0, 0, 0, 0, -1, -1, -alpha, -2 * alpha]
+    assert found["node 1 stick, node 2 stick"].z == pytest.approx(stuck, abs=1e-14)
+    way = graph.path(namespace["free"], namespace["stuck"])
+    assert [piece.det_sign for piece in way] == [1, -1, 1, -1, 1]
+    assert {piece.label for piece in way} == set(found)
+
+
+def test_searches_promise_what_the_tutorial_says():
+    _, printed = run_example("how_many_solutions.py")
+    rows = dict(re.findall(r"^(\w+\(.*\)) +(\d .*)$", printed, re.MULTILINE))
+    missing = "not balanced: at least one branch missing in (-1.9, -1.3)"
+    assert rows["AllTransitions()"] == "3 at 0, balance 1: complete"
+    assert rows["EndPoints()"] == "1 at 0, balance 1: complete but for closed loops"
+    assert rows["EndPoints() + Slices((0.3,))"].startswith("3 at 0, balance 1")
+    assert rows["FromFrictionless()"] == "1 found, balance +1: balanced"
+    assert rows["Slices((-1.5,))"] == "5 found, balance +1: balanced"
+    assert rows["MultiStart()"] == f"4 found, balance +2: {missing}"
+    assert "AllTransitions()    5 found, balance +1: complete\n" in printed
+    assert "EndPoints()         5 found, balance +1: complete but for closed loops\n" in printed
+
+
+def test_loop_beside_the_line_is_the_diamond():
+    namespace, _ = run_example("how_many_solutions.py")
+    graph = namespace["loop_graph"]
+    assert stretches(graph) == [(-2.0, -1.0, 1), (-1.0, 1.0, 3), (1.0, 2.0, 1)]
+    assert graph.guarantee == "complete"
+    for alpha in (-0.7, 0.0, 0.25):
+        found = sorted(solution.z[0] for solution in graph.solutions(alpha))
+        loop = 1.0 - abs(alpha)
+        assert found == pytest.approx([-loop, loop, 3.0 + abs(alpha)], abs=1e-14)
+    assert inner_kinds(graph) == ["nonsmooth fold"] * 2 + ["transition"] * 3
+    assert graph.path(namespace["on_loop"], namespace["on_line"]) == []
+
+
+def test_unloaded_body_leads_to_all_products():
+    namespace, printed = run_example("corners_and_branching.py")
+    # f = alpha (1, -3), F = 4: the states of one node for alpha = 1, and the one for alpha = -1
+    states = {
+        "no contact": (1, [-1 / 3, -5 / 3, 0, 0]),
+        "slip-": (-1, [0, -1 / 2, -1 / 2, 2]),
+        "stick": (1, [0, 0, -1, 3]),
+    }
+    one = namespace["one"]
+    found = {s.label: (s.det_sign, pytest.approx(s.z, abs=1e-14)) for s in one.solutions(1.0)}
+    assert found == {label: (sign, np.array(z)) for label, (sign, z) in states.items()}
+    (only,) = one.solutions(-1.0)
+    assert only.z == pytest.approx([0, 7 / 6, -1 / 6, -2 / 3], abs=1e-14)
+    expected = {
+        f"node 1 {a}, node 2 {b}": states[a][0] * states[b][0] for a, b in product(states, states)
+    }
+    two = namespace["two"]
+    assert {s.label: s.det_sign for s in two.solutions(1.0)} == expected
+    assert two.count(-1.0) == 1
+    for nodes in (1, 2, 3):
+        numbers = f"solutions: {3**nodes}, pieces that meet: {3**nodes + 1}"
+        assert f"nodes: {nodes}, {numbers}\n" in printed
+
+
+def test_identical_nodes_square_the_curve_of_one():
+    namespace, _ = run_example("corners_and_branching.py")
+    graph = namespace["symmetric"]
+    assert stretches(graph) == [(-2.0, -1.0, 1), (-1.0, -0.5, 9), (-0.5, 2.0, 1)]
+    assert graph.guarantee == "complete"
+    for fold in (-1.0, -0.5):
+        assert graph.count(fold) == 4
+        assert kinds_at(graph, fold) == ["nonsmooth branch point"] + ["nonsmooth fold"] * 2
+    assert kinds_at(graph, 1.0) == ["corner"]
+
+
+def test_unequal_pull_splits_off_a_loop():
+    namespace, _ = run_example("corners_and_branching.py")
+    graph = namespace["broken"]
+    # the folds of node 1 are at -1 and -1/2, those of node 2 where 1.2 alpha is
+    assert stretches(graph) == [
+        (-2.0, -1.0, 1),
+        (-1.0, -1.0 / 1.2, 3),
+        (-1.0 / 1.2, -0.5, 9),
+        (-0.5, -0.5 / 1.2, 3),
+        (-0.5 / 1.2, 2.0, 1),
+    ]
+    assert set(inner_kinds(graph)) == {"transition", "nonsmooth fold"}
+    assert [len(pieces) for pieces in graph.components()] == [7, 4]
+    loop = graph.nx.edge_subgraph([(p.start, p.end, p.id) for p in namespace["loop"]])
+    assert {degree for _, degree in loop.degree} == {2}
+    assert namespace["at_ends"].guarantee == "complete but for closed loops"
+    assert namespace["at_ends"].count(-0.75) == 5
+
+
+def test_path_along_the_boundary_of_stick_and_slip():
+    namespace, _ = run_example("corners_and_branching.py")
+    graph = namespace["boundary"]
+    assert graph.count(0.5) == 1
+    assert inf not in [count for _, _, count in graph.multiplicity()]
+    assert kinds_at(graph, 0.0) == ["degenerate"]
+    (state,) = graph.solutions(0.5)
+    assert state.z == pytest.approx([0, 0, -0.5, -2.0], abs=1e-14)
 
 
 # -- the README --------------------------------------------------------------------------
@@ -154,7 +313,7 @@ def test_own_system_draws_and_saves(readme):
 
 def test_every_answer_in_the_readme_is_right(readme):
     answers = re.findall(r"^(.+?)  # -> (.+)$", "\n".join(fenced("python")), re.MULTILINE)
-    assert len(answers) == 7
+    assert len(answers) == 8
     for question, answer in answers:
         assert repr(eval(question, readme)) == answer
 
@@ -169,7 +328,7 @@ def test_table_of_scenes_is_complete():
         name
         for row in table.splitlines()
         if row.startswith("| `")
-        for name in re.findall(r"`(\w+)`", row.split("|")[1])
+        for name in re.findall(r"`([\w-]+)`", row.split("|")[1])
     }
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert listed == set(project["entry-points"]["pwscont.scenes"])

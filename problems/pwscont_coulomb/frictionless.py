@@ -56,4 +56,4 @@ def _at(system: Coulomb, alpha: float) -> Iterator[tuple[Array, Array]]:
     except StartNotFoundError:
         return
     for solution in graph.solutions(1.0):
-        yield np.append(solution.z, alpha), np.zeros(system.size + 1)
+        yield np.append(solution.z, alpha), np.zeros((1, system.size + 1))

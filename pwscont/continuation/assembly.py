@@ -18,6 +18,7 @@ from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.uncertainty import magnitude
 
 
 def assemble(
@@ -143,8 +144,8 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 
 
 def _special_point(number: int, node: Node, messages: tuple[str, str], lift: Lift) -> SpecialPoint:
-    error = lift.points(node.rays[0].state.error if node.rays else np.zeros_like(node.x))
-    x = lift.points(node.x)
+    error = node.rays[0].state.error if node.rays else np.zeros((1, len(node.x)))
+    x, error = lift.points(node.x), lift.points(magnitude(node.x, error))
     return SpecialPoint(number, node.kind, x[:-1], float(x[-1]), *messages, error=error)
 
 
@@ -153,7 +154,8 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     edge = directed.edge
     if edge.begun_at is None:
         return None
-    x, error = lift.points(edge.begun_at), lift.points(edge.ray.state.error)
+    error = magnitude(edge.begun_at, edge.ray.state.error)
+    x, error = lift.points(edge.begun_at), lift.points(error)
     message = f"start in {directed.label}"
     return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece, error)
 

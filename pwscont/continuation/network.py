@@ -71,7 +71,7 @@ class Network:
         self._walker = walker
         self._report = report
         self._queue: deque[tuple[int, int]] = deque()
-        self._by_cell: dict[frozenset[tuple[int, bool]], list[tuple[int, int]]] = defaultdict(list)
+        self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
 
@@ -121,16 +121,20 @@ class Network:
         return node
 
     def _match(self, ray: Ray) -> tuple[int, int] | None:
-        """Return the node and ray that ``ray`` is, if it is known."""
+        """Return the node and ray that ``ray`` is, if it is known.
+
+        At a branch point several rays of one cell leave one place: the best aligned is it.
+        """
         metric = ray.curve.metric
+        covector = metric.covector(ray.state.tangent)
+        nearest = JOIN * (1.0 + metric.norm(ray.state.x))
+        best, found = 0.0, None
         for node, index in self._by_cell[ray.curve.selection.cell]:
-            known = self.nodes[node].rays[index]
-            distance = metric.norm(known.state.x - ray.state.x)
-            if distance <= JOIN * (1.0 + metric.norm(ray.state.x)) and (
-                metric.covector(known.state.tangent).dot(ray.state.tangent) > 0.0
-            ):
-                return node, index
-        return None
+            known = self.nodes[node].rays[index].state
+            cosine = float(covector.dot(known.tangent))
+            if cosine > best and metric.norm(known.x - ray.state.x) <= nearest:
+                best, found = cosine, (node, index)
+        return found
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
@@ -167,10 +171,9 @@ class Network:
         straight = len(forth.points) == 2 and len(back.points) == 2
         rest = forth.points[1:] if straight else forth.points
         points = np.vstack([back.points[:0:-1], rest])
-        begin = next(ray for ray in self.nodes[back.end].rays if ray.curve is back.ray.curve)
         self.edges = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).x
-        self.edges.append(Edge(back.end, forth.end, begin, points, begun_at))
+        self.edges.append(Edge(back.end, forth.end, forth.ray, points, begun_at))
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:

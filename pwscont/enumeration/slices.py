@@ -30,7 +30,7 @@ from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.newton import newton
-from pwscont.numerics.uncertainty import uncertainty
+from pwscont.numerics.uncertainty import magnitude, magnitude_of_values, uncertainty
 
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
@@ -45,8 +45,10 @@ class Point:
 
     Attributes
     ----------
-    x, error : ndarray, shape (n + 1,)
-        The point (z, alpha) and what is known about its error.
+    x : ndarray, shape (n + 1,)
+        The point (z, alpha).
+    error : ndarray, shape (k, n + 1)
+        Samples of its error.
     characters : tuple of Character
         The cells in whose closure it lies; one unless it lies on an interface.
     det_signs : tuple of int
@@ -118,7 +120,7 @@ def _refined(curve: Curve, start: Array) -> Point | None:
     if isinstance(root, Failure):
         return None
     root.x[-1], error = alpha, uncertainty(root)
-    uncertain = abs(selection.test_gradients(root.x)) @ (error + EPS * np.abs(root.x))
+    uncertain = magnitude_of_values(selection.test_gradients(root.x), root.x, error)
     if (selection.tests(root.x) < -GUARD * uncertain).any():
         return None
     return Point(root.x, error, (selection.character,), (root.factor.sign,))
@@ -136,9 +138,8 @@ def _add(points: list[Point], new: Point, metric: Metric) -> None:
 
 def _same(metric: Metric, a: Point, b: Point) -> bool:
     """Tell whether two solutions differ by no more than their errors."""
-    rounding = EPS * (metric.norm(a.x) + metric.norm(b.x))
-    errors = metric.norm(a.error) + metric.norm(b.error)
-    return metric.norm(a.x - b.x) <= GUARD * (rounding + errors)
+    errors = (metric.norm(magnitude(point.x, point.error)) for point in (a, b))
+    return metric.norm(a.x - b.x) <= GUARD * sum(errors)
 
 
 def _face(problem: Problem, leaf: Leaf, character: Character, alpha: float) -> list[Face]:

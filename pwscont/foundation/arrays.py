@@ -11,7 +11,7 @@ from pwscont.foundation.errors import InvalidInputError
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Indices: TypeAlias = npt.NDArray[np.intp]
-#: A Jacobian: dense ``(n, n + 1)`` or any scipy.sparse matrix of that shape.
+#: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a BandedJacobian.
 Matrix: TypeAlias = Any
 
 
@@ -33,3 +33,9 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise InvalidInputError(f"{name} must be finite, but {name}{list(where)} is {array[where]}")
     return array
+
+
+def dense(matrix: Matrix) -> Array:
+    """Return any matrix, sparse, banded or dense, as an array."""
+    whole: Array = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
+    return whole

@@ -13,6 +13,7 @@ class Kind(StrEnum):
     TRANSITION = "transition"
     NONSMOOTH_FOLD = "nonsmooth fold"
     FOLD = "fold"
+    BRANCH_POINT = "branch point"
     CORNER = "corner"
     PARTIAL_CORNER = "corner searched in part"
     NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"

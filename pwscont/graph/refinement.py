@@ -14,6 +14,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.uncertainty import magnitude
 from pwscont.stepping.stepper import CurvedSegment
 from pwscont.transitions.location import locate_zero
 
@@ -74,7 +75,7 @@ def solve_between(
         label = system.label(character)
         raise PwscontError(f"no solution found in {label} at alpha = {alpha}: {found}")
     found.x[-1] = alpha
-    return found.x, found.error
+    return found.x, magnitude(found.x, found.error)
 
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:

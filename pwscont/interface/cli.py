@@ -7,20 +7,18 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from pwscont.foundation.errors import InvalidInputError, PwscontError
-from pwscont.graph import BranchGraph, Solution
 from pwscont.interface.progress import Progress
 from pwscont.interface.registry import load_scene, scene_names
-from pwscont.interface.scene import Scene
-from pwscont.interface.table import report
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status: 0, 2 for wrong input, 130 if interrupted."""
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args([_as_value(argument) for argument in given])
     try:
         return int(options.command(options))
     except (PwscontError, OSError) as error:
@@ -29,6 +27,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("pwscont: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+
+
+def _as_value(argument: str) -> str:
+    """Return a negative number so that it is a value: with a space before it, it is no option."""
+    try:
+        return f" {argument}" if float(argument) < 0.0 else argument
+    except ValueError:
+        return argument
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,71 +60,43 @@ def _parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="DIR",
-        help="write the picture and the branch graph there",
+        help="write picture and data there",
     )
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    import_module("pwscont.bench.arguments").add_to(commands)  # by name: it stands above us
     return parser
 
 
 def _scenes(options: argparse.Namespace) -> int:
     for name in scene_names():
-        print(f"{name:<12} {load_scene(name).title}")  # noqa: T201
+        print(f"{name:<26} {load_scene(name).title}")  # noqa: T201
     return 0
+
+
+def _make_directory(directory: Path) -> None:
+    """Make the output directory before any work."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
 
 
 def _run(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
-    at = scene.at if options.at is None else tuple(options.at)
-    _check_values(scene, at)
+    at = scene.values(options.at)
     if options.output:
-        options.output.mkdir(parents=True, exist_ok=True)
+        _make_directory(options.output)
     begin = time.perf_counter()
     progress = Progress(scene.parameter)
-    graph = scene.run(progress)
+    answer = scene.solve(at, progress)
     progress.close()
     seconds = time.perf_counter() - begin
     if options.json:
-        print(json.dumps(_as_json(scene, graph, at, seconds), ensure_ascii=False))  # noqa: T201
+        print(json.dumps(answer.as_dict() | {"seconds": seconds}, ensure_ascii=False))  # noqa: T201
     else:
-        print(report(scene, graph, at))  # noqa: T201
+        print(answer.as_text())  # noqa: T201
     if options.output:
-        written = _write(scene, graph, options.output)
+        written = answer.write(options.output)
         print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
     return 0
-
-
-def _check_values(scene: Scene, at: Sequence[float]) -> None:
-    """Refuse before any work what could not be answered after it."""
-    lo, hi = scene.interval
-    for alpha in at:
-        if not lo <= alpha <= hi:
-            raise InvalidInputError(
-                f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {scene.name}"
-            )
-
-
-def _write(scene: Scene, graph: BranchGraph, directory: Path) -> list[Path]:
-    from pwscont.interface.plotting import draw_scene  # noqa: PLC0415  only where asked for
-
-    picture, file = directory / f"{scene.name}.png", directory / f"{scene.name}.npz"
-    draw_scene(scene, graph).savefig(picture, dpi=150)
-    graph.save(file)
-    return [picture, file]
-
-
-def _as_json(
-    scene: Scene, graph: BranchGraph, at: Sequence[float], seconds: float
-) -> dict[str, Any]:
-    lo, hi = graph.interval
-    head = {"scene": scene.name, "parameter": {"name": scene.parameter, "lo": lo, "hi": hi}}
-    solutions = [_solution(solution) for alpha in at for solution in graph.solutions(alpha)]
-    return head | graph.to_dict() | {"solutions": solutions, "seconds": seconds}
-
-
-def _solution(solution: Solution) -> dict[str, Any]:
-    return {
-        "alpha": solution.alpha,
-        "z": solution.z.tolist(),
-        "label": solution.label,
-        "det_sign": solution.det_sign,
-    }

@@ -32,9 +32,7 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     single = [alpha for alpha in edges[1:-1] if isfinite(graph.count(alpha))]
     ax.plot(single, [graph.count(alpha) for alpha in single], "o", color="black", markersize=4)
     breaks = graph.breaks()
-    ax.stairs(
-        graph.balances(), breaks, baseline=None, color="C3", linestyle="--", label="balance"
-    )
+    ax.stairs(graph.balances(), breaks, baseline=None, color="C3", linestyle="--", label="balance")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel("number")
     ax.legend(fontsize="small")

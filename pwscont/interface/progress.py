@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from typing import TextIO, final
 
 FIRST = 1.0  # seconds before anything is shown
@@ -20,17 +21,25 @@ class Progress:
         Name of alpha.
     stream : file, optional
         Default standard error, so that standard output stays clean.
+    clock : callable
+        Returns the time in seconds.
     """
 
-    def __init__(self, parameter: str, stream: TextIO | None = None) -> None:
+    def __init__(
+        self,
+        parameter: str,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         self._parameter = parameter
         self._stream = sys.stderr if stream is None else stream
-        self._next = time.perf_counter() + FIRST
+        self._clock = clock
+        self._next = clock() + FIRST
         self._shown = False
 
     def __call__(self, pieces: int, alpha: float) -> None:
         """Report that ``pieces`` are finished and ``alpha`` is reached."""
-        now = time.perf_counter()
+        now = self._clock()
         if now >= self._next:
             self._next, self._shown = now + EVERY, True
             self._stream.write(f"\r{pieces} pieces, {self._parameter} = {alpha:.6g}   ")

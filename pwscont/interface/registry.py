@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 
 from pwscont.foundation.errors import SceneNotFoundError
-from pwscont.interface.scene import Scene
+from pwscont.interface.answer import Runnable
 
 GROUP = "pwscont.scenes"
 
@@ -16,7 +16,7 @@ def scene_names() -> list[str]:
     return sorted((point.name for point in entry_points(group=GROUP)), key=_natural)
 
 
-def load_scene(name: str) -> Scene:
+def load_scene(name: str) -> Runnable:
     """Build a scene by name; imports only the package that offers it.
 
     Raises

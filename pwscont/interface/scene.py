@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
 from pwscont.continuation import explore
 from pwscont.continuation.preparation import Report, silent
 from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import BranchGraph
+from pwscont.interface.answer import Answer, Runnable
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.stepping import Stepper
@@ -55,7 +57,7 @@ class ParameterPath:
 
 @final
 @dataclass(frozen=True, slots=True)
-class Scene:
+class Scene(Runnable):
     """A system, an interval of its parameter, and what to report and draw.
 
     A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
@@ -101,3 +103,25 @@ class Scene:
             parameter=self.parameter,
             report=report,
         )
+
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return the values of alpha whose solutions are listed.
+
+        Raises
+        ------
+        InvalidInputError
+            If one lies outside the interval.
+        """
+        lo, hi = self.interval
+        for alpha in wanted or ():
+            if not lo <= alpha <= hi:
+                raise InvalidInputError(
+                    f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
+                )
+        return self.at if wanted is None else tuple(wanted)
+
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Explore the interval and list the solutions at some values of alpha."""
+        from pwscont.interface.graph_answer import GraphAnswer  # noqa: PLC0415  it needs Scene
+
+        return GraphAnswer(self, self.run(report), tuple(at))

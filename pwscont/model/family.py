@@ -6,9 +6,12 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeAlias, final
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array, finite_array
-from pwscont.foundation.errors import InvalidInputError, InvalidSystemError
+from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.differences import STEP
+from pwscont.model.limits import Limits
 from pwscont.model.system import PiecewiseSystem
 
 #: mu -> a system; all of one size, with the same tests in the same order.
@@ -61,26 +64,9 @@ class Family:
         above, below = mu + h, mu - h
         return (function(self.at(above)) - function(self.at(below))) / (above - below)
 
-    def scale(self, mus: tuple[float, float], alphas: tuple[float, float]) -> Array:
-        """Return typical magnitudes of z over both ranges, shape (n,); for all alpha ones."""
-        lo, hi = alphas if -float("inf") < alphas[0] < alphas[1] < float("inf") else (-1.0, 1.0)
-        scales = [finite_array("scale", self.at(mu).scale(lo, hi)) for mu in mus]
-        largest: Array = scales[0].clip(min=scales[1])
+    def scale(self, mus: tuple[float, float], limits: Limits) -> Array:
+        """Return typical magnitudes of z over ranges of mu and alpha, shape (n,)."""
+        lo, hi = (limits.lo, limits.hi) if limits.are_finite else (-1.0, 1.0)
+        scales = [finite_array("scale()", self.at(mu).scale(lo, hi)) for mu in mus]
+        largest: Array = np.maximum(*scales)
         return largest
-
-
-def checked_range(alphas: tuple[float, float]) -> tuple[float, float]:
-    """Return a range of alpha, possibly infinite, as two floats.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is empty or no pair of numbers.
-    """
-    try:
-        lo, hi = (float(end) for end in alphas)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"alphas must be two numbers, got {alphas!r}") from error
-    if not lo < hi:
-        raise InvalidInputError(f"alphas need lo < hi, got ({lo}, {hi})")
-    return lo, hi

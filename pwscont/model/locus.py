@@ -25,10 +25,10 @@ import scipy.sparse as sp
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
-from pwscont.model.family import Family, MakeSystem, checked_range
+from pwscont.model.family import Family, MakeSystem
+from pwscont.model.limits import ALL, Limits
 from pwscont.model.system import PiecewiseSystem
 
-INFINITE = (-np.inf, np.inf)
 #: The side of kappa_i = 0 whose selection is solved.
 SIDE = True
 
@@ -58,7 +58,7 @@ class TransitionLocus(PiecewiseSystem):
     Attributes
     ----------
     test : int
-    alphas : tuple of float
+    limits : Limits
 
     Raises
     ------
@@ -73,17 +73,16 @@ class TransitionLocus(PiecewiseSystem):
         family: MakeSystem,
         test: int,
         mu: float = 1.0,
-        alphas: tuple[float, float] = INFINITE,
+        alphas: tuple[float, float] = ALL,
     ) -> None:
         self.family = Family(family, mu)
         sample = self.family.sample
         self.size = sample.size + 1
-        self.alphas = checked_range(alphas)
+        self.limits = Limits(alphas)
         self._tests = len(sample.test_functions(np.zeros(sample.size), 0.0))
         if not 0 <= test < self._tests:
             raise InvalidInputError(f"test must be one of 0 to {self._tests - 1}, got {test}")
         self.test = int(test)
-        self._limits = [i for i, limit in enumerate(self.alphas) if np.isfinite(limit)]
 
     def at(self, mu: float) -> PiecewiseSystem:
         """Return the system whose transition is followed, at one mu."""
@@ -105,8 +104,7 @@ class TransitionLocus(PiecewiseSystem):
         """Return the tests of the system, 1 in the place of ``test``, and the limits of alpha."""
         alpha = float(y[-1])
         tests = self.at(mu).test_functions(y[:-1], alpha)
-        limits = np.array([alpha - self.alphas[0], self.alphas[1] - alpha])
-        values = np.concatenate([tests, limits[self._limits]])
+        values = np.concatenate([tests, self.limits.tests(alpha)])
         values[self.test] = 1.0
         return values
 
@@ -117,8 +115,7 @@ class TransitionLocus(PiecewiseSystem):
         column = self.family.by_mu(lambda system: system.test_functions(z, alpha), mu)
         mask = np.ones(self._tests)
         mask[self.test] = 0.0
-        limits = np.zeros((len(self._limits), self.size + 1))
-        limits[:, -2] = np.array([1.0, -1.0])[self._limits]
+        limits = self.limits.gradients(self.size)
         if sp.issparse(rows):
             gradients = sp.diags(mask) @ with_column(rows, column)
             return sp.vstack([gradients, sp.csr_matrix(limits)]).tocsr()
@@ -148,13 +145,13 @@ class TransitionLocus(PiecewiseSystem):
         """Return the tests that bound the cell of either side, and the limits of alpha."""
         sample = self.family.sample
         found = {int(i) for side in self.sides(character) for i in sample.bounding_tests(side)}
-        limits = range(self._tests, self._tests + len(self._limits))
+        limits = range(self._tests, self._tests + len(self.limits))
         return [*sorted(found - {self.test}), *limits]
 
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
         """Return why the locus ends where ``tests`` vanish, None where it goes on."""
         if any(i >= self._tests for i in tests):
-            return f"alpha leaves [{self.alphas[0]:g}, {self.alphas[1]:g}]"
+            return str(self.limits)
         if not all(self.is_transition(character.flip(i)) for i in tests):
             return (
                 f"the loci of several transitions meet: test functions "
@@ -180,14 +177,15 @@ class TransitionLocus(PiecewiseSystem):
 
     def describe_transition(self, before: Character, after: Character) -> str:
         """Return what changes at a kink of the locus, in the words of the system."""
-        old, new = self._selection(before), self._selection(after)
-        return self.family.sample.describe_transition(old, new)
+        changes = [
+            self.family.sample.describe_transition(old, new)
+            for old, new in zip(self.sides(before), self.sides(after), strict=True)
+        ]
+        return ", ".join(filter(None, dict.fromkeys(changes)))
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of (z, alpha) for mu between ``lo`` and ``hi``."""
-        width = self.alphas[1] - self.alphas[0]
-        scale = self.family.scale((lo, hi), self.alphas)
-        return np.append(scale, width if np.isfinite(width) else 1.0)
+        return np.append(self.family.scale((lo, hi), self.limits), self.limits.width)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of z, and alpha."""

@@ -32,7 +32,7 @@ class Selection:
         self._side = np.where([character.signs[i] for i in self.bounding], 1.0, -1.0)
 
     @cached_property
-    def cell(self) -> frozenset[tuple[int, bool]]:
+    def cell(self) -> bytes:
         """The signs that name this selection."""
         return self.system.cell(self.character)
 

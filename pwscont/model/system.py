@@ -149,9 +149,15 @@ class PiecewiseSystem(ABC):
         """Return the character of the point."""
         return Character.of(self.test_functions(z, alpha))
 
-    def cell(self, character: Character) -> frozenset[tuple[int, bool]]:
-        """Return the signs that matter: characters with equal cells name one selection."""
-        return frozenset((int(i), character.signs[i]) for i in self.bounding_tests(character))
+    def cell(self, character: Character) -> bytes:
+        """Return the signs that matter: characters with equal cells name one selection.
+
+        One byte per test function: 0 for a test that does not bound the cell, else its sign.
+        """
+        signs = bytearray(len(character.signs))
+        for i in self.bounding_tests(character):
+            signs[i] = 2 if character.signs[i] else 1
+        return bytes(signs)
 
 
 @final

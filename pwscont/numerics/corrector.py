@@ -53,7 +53,9 @@ class BorderedNewton(Corrector):
         if isinstance(root, Failure):
             return root
         along = curve.metric.normalised(root.factor.solve(last_unit(len(root.x))))
-        return Corrected(State(root.x, along, root.error, root.factor.sign), root.iterations)
+        return Corrected(
+            State(root.x, along, root.error[np.newaxis], root.factor.sign), root.iterations
+        )
 
 
 @final
@@ -87,5 +89,5 @@ class MoorePenrose(Corrector):
             if not np.isfinite(size):
                 return Failure(Trouble.NOT_FINITE)
             if size <= CONVERGED:
-                return Corrected(State(x, t, np.abs(dx), factor.sign), iteration)
+                return Corrected(State(x, t, np.abs(dx)[np.newaxis], factor.sign), iteration)
         return Failure(Trouble.NOT_CONVERGED)

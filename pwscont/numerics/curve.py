@@ -39,9 +39,9 @@ class State:
         The point (z, alpha).
     tangent : ndarray, shape (n + 1,)
         Direction in which the curve is followed, of length one in the metric.
-    error : ndarray, shape (n + 1,)
-        What is known about the error of ``x``: at a located point an estimate, on the way the
-        size of the last correction.
+    error : ndarray, shape (k, n + 1)
+        Samples of the error of ``x``: at a located point estimates, on the way the last
+        correction.
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     """

@@ -13,7 +13,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import Any, final
 
 import numpy as np
@@ -22,31 +21,20 @@ from scipy.linalg import lapack
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import EPS
+from pwscont.numerics.banded import BandedJacobian
+from pwscont.numerics.bordering import banded_bordered, sparse_bordered
+from pwscont.numerics.cores import sign_of_superlu, superlu
+from pwscont.numerics.factor import Factor, power_of_two
 
-
-class Factor(ABC):
-    """An LU factorisation of a square matrix.
-
-    Attributes
-    ----------
-    failed : bool
-        Whether a pivot vanished exactly, so that nothing can be solved.
-    """
-
-    failed: bool
-
-    @property
-    @abstractmethod
-    def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
-
-    @abstractmethod
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (k,)."""
-
-    @abstractmethod
-    def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
+__all__ = [
+    "DenseFactor",
+    "Factor",
+    "SparseFactor",
+    "bordered",
+    "factor",
+    "last_unit",
+    "power_of_two",
+]
 
 
 @final
@@ -96,28 +84,20 @@ class SparseFactor(Factor):
     """LU by SuperLU; parameters as for :class:`DenseFactor`."""
 
     def __init__(self, matrix: Any, scale: Array) -> None:
-        from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
-
         scaled = matrix @ sp.diags(scale)
         self._columns = scale
         self._rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
-        try:
-            self._lu = splu(sp.csc_matrix(sp.diags(1.0 / self._rows) @ scaled))
-        except RuntimeError:  # SuperLU's word for an exactly zero pivot
-            self._lu = None
+        self._lu = superlu(sp.csc_matrix(sp.diags(1.0 / self._rows) @ scaled))
         self.failed = self._lu is None
 
     @property
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
-        if self._lu is None:
-            return 0
-        diagonal = self._lu.U.diagonal()
-        parity = _is_odd(self._lu.perm_r) ^ _is_odd(self._lu.perm_c)
-        return -1 if (np.count_nonzero(diagonal < 0.0) + parity) % 2 else 1
+        return sign_of_superlu(self._lu) if self._lu is not None else 0
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
+        assert self._lu is not None, "nothing can be solved where the factorisation failed"
         scaled: Array = self._lu.solve(rhs / self._rows)
         return self._columns * scaled
 
@@ -129,25 +109,6 @@ class SparseFactor(Factor):
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())
 
 
-def _is_odd(permutation: Any) -> int:
-    """Return 1 for an odd permutation, by counting its cycles."""
-    seen = np.zeros(len(permutation), dtype=bool)
-    cycles = 0
-    for start in range(len(permutation)):
-        if not seen[start]:
-            cycles += 1
-            j = start
-            while not seen[j]:
-                seen[j] = True
-                j = permutation[j]
-    return (len(permutation) - cycles) % 2
-
-
-def power_of_two(values: Array) -> Array:
-    """Return for each value a power of two that is at most twice as large; one for zero."""
-    return np.ldexp(1.0, np.frexp(values)[1])
-
-
 def factor(matrix: Matrix, scale: Array) -> Factor:
     """Factorise a square matrix, dense or sparse; ``scale`` as for :class:`DenseFactor`."""
     return SparseFactor(matrix, scale) if sp.issparse(matrix) else DenseFactor(+matrix, scale)
@@ -155,8 +116,12 @@ def factor(matrix: Matrix, scale: Array) -> Factor:
 
 def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
     """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`."""
+    row = row.toarray().ravel() if sp.issparse(row) else row
+    if isinstance(jacobian, BandedJacobian):
+        return banded_bordered(jacobian, row, scale)
     if sp.issparse(jacobian):
-        return SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
+        found = sparse_bordered(jacobian, row, scale)
+        return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
     n = len(jacobian)
     matrix = np.empty((n + 1, n + 1))
     matrix[:n] = jacobian

@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.linalg import factor
+from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
 
 MOST_ITERATIONS = 100
@@ -60,14 +59,14 @@ def semismooth_newton(
     for _ in range(MOST_ITERATIONS):
         character = system.character(x[:-1], alpha)
         residual = system.residual(x[:-1], alpha, character)
-        jacobian = _state_part(system.jacobian(x[:-1], alpha, character))
+        jacobian = system.jacobian(x[:-1], alpha, character)
         if not np.isfinite(residual).all():
             return Failure(Trouble.NOT_FINITE)
         rows = _row_scale(jacobian, metric)
         step = _direction(jacobian, residual, rows, metric)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            return x + step, np.abs(step)
+            return x + step, np.abs(step)[np.newaxis]
         damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
             return Failure(Trouble.NOT_CONVERGED)
@@ -75,24 +74,18 @@ def semismooth_newton(
     return Failure(Trouble.NOT_CONVERGED)
 
 
-def _state_part(jacobian: Matrix) -> Matrix:
-    """Return the columns that belong to z."""
-    return jacobian.tocsc()[:, :-1] if sp.issparse(jacobian) else jacobian[:, :-1]
-
-
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
-    """Return the largest scaled coefficient of each row."""
-    scaled = abs(jacobian) @ metric.scale[:-1]
+    """Return the largest scaled coefficient of z in each row."""
+    scaled = abs(jacobian) @ np.append(metric.scale[:-1], 0.0)
     return np.where(scaled > 0.0, scaled, 1.0)
 
 
 def _direction(jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
-    lu = factor(jacobian, metric.binary[:-1])
+    lu = bordered(jacobian, last_unit(len(residual) + 1), metric.binary)
     if not lu.is_singular():
-        return np.append(-lu.solve(residual), 0.0)
-    dense = jacobian.toarray() if sp.issparse(jacobian) else jacobian
-    scaled = dense * metric.scale[:-1] / rows[:, np.newaxis]
+        return -lu.solve(np.append(residual, 0.0))
+    scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
     damping = np.sqrt(np.linalg.norm(residual / rows)) * np.eye(len(rows))
     system = np.vstack([scaled, damping])
     step = np.linalg.lstsq(system, np.append(-residual / rows, np.zeros(len(rows))))[0]

@@ -5,6 +5,13 @@ own rounding error is of the order of EPS times the sum of their magnitudes, and
 the bordered matrix turns it into an error of x. The inverse is not formed: a few right-hand
 sides with these magnitudes and random signs are solved for, which sees the same cancellation as
 the true error does (statistical condition estimation, Kenney and Laub 1994).
+
+Failure modes and answers
+-------------------------
+- The solution is zero where the terms were not (an unloaded body reached from a loaded one):
+  the terms are taken before the last correction as well as after it.
+- A test function depends on x through a difference that is known better than x itself: its
+  error is taken from the samples, not from a bound on each component.
 """
 
 from __future__ import annotations
@@ -13,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
+from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import EPS
 from pwscont.numerics.newton import Root, joined
 
@@ -22,11 +29,28 @@ SAMPLES = 3
 
 
 def uncertainty(root: Root) -> Array:
-    """Return an estimate of the error of every component of ``root.x``, shape (n + 1,)."""
-    size = np.abs(root.x)
+    """Return samples of the error of ``root.x``, shape (SAMPLES, n + 1), with signs."""
+    size = np.abs(root.x) + root.error
     terms = joined(abs(root.jacobian) @ size, float((abs(root.row) @ size).sum()))
-    samples = [np.abs(root.factor.solve(EPS * signs * terms)) for signs in _signs(len(size))]
-    estimate: Array = np.maximum(EPS * size, np.max(samples, axis=0))
+    return np.stack([root.factor.solve(EPS * signs * terms) for signs in _signs(len(size))])
+
+
+def magnitude(x: Array, error: Array) -> Array:
+    """Return the estimated error of every component of ``x``, shape (n + 1,).
+
+    Parameters
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (k, n + 1)
+        Samples.
+    """
+    estimate: Array = np.maximum(EPS * np.abs(x), np.abs(error).max(axis=0))
+    return estimate
+
+
+def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
+    """Return the estimated error of ``rows @ x``, shape (l,); ``error`` as for magnitude."""
+    estimate: Array = EPS * (abs(rows) @ np.abs(x)) + np.abs(rows @ error.T).max(axis=1)
     return estimate
 
 

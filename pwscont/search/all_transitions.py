@@ -62,7 +62,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
     lo, hi = interval
     for x, error in found:
         if lo <= x[-2] <= hi:
-            yield x[:-1], error[:-1]
+            yield x[:-1], error[:, :-1]
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:

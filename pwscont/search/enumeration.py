@@ -9,17 +9,18 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution
-from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.foundation.rounding import GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.uncertainty import magnitude, magnitude_of_values
 from pwscont.transitions.cone import fan
 from pwscont.transitions.rays import vanishing
 
-#: A solution and what is known about its error, each of shape (n + 1,).
+#: A solution, shape (n + 1,), and samples of its error, shape (k, n + 1).
 Found = tuple[Array, Array]
 
 
@@ -55,7 +56,7 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
     z, alpha, character = point.x[:-1], float(point.x[-1]), point.characters[0]
     index, kind = _index(system, metric, point)
     label = system.label(character)
-    return Solution(z, alpha, character, label, index, -1, kind, point.error)
+    return Solution(z, alpha, character, label, index, -1, kind, magnitude(point.x, point.error))
 
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
@@ -65,7 +66,7 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
         return signs[0], None
     if len(signs) == 2:
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
-    zero = vanishing(system, point.x, point.error)
+    zero = vanishing(system, point.x, point.error, metric.scale)
     found = fan(system, metric, point.x, point.error, zero)
     right = [ray.state.orientation for ray in found.rays if ray.curve.slope(ray.state) > 0.0]
     return sum(right), found.kind
@@ -94,7 +95,7 @@ def as_starts(found: Slice) -> list[Found]:
 
 
 def _corners(face: Face) -> list[Found]:
-    return [(corner, np.zeros_like(corner)) for corner in face.corners]
+    return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in face.corners]
 
 
 def _in_cell(curve: Curve, alpha: float) -> Found | None:
@@ -106,14 +107,13 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
         return None
     state = corrected.state
     state.x[-1] = alpha
-    gradients = abs(curve.selection.test_gradients(state.x))
-    slack = GUARD * (gradients @ (state.error + EPS * np.abs(state.x)))
+    gradients = curve.selection.test_gradients(state.x)
+    slack = GUARD * magnitude_of_values(gradients, state.x, state.error)
     inside = (curve.selection.tests(state.x) >= -slack).all()
     return (state.x, state.error) if inside else None
 
 
 def _same(metric: Metric, a: Found, b: Found) -> bool:
     """Tell whether two solutions are one, found in two cells that share it."""
-    rounding = GUARD * EPS * (metric.norm(a[0]) + metric.norm(b[0]))
-    errors = GUARD * (metric.norm(a[1]) + metric.norm(b[1]))
-    return metric.norm(a[0] - b[0]) <= rounding + errors
+    errors = (metric.norm(magnitude(*found)) for found in (a, b))
+    return metric.norm(a[0] - b[0]) <= GUARD * sum(errors)

@@ -80,6 +80,10 @@ class CurvedSegment(Segment):
         length = curve.metric.norm(difference)
         return cls(curve, start, end, difference / length, length, suggestion)
 
+    def until(self, end: State) -> CurvedSegment:
+        """Return the part of this segment up to a state on it."""
+        return CurvedSegment.between(self.curve, self.start, end, self.suggestion)
+
     def near(self, s: float) -> Array:
         """Return the point of the chord at distance ``s``."""
         return self.start.x + s * self.chord

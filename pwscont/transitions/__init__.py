@@ -1,6 +1,7 @@
 """Floor 4: what ends a smooth piece, where, and which pieces leave from there."""
 
 from pwscont.transitions.bounding import BoundingTests
+from pwscont.transitions.branch_point import SmoothBranchPoints
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.fold import SmoothFolds
 from pwscont.transitions.interval import IntervalEnds
@@ -12,6 +13,7 @@ __all__ = [
     "IntervalEnds",
     "Ray",
     "Reading",
+    "SmoothBranchPoints",
     "SmoothFolds",
     "TransitionDetector",
 ]

@@ -14,6 +14,7 @@ from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import Segment
 from pwscont.transitions.cone import Fan, fan, parallel
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
@@ -58,7 +59,7 @@ class BoundingTests(TransitionDetector):
         """Cross the interface; where several meet, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
-        zero = vanishing(system, x, state.error) | {test}
+        zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
         back = Ray(curve, state).reversed()
         if end := system.end(curve.selection.character, zero):
             return Arrival(Kind.END, x, end, (back,))
@@ -74,9 +75,8 @@ class BoundingTests(TransitionDetector):
 
 def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:
     """Tell which tests are zero along the piece, to the rounding of their own terms."""
-    rows = abs(gradients)
-    zero = GUARD * (rows @ (state.error + EPS * np.abs(state.x)))
-    flat = GUARD * EPS * (rows @ np.abs(state.tangent))
+    zero = GUARD * magnitude_of_values(gradients, state.x, state.error)
+    flat = GUARD * EPS * (abs(gradients) @ np.abs(state.tangent))
     rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
 

@@ -214,7 +214,7 @@ class _Cone(SlicewiseLinearSystem):
         """Return all cells that meet here as the modes of one block."""
         zero = sorted(self._zero)
         signs = Character(tuple((self._constant >= 0.0).tolist()))
-        cells: dict[frozenset[tuple[int, bool]], tuple[bool, ...]] = {}
+        cells: dict[bytes, tuple[bool, ...]] = {}
         for pattern in range(2 ** len(zero)):
             character = signs
             for k, test in enumerate(zero):

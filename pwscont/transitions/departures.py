@@ -15,6 +15,7 @@ from pwscont.numerics.metric import Metric
 from pwscont.numerics.newton import Root
 from pwscont.numerics.uncertainty import uncertainty
 from pwscont.transitions.bounding import corner, turns
+from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray, beyond, inward_ray, vanishing
 
@@ -25,7 +26,8 @@ def departures(system: PiecewiseSystem, metric: Metric, x: Array, error: Array) 
     A point inside a cell has two rays on one curve and the kind START.
     """
     curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
-    zero = vanishing(system, x, error)
+    error = np.atleast_2d(error)  # searches may give one sample as a vector
+    zero = vanishing(system, x, error, metric.scale)
     if not zero & _bounds_near(system, x, zero):
         return _inside(curve, x, error)
     return _on_interface(curve, x, error, zero)
@@ -41,10 +43,12 @@ def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set
 def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
     tangent = _null_vector(curve, x)
     if tangent is None:
-        return Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
+        stopped = Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
+        return at_branch_point(curve, x) or stopped
     jacobian, row = curve.selection.jacobian(x), curve.metric.covector(tangent)
     factor = bordered(jacobian, row, curve.metric.binary)
-    error = uncertainty(Root(x, error, jacobian, row, factor, 0))
+    known = np.abs(error).max(axis=0)
+    error = uncertainty(Root(x, known, jacobian, row, factor, 0))
     forth = Ray(curve, State(x, tangent, error, factor.sign))
     return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
 

@@ -86,15 +86,32 @@ def _ratios(reading: Reading) -> Array:
 def first_on_curve(
     watch: Watch, segment: CurvedSegment, start: Reading, end: Reading
 ) -> Event | Failure | None:
-    """Return the first event on a curved segment, None where there is none."""
+    """Return the first event on a curved segment, None where there is none.
+
+    What comes before an event that was found lies on the segment that ends there: what does not
+    change sign on that one comes later, and is not located.
+    """
     first: Event | None = None
-    for suspect in _suspects(start, end, segment.length):
-        event = _event(watch, suspect, segment, start, end)
+    located: set[int] = set()
+    while suspects := set(_suspects(start, end, segment.length)) - located:
+        event = _event(watch, suspect := min(suspects), segment, start, end)
         if isinstance(event, Failure):
             return event
-        if event and (first is None or event.position < first.position):
-            first = event
+        located.add(suspect)
+        if event is None or (first is not None and event.position >= segment.length):
+            continue
+        first = event
+        if event.position <= 0.0:
+            break
+        segment = segment.until(event.state)
+        end = _before(watch.read(segment.curve, event.state))
     return first
+
+
+def _before(reading: Reading) -> Reading:
+    """Return what is read just before an event: what vanishes together with it is positive."""
+    values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
+    return Reading(values, reading.slopes)
 
 
 def _suspects(before: Reading, after: Reading, length: float) -> list[int]:

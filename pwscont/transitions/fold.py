@@ -51,5 +51,5 @@ def _settled(segment: CurvedSegment, state: State) -> State:
     tangent[-1] = 0.0  # what a fold is; a rest of rounding would be found again
     turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
     along = GUARD * EPS * segment.length / turn if turn else segment.length
-    size = EPS * np.abs(state.x) + state.error
-    return State(state.x, tangent, size + along * np.abs(tangent), state.orientation)
+    error = np.vstack([state.error, along * tangent])
+    return State(state.x, tangent, error, state.orientation)

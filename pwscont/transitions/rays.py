@@ -30,6 +30,7 @@ from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
+from pwscont.numerics.uncertainty import magnitude_of_values
 
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
@@ -49,18 +50,26 @@ class Ray:
         return Ray(self.curve, State(state.x, -state.tangent, state.error, -state.orientation))
 
 
-def vanishing(system: PiecewiseSystem, x: Array, error: Array) -> frozenset[int]:
+def vanishing(
+    system: PiecewiseSystem, x: Array, error: Array, scale: Array | None = None
+) -> frozenset[int]:
     """Return the indices of the tests that are zero at ``x``.
 
     Parameters
     ----------
     system : PiecewiseSystem
     x : ndarray, shape (n + 1,)
-    error : ndarray, shape (n + 1,)
-        What is known about the error of ``x``.
+    error : ndarray, shape (k, n + 1)
+        Samples of the error of ``x``.
+    scale : ndarray, shape (n + 1,), optional
+        Typical magnitudes of ``x``, for where all unknowns of a test vanish (those of a node that
+        lifts off while it begins to slip): there their own size is no measure of rounding.
     """
     z, alpha = x[:-1], float(x[-1])
-    size = abs(system.test_jacobian(z, alpha)) @ (error + EPS * np.abs(x))
+    gradients = system.test_jacobian(z, alpha)
+    size = magnitude_of_values(gradients, x, error)
+    if scale is not None:
+        size += EPS * (abs(gradients) @ scale)
     zero = np.abs(system.test_functions(z, alpha)) <= GUARD * size
     return frozenset(np.flatnonzero(zero).tolist())
 

@@ -1,0 +1,1 @@
+"""Floor 8: accuracy and time of the steppers on problems whose answer is known."""

@@ -1,0 +1,82 @@
+"""How often the work of a run was done: residuals, Jacobians, factorisations and the like.
+
+Nothing in the package counts. While the context is open, the methods of the system's class and of
+the factorisations are replaced by ones that count and call the originals. Not for several threads.
+
+What is not counted: numpy's small dense solves in searches and at corners.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import wraps
+from typing import Any
+
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics import linalg
+from pwscont.numerics.factor import Factor
+
+#: Methods of a system, under their own names.
+EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")
+FACTORISATIONS, SOLVES, SIGNS = "factorisations", "solves", "determinant signs"
+KINDS = (*EVALUATIONS, FACTORISATIONS, SOLVES, SIGNS)
+
+
+@contextmanager
+def counted(system: PiecewiseSystem) -> Iterator[Counter[str]]:
+    """Count calls by kind while the context is open.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+        Evaluations of all systems of its class are counted.
+
+    Yields
+    ------
+    Counter
+        Number of calls for each of :data:`KINDS`.
+    """
+    calls = Counter(dict.fromkeys(KINDS, 0))
+    with ExitStack() as stack:
+        for name in EVALUATIONS:
+            stack.enter_context(_counting(type(system), name, calls, name))
+        for factor in factorisations():
+            stack.enter_context(_counting(factor, "__init__", calls, FACTORISATIONS))
+            stack.enter_context(_counting(factor, "solve", calls, SOLVES))
+            stack.enter_context(_counting(factor, "sign", calls, SIGNS))
+        yield calls
+
+
+def factorisations() -> list[type[Factor]]:
+    """Return all final classes of factorisations."""
+    assert linalg.DenseFactor in Factor.__subclasses__()  # its module is what defines them
+    return Factor.__subclasses__()
+
+
+@contextmanager
+def _counting(owner: type, name: str, calls: Counter[str], kind: str) -> Iterator[None]:
+    """Replace one method or property of a class by one that counts."""
+    own, original = vars(owner).get(name), getattr(owner, name)
+    if isinstance(original, property):
+        assert original.fget is not None
+        setattr(owner, name, property(_with_count(original.fget, calls, kind)))
+    else:
+        setattr(owner, name, _with_count(original, calls, kind))
+    try:
+        yield
+    finally:
+        if own is None:  # inherited
+            delattr(owner, name)
+        else:
+            setattr(owner, name, own)
+
+
+def _with_count(function: Callable[..., Any], calls: Counter[str], kind: str) -> Callable[..., Any]:
+    @wraps(function)
+    def counting(*arguments: Any, **named: Any) -> Any:
+        calls[kind] += 1
+        return function(*arguments, **named)
+
+    return counting

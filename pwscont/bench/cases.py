@@ -1,0 +1,143 @@
+"""The problems of the bench: scenes with a known answer, and a few that are not scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.bench.problems import (
+    Bratu,
+    Circle,
+    TwoCurves,
+    bratu_pieces,
+    circle_pieces,
+    two_curves_pieces,
+)
+from pwscont.bench.rational import straight_pieces
+from pwscont.bench.slicewise import cellwise_pieces
+from pwscont.bench.truth import TruePiece, Truth, UnknownAnswerError
+from pwscont.foundation.arrays import Array
+from pwscont.interface.registry import load_scene, scene_names
+from pwscont.interface.scene import Scene
+from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.numerics.metric import Metric
+from pwscont.search import enumerate_solutions
+
+#: Values of alpha at which the answer is compared with an enumeration.
+CHECKS = 37
+#: Beyond this many cells a complete answer takes too long.
+MOST_CELLS = 64
+AGREES = 1e-9
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A problem and its true answer."""
+
+    name: str
+    system: PiecewiseSystem
+    interval: tuple[float, float]
+    truth: Truth
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether all pieces are straight, so that ExactLinear applies."""
+        return isinstance(self.system, PiecewiseLinearSystem)
+
+
+def case_names() -> list[str]:
+    """Return the names of all problems and scenes, known answer or not."""
+    return [*OWN, *scene_names()]
+
+
+def load_case(name: str) -> Case:
+    """Build a problem with its answer.
+
+    Raises
+    ------
+    UnknownAnswerError
+        If the bench does not know the answer.
+    SceneNotFoundError
+        If there is no problem and no scene of that name.
+    """
+    return OWN[name]() if name in OWN else case_of(load_scene(name))
+
+
+def case_of(scene: object) -> Case:
+    """Return a scene with its true answer."""
+    if not isinstance(scene, Scene):
+        raise UnknownAnswerError("it has two parameters")
+    system, interval = scene.system, scene.interval
+    if not isinstance(system, SlicewiseLinearSystem):
+        raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
+    _check_size(system, interval)
+    if isinstance(system, PiecewiseLinearSystem):
+        pieces, known_by = straight_pieces(system, interval), "rational arithmetic"
+    else:
+        pieces, known_by = cellwise_pieces(system, interval), "a solve per cell and alpha"
+    case = _case(scene.name, system, interval, pieces, known_by)
+    _compare_with_enumeration(system, case.truth)
+    return case
+
+
+def _check_size(system: SlicewiseLinearSystem, interval: tuple[float, float]) -> None:
+    cells = np.prod([len(block.modes) for block in system.blocks()])
+    if cells > MOST_CELLS:
+        raise UnknownAnswerError(f"its system has {cells} cells, more than {MOST_CELLS}")
+    if system.reduction(*interval):
+        raise UnknownAnswerError("parts of its system are left out while it is followed")
+
+
+def _case(
+    name: str,
+    system: PiecewiseSystem,
+    interval: tuple[float, float],
+    pieces: Sequence[TruePiece],
+    known_by: str,
+) -> Case:
+    scale = Metric.of(system, interval).scale
+    return Case(name, system, interval, Truth(pieces, interval, scale, known_by))
+
+
+def _compare_with_enumeration(system: SlicewiseLinearSystem, truth: Truth) -> None:
+    lo, hi = truth.interval
+    for share in (np.arange(CHECKS) + 1.0 / np.pi) / CHECKS:
+        alpha = float(lo + share * (hi - lo))
+        listed = [solution.z / truth.scale[:-1] for solution in enumerate_solutions(system, alpha)]
+        on = [p.at(alpha)[:-1] / truth.scale[:-1] for p in truth.pieces if _over(p, alpha)]
+        if len(listed) != len(on) or any(_off(z, listed) > AGREES for z in on):
+            raise UnknownAnswerError(f"two ways to its answer disagree at alpha = {alpha}")
+
+
+def _over(piece: TruePiece, alpha: float) -> bool:
+    return piece.span[0] < alpha < piece.span[1]
+
+
+def _off(z: Array, others: Sequence[Array]) -> float:
+    return min(float(np.abs(z - other).max()) for other in others)
+
+
+def _circle() -> Case:
+    return _case("circle", Circle(), (-2.0, 2.0), circle_pieces(), "closed form")
+
+
+def _two_curves() -> Case:
+    return _case("two-curves", TwoCurves(), (-2.0, 2.0), two_curves_pieces(), "closed form")
+
+
+def _bratu() -> Case:
+    system = Bratu()
+    pieces = bratu_pieces(system, 0.5)
+    return _case("bratu", system, (0.5, 4.0), pieces, "Newton at given heights; extended system")
+
+
+#: Problems that are no scenes.
+OWN: dict[str, Callable[[], Case]] = {
+    "circle": _circle,
+    "two-curves": _two_curves,
+    "bratu": _bratu,
+}

@@ -1,0 +1,71 @@
+"""What the command line asks of a scene, and of what it answers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pwscont.continuation.preparation import Report
+
+
+class Answer(ABC):
+    """The result of a scene."""
+
+    @abstractmethod
+    def as_text(self) -> str:
+        """Return what a user reads."""
+
+    @abstractmethod
+    def as_dict(self) -> dict[str, Any]:
+        """Return the same as plain lists and numbers, without the time it took."""
+
+    @abstractmethod
+    def write(self, directory: Path) -> list[Path]:
+        """Write picture and data into an existing directory; return the files."""
+
+
+class Runnable(ABC):
+    """A named problem, ready to run from the command line.
+
+    A package offers one by an entry point of the group ``pwscont.scenes`` whose value is a
+    function without arguments that returns it.
+
+    Attributes
+    ----------
+    name, title : str
+    parameter : str
+        What the progress line calls the parameter.
+    """
+
+    name: str
+    title: str
+    parameter: str
+
+    @abstractmethod
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return the parameter values whose solutions are listed, before any work.
+
+        Parameters
+        ----------
+        wanted : sequence of float or None
+            What the user asked for; None for the scene's own choice.
+
+        Raises
+        ------
+        InvalidInputError
+            If the scene cannot list solutions there.
+        """
+
+    @abstractmethod
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Compute the scene.
+
+        Parameters
+        ----------
+        at : sequence of float
+            From :meth:`values`.
+        report : callable
+            Called with the number of pieces and the parameter value reached.
+        """

@@ -1,0 +1,53 @@
+"""The answer of a scene with one parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+from pwscont.graph import BranchGraph, Solution
+from pwscont.interface.answer import Answer
+from pwscont.interface.scene import Scene
+from pwscont.interface.table import report
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class GraphAnswer(Answer):
+    """A branch graph, and the solutions at some parameter values."""
+
+    scene: Scene
+    graph: BranchGraph
+    at: tuple[float, ...]
+
+    def as_text(self) -> str:
+        """Return branches, transitions, numbers of solutions, and the solutions asked for."""
+        return report(self.scene, self.graph, self.at)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the graph and the solutions asked for."""
+        lo, hi = self.graph.interval
+        parameter = {"name": self.scene.parameter, "lo": lo, "hi": hi}
+        solutions = [_solution(s) for alpha in self.at for s in self.graph.solutions(alpha)]
+        head = {"scene": self.scene.name, "parameter": parameter}
+        return head | self.graph.to_dict() | {"solutions": solutions}
+
+    def write(self, directory: Path) -> list[Path]:
+        """Write the branch diagrams and the branch graph."""
+        from pwscont.interface.plotting import draw_scene  # noqa: PLC0415  only where asked for
+
+        name = self.scene.name
+        picture, file = directory / f"{name}.png", directory / f"{name}.npz"
+        draw_scene(self.scene, self.graph).savefig(picture, dpi=150)
+        self.graph.save(file)
+        return [picture, file]
+
+
+def _solution(solution: Solution) -> dict[str, Any]:
+    return {
+        "alpha": solution.alpha,
+        "z": solution.z.tolist(),
+        "label": solution.label,
+        "det_sign": solution.det_sign,
+    }

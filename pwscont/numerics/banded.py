@@ -1,0 +1,93 @@
+"""Jacobians that are banded in z.
+
+Differences and elements along a line give such Jacobians: a few diagonals for z, and a full
+column for alpha.
+
+Failure modes and answers
+-------------------------
+- Bands stored the wrong way round give a wrong matrix: the shapes are checked here, the entries
+  by :func:`pwscont.check_system`.
+- Code that knows nothing of bands: numpy takes the matrix as the dense array that it stands for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidSystemError
+
+
+@final
+class BandedJacobian:
+    """A Jacobian (n, n + 1) whose part for z is banded; its last column is full.
+
+    Parameters
+    ----------
+    bands : ndarray, shape (lower + upper + 1, n)
+        The diagonals as in :func:`scipy.linalg.solve_banded`:
+        ``bands[upper + i - j, j] == dH[i]/dz[j]``. Entries outside the matrix are ignored.
+    lower, upper : int
+        Numbers of diagonals below and above the main one.
+    column : ndarray, shape (n,)
+        dH/dalpha.
+
+    Raises
+    ------
+    InvalidSystemError
+        If the shapes do not fit each other.
+    """
+
+    def __init__(self, bands: Array, lower: int, upper: int, column: Array) -> None:
+        n = len(column)
+        if bands.shape != (lower + upper + 1, n):
+            raise InvalidSystemError(
+                f"BandedJacobian: bands has shape {bands.shape}, expected "
+                f"(lower + upper + 1, n) = ({lower + upper + 1}, {n})"
+            )
+        self.bands, self.lower, self.upper, self.column = bands, lower, upper, column
+        self.shape = (n, n + 1)
+
+    def tocsc(self) -> Any:
+        """Return the same matrix as a scipy.sparse one."""
+        n = len(self.column)
+        offsets = np.arange(self.upper, -self.lower - 1, -1)
+        square = sp.dia_matrix((self.bands, offsets), shape=(n, n))
+        return sp.hstack([square, self.column[:, np.newaxis]]).tocsc()
+
+    def toarray(self) -> Array:
+        """Return the same matrix as a dense one, shape (n, n + 1)."""
+        dense: Array = self.tocsc().toarray()
+        return dense
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        return np.asarray(self.toarray(), dtype=dtype)
+
+    def __abs__(self) -> BandedJacobian:
+        return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
+
+    def __matmul__(self, x: Array) -> Array:
+        product: Array = self.column * x[-1]
+        for diagonal, rows, columns in diagonals(self.bands, self.upper):
+            product[rows] += diagonal * x[columns]
+        return product
+
+
+def diagonals(bands: Array, upper: int) -> Iterator[tuple[Array, slice, slice]]:
+    """Yield each diagonal as a view of its entries, with the slices of its rows and columns."""
+    for band, (rows, columns) in zip(bands, _extents(*bands.shape, upper), strict=True):
+        yield band[columns], rows, columns
+
+
+@lru_cache(maxsize=8)
+def _extents(width: int, n: int, upper: int) -> tuple[tuple[slice, slice], ...]:
+    """Return the rows and columns of each diagonal."""
+    below = range(-upper, width - upper)
+    starts, stops = [max(0, -k) for k in below], [min(n, n - k) for k in below]
+    columns = list(map(slice, starts, stops))
+    return tuple((slice(c.start + k, c.stop + k), c) for k, c in zip(below, columns, strict=True))

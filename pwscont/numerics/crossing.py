@@ -1,0 +1,215 @@
+"""Where two smooth curves of one selection cross, and the directions of both.
+
+At a simple branch point the Jacobian J, (n, n + 1), has rank n - 1. With borders b and C for
+which M = [[J, b], [C, 0]] is regular, the functions g of M (V; g) = (0; I) vanish exactly where
+J loses rank, and {H + mu b = 0, g = 0} is a square system for (x, mu), regular at the branch
+point although J is not: the minimally extended system of Moore (1980) and of Allgower and Georg
+(1990, section 8.2), with g by bordering (Govaerts 2000, chapter 3). The directions d = V delta of
+the curves solve the algebraic branching equation w^T H''[d, d] = 0, whose two by two matrix is
+also the one that Newton solves with.
+
+Failure modes and answers
+-------------------------
+- [J; t^T] is singular at the point, and points of the curve are known to no more than
+  EPS / distance near it: no point of the curve is computed here, all matrices stay regular.
+- Poor borders make M singular: they are renewed from its own null vectors in each iteration.
+- Two curves pass each other without meeting: mu says how far H misses zero at the point.
+- Curves that touch, or more than two that meet: the two by two matrix has no two real
+  directions that are told apart, which is a failure, not a guess.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.foundation.arrays import Array, Matrix, dense
+from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.numerics.curve import Curve
+from pwscont.numerics.factor import power_of_two
+from pwscont.numerics.linalg import factor
+
+MOST_ITERATIONS = 12
+#: Rounds of renewing generic borders before the first iteration.
+FIRST_BORDERS = 2
+#: H misses zero at the crossing by less than this part of its terms, else the curves pass by.
+MEETS = EPS**0.75
+#: The two directions are told apart: ratio of the eigenvalues of the branching equation.
+APART = EPS**0.5
+#: How far z is displaced to see how large the equations are, relative to its typical magnitude.
+ASIDE = 0.05
+#: Step of differences of fourth order, which balances truncation and cancellation.
+STEP = EPS**0.2
+#: A component of a direction below this, relative to its length, is the error of differences.
+FLAT = EPS**0.4
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """A simple branch point.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (1, n + 1)
+        The last Newton correction, a sample of the error.
+    directions : tuple of two ndarrays, shape (n + 1,)
+        The tangents of both curves, of length one in the metric, signs arbitrary.
+    """
+
+    x: Array
+    error: Array
+    directions: tuple[Array, Array]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Null:
+    """The bordered matrix at a point, in unknowns and equations scaled to about one.
+
+    Attributes
+    ----------
+    right : ndarray, shape (n + 1, 2)
+        V: spans the null space of J at the branch point.
+    left : ndarray, shape (n,)
+        w: spans the left null space.
+    rows : ndarray, shape (n,)
+        What the equations are divided by.
+    g : ndarray, shape (2,)
+        The functions that vanish where J loses rank.
+    particular : ndarray, shape (n + 2,)
+        M^-1 (-H; 0).
+    size : float
+        w . |J| |x|, the terms of which H consists, as the unfolding mu sees them.
+    """
+
+    right: Array
+    left: Array
+    rows: Array
+    g: Array
+    particular: Array
+    size: float
+
+
+def crossing(curve: Curve, x: Array) -> Crossing | Failure:
+    """Return the branch point near ``x``, by Newton's method on the extended system."""
+    n = len(x) - 1
+    borders, equations = _generic(n), _equations(curve, x)
+    for _ in range(FIRST_BORDERS):
+        if (null := _null(curve, x, equations, *borders)) is None:
+            return Failure(Trouble.SINGULAR)
+        borders = _renewed(null)
+    for _ in range(MOST_ITERATIONS):
+        if (null := _null(curve, x, equations, *borders)) is None:
+            return Failure(Trouble.SINGULAR)
+        rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
+        form = rows @ null.right
+        if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
+            return Failure(Trouble.SINGULAR)
+        eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
+        dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
+        x, mu = x + dx, float(null.particular[-1] + null.g @ eta)
+        if not np.isfinite(size := curve.metric.relative(dx, x)):
+            return Failure(Trouble.NOT_FINITE)
+        if size <= CONVERGED:
+            meets = abs(mu) <= MEETS * (1.0 + null.size)
+            return _directed(curve, x, dx, null, form) if meets else Failure(Trouble.SINGULAR)
+        borders = _renewed(null)
+    return Failure(Trouble.NOT_CONVERGED)
+
+
+def _generic(n: int) -> tuple[Array, Array]:
+    """Return borders b, shape (n,), and C, shape (2, n + 1), related to no simple numbers."""
+    angles = 1.0 + np.sqrt(2.0) * np.arange(2 * n + 2)
+    return np.cos(angles[:n]) / np.sqrt(n), np.sin(angles).reshape(2, n + 1) / np.sqrt(n)
+
+
+def _renewed(null: _Null) -> tuple[Array, Array]:
+    """Return the borders that make M best conditioned: the null vectors themselves."""
+    return null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
+
+
+def _equations(curve: Curve, x: Array) -> Array:
+    """Return typical magnitudes of the equations, shape (n,), powers of two.
+
+    A row of J may vanish at the branch point itself, so z is displaced a little as well.
+    """
+    scale = curve.metric.scale
+    aside = x + ASIDE * scale * np.append(_generic(len(x) - 1)[0], 0.0)
+    rows = [_largest(_columns(curve.selection.jacobian(y), scale)) for y in (x, aside)]
+    return power_of_two(np.where(np.isfinite(rows[1]), np.maximum(*rows), rows[0]))
+
+
+def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | None:
+    """Solve with M and its transpose; None where M is singular."""
+    n, scale = len(b), curve.metric.scale
+    scaled = _columns(curve.selection.jacobian(x), scale)
+    matrix = _augmented(scaled, rows, b, C)
+    direct, transposed = (factor(m, np.ones(n + 2)) for m in (matrix, matrix.T))
+    if direct.is_singular() or transposed.is_singular():
+        return None
+    unit = np.eye(n + 2)
+    solved = np.column_stack([direct.solve(unit[n]), direct.solve(unit[n + 1])])
+    left = transposed.solve(unit[n + 1])[:n]
+    rest = np.concatenate([-curve.selection.residual(x) / rows, np.zeros(2)])
+    terms = np.abs(left / rows) @ (abs(scaled) @ np.abs(x / scale))
+    return _Null(solved[:-1], left, rows, solved[-1], direct.solve(rest), float(terms))
+
+
+def _columns(jacobian: Matrix, scale: Array) -> Any:
+    """Return J times the scale of the unknowns, dense or sparse."""
+    if hasattr(jacobian, "tocsc"):
+        return jacobian.tocsc() @ sp.diags(scale)
+    return dense(jacobian) * scale
+
+
+def _largest(matrix: Any) -> Array:
+    """Return the largest entry of each row."""
+    rows = abs(matrix).max(axis=1)
+    return dense(rows).ravel()
+
+
+def _augmented(scaled: Any, rows: Array, b: Array, C: Array) -> Any:
+    """Return M = [[J, b], [C, 0]] with the rows of J divided."""
+    if not sp.issparse(scaled):
+        upper = np.column_stack([scaled / rows[:, np.newaxis], b])
+        return np.vstack([upper, np.column_stack([C, np.zeros(2)])])
+    equilibrated = sp.diags(1.0 / rows) @ scaled
+    return sp.bmat([[equilibrated, b[:, np.newaxis]], [C, None]], format="csc")
+
+
+def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
+    """Return w^T H''[v, .], shape (n + 1,), by differences of the Jacobian along v."""
+    scale = curve.metric.scale
+
+    def product(steps: float) -> Array:
+        jacobian = curve.selection.jacobian(x + steps * STEP * scale * v)
+        row: Array = _columns(jacobian, scale).T @ left
+        return row
+
+    central = 8.0 * (product(1.0) - product(-1.0)) - (product(2.0) - product(-2.0))
+    difference: Array = central / (12.0 * STEP)
+    return difference
+
+
+def _directed(curve: Curve, x: Array, dx: Array, null: _Null, form: Array) -> Crossing | Failure:
+    """Solve the branching equation delta^T A delta = 0 for the two directions."""
+    (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
+    if not min(-low, high) > APART * max(-low, high):
+        return Failure(Trouble.SINGULAR)
+    deltas = (np.sqrt(high) * axes[:, 0] + s * np.sqrt(-low) * axes[:, 1] for s in (1.0, -1.0))
+    first, second = (_direction(curve, null.right @ delta) for delta in deltas)
+    return Crossing(x, dx[np.newaxis], (first, second))
+
+
+def _direction(curve: Curve, scaled: Array) -> Array:
+    """Return the unit tangent; exactly vertical where it is so but for errors."""
+    scaled = scaled / np.linalg.norm(scaled)
+    if abs(scaled[-1]) < FLAT:
+        scaled[-1] = 0.0
+    return curve.metric.normalised(curve.metric.scale * scaled)

@@ -1,0 +1,149 @@
+"""Smooth branch points: two curves of one selection cross, and both are followed.
+
+Failure modes and answers
+-------------------------
+- Near the point [J; t^T] is nearly singular, so that points of the curve can hardly be computed:
+  the point is the regular solution of an extended system (:mod:`pwscont.numerics.crossing`), and
+  the curve is bisected only while the step is too long for that.
+- The sign of a state next to the point is rounding: a point just outside the step counts as well.
+- The step jumped from one curve to another that passes close by: the sign flips and no branch
+  point is there. That is a failure, on which the step is shortened until it follows the bend.
+- Two branch points within one step flip the sign twice and go unseen: allow shorter steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.rounding import EPS
+from pwscont.numerics.crossing import Crossing, crossing
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.linalg import bordered
+from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.rays import Ray
+
+#: A branch point this part of a step outside it belongs to it.
+SLACK = 0.1
+MOST_HALVINGS = 10
+#: Distance at which the sign of det[J; t^T] is read off, where no walk has brought it along.
+NEARBY = EPS**0.25
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SmoothBranchPoints(TransitionDetector):
+    """Watches the sign of det[J; t^T], which flips at simple branch points and nowhere else."""
+
+    def read(self, curve: Curve, state: State) -> Reading:
+        """Return the sign and its negative."""
+        sign = float(state.orientation)
+        return Reading(np.array([sign, -sign]), np.zeros(2))
+
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
+        """Solve the extended system from within the bracket."""
+        assert isinstance(segment, CurvedSegment)  # straight curves of one selection do not cross
+        found = _locate(segment, bracket, before := 1 if index == 0 else -1)
+        if isinstance(found, Failure):
+            return found
+        own = _own(segment, found)
+        return State(found.x, own, found.error, before)
+
+    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+        """Go on along the same curve, and both ways along the other."""
+        found = crossing(curve, state.x)
+        if isinstance(found, Failure):  # not after it has been located
+            return Arrival(Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),))
+        return branch_point(curve, found, state)
+
+
+def branch_point(curve: Curve, found: Crossing, state: State) -> Arrival:
+    """Return a branch point with its four rays.
+
+    The signs of det[J; t^T] on the rays, each seen leaving the point, alternate around it:
+    what arrives on one curve with a positive sign goes on with a negative one, and positively
+    along both halves of the other curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    found : Crossing
+    state : State
+        The point as an arrival on one of the curves, with the sign before it.
+    """
+    cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
+    other = found.directions[int(np.argmin(cosines))]
+    sign = state.orientation
+    states = [
+        State(state.x, -state.tangent, state.error, -sign),
+        State(state.x, state.tangent, state.error, -sign),
+        State(state.x, other, state.error, sign),
+        State(state.x, -other, state.error, sign),
+    ]
+    message = f"two curves cross on {curve.selection.label}"
+    return Arrival(Kind.BRANCH_POINT, state.x, message, tuple(Ray(curve, s) for s in states))
+
+
+def at_branch_point(curve: Curve, x: Array) -> Arrival | None:
+    """Return the branch point that a rough start is, None if it is none."""
+    found = crossing(curve, x)
+    if isinstance(found, Failure):
+        return None
+    tangent = found.directions[0]
+    near = curve.selection.jacobian(found.x - NEARBY * tangent)
+    sign = bordered(near, curve.metric.covector(tangent), curve.metric.binary).sign
+    return branch_point(curve, found, State(found.x, tangent, found.error, sign))
+
+
+def _locate(
+    segment: CurvedSegment, bracket: tuple[float, float], before: int
+) -> Crossing | Failure:
+    """Return the branch point on a segment, bisecting while Newton does not find it."""
+    lo, hi = bracket
+    for _ in range(MOST_HALVINGS):
+        middle = 0.5 * (lo + hi)
+        found = crossing(segment.curve, segment.near(middle))
+        if isinstance(found, Crossing) and _belongs(segment, found.x):
+            return found
+        state = segment.at(middle)
+        if isinstance(state, Failure):
+            return state
+        lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
+    return Failure(Trouble.SINGULAR)
+
+
+def _belongs(segment: CurvedSegment, x: Array) -> bool:
+    """Tell whether a branch point lies on the segment, or so near that it cannot be said."""
+    s, slack = segment.position(x), SLACK * segment.length
+    aside = segment.curve.metric.norm(x - segment.near(s))
+    return bool(-slack <= s <= segment.length + slack and aside <= segment.length)
+
+
+def _own(segment: CurvedSegment, found: Crossing) -> Array:
+    """Return the direction of the segment's own curve, pointing forward.
+
+    It is the one closest to the slope there of the cubic through both ends of the segment.
+    """
+    covector = segment.curve.metric.covector(_slope(segment, segment.position(found.x)))
+    cosines = [float(covector.dot(direction)) for direction in found.directions]
+    best = int(np.argmax(np.abs(cosines)))
+    forward: Array = np.sign(cosines[best]) * found.directions[best]
+    return forward
+
+
+def _slope(segment: CurvedSegment, s: float) -> Array:
+    """Return the slope at distance ``s`` of the cubic Hermite interpolant."""
+    r = s / segment.length
+    start, end = segment.start.tangent, segment.end.tangent
+    slope: Array = (
+        (1.0 - r) * (1.0 - 3.0 * r) * start
+        + r * (3.0 * r - 2.0) * end
+        + 6.0 * r * (1.0 - r) * segment.chord
+    )
+    return slope

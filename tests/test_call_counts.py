@@ -1,0 +1,141 @@
+"""How much work a run is: calls by kind, kept as upper bounds.
+
+The bounds are the numbers of the day when they were written, not rounded up: whoever makes a run
+dearer must say so by raising one. Whoever makes it cheaper may lower them: ``counts`` prints them.
+"""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+from pwscont_coulomb.scenes import example1, example3, fig7, fig10, fig13
+
+from pwscont import ExactLinear, PseudoArclength, explore, trace
+from pwscont.bench.calls import KINDS, counted, factorisations
+from pwscont.search import EndPoints
+from pwscont.transitions import SmoothBranchPoints, SmoothFolds
+
+# residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
+TRACED = {
+    (fig7, ExactLinear): (12, 12, 25, 18, 11, 32, 8),
+    (fig7, PseudoArclength): (58, 58, 74, 67, 57, 120, 50),
+    (example1, ExactLinear): (16, 16, 35, 28, 15, 46, 12),
+    (example1, PseudoArclength): (178, 178, 201, 194, 177, 366, 167),
+    (fig10, PseudoArclength): (304, 242, 137, 125, 241, 412, 97),
+    (fig13, PseudoArclength): (19, 19, 23, 16, 18, 36, 14),
+    (example3, PseudoArclength): (19, 19, 23, 16, 18, 36, 14),
+}
+
+
+def trace_all(system, interval, stepper):
+    return trace(system, (np.zeros(system.size), interval[0]), interval, stepper=stepper)
+
+
+def counts(system, interval, stepper):
+    with counted(system) as calls:
+        graph = trace_all(system, interval, stepper)
+    return {kind: calls[kind] for kind in KINDS}, graph
+
+
+@pytest.mark.parametrize(("scene", "stepper"), TRACED, ids=lambda part: part.__name__)
+def test_calls_by_kind(scene, stepper):
+    made, calls = scene(), dict(zip(KINDS, TRACED[scene, stepper], strict=True))
+    found, _ = counts(made.system, made.interval, stepper())
+    dearer = {kind: found[kind] for kind in KINDS if found[kind] > calls[kind]}
+    assert not dearer, f"more than {calls}"
+
+
+def random_path(p=8, seed=1):
+    """Return a random body pressed on the obstacle and dragged along it."""
+    root = np.random.default_rng(seed).normal(size=(2 * p, 2 * p))
+    picks, rng = np.eye(2 * p), np.random.default_rng(seed)
+    body = ContactBody(root @ root.T + np.eye(2 * p), picks[0::2], picks[1::2])
+    f0, f1 = rng.normal(size=2 * p) + np.tile([2.0, 0.0], p), rng.normal(size=2 * p)
+    return CoulombLoad(body, AffineLoad(f0, f1), 0.5)
+
+
+# what one piece more costs on a path of straight pieces
+PER_PIECE = (2, 2, 5, 5, 2, 7, 2)
+
+
+def test_work_grows_linearly_with_the_pieces():
+    """A piece costs two factorisations, whatever the path's length: nothing is searched in it."""
+    system, table = random_path(), []
+    for hi in (-2.0, 0.0, 5.0, 40.0):
+        calls, graph = counts(system, (-5.0, hi), ExactLinear())
+        table.append([len(graph.pieces), *calls.values()])
+    growth = np.diff(table, axis=0)
+    assert (growth[:, 0] >= 7).all()
+    assert table[-1][0] == 29
+    # solves may come out uneven: a corner or a located point takes one or two more
+    assert (growth[:, 1:] <= np.outer(growth[:, 0], PER_PIECE)).all()
+
+
+class UsedError(Exception):
+    """Something was called that must not be."""
+
+
+def refuse(*_):
+    raise UsedError
+
+
+@pytest.mark.parametrize("detector", [SmoothFolds, SmoothBranchPoints])
+def test_linear_pieces_are_not_watched_for_what_they_cannot_have(monkeypatch, detector):
+    monkeypatch.setattr(detector, "read", refuse)
+    system, interval = fig7().system, fig7().interval
+    trace_all(system, interval, ExactLinear())
+    with pytest.raises(UsedError):  # the trap works
+        trace_all(system, interval, PseudoArclength())
+
+
+@pytest.mark.parametrize("scene", [fig7, fig10, fig13])
+def test_trace_enumerates_nothing(monkeypatch, scene):
+    monkeypatch.setattr("pwscont.enumeration.slices.leaves", refuse)
+    made = scene()
+    trace_all(made.system, made.interval, None)
+    with pytest.raises(UsedError):  # the trap works
+        explore(made.system, made.interval, search=EndPoints())
+
+
+def test_a_run_imports_no_pictures_and_no_bench():
+    code = (
+        "from pwscont_coulomb.scenes import fig7; fig7().run(); import sys; "
+        "print(*[name for name in sys.modules if name.startswith(('matplotlib', 'pwscont.'))])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = run.stdout.split()
+    assert "pwscont.graph" in loaded
+    assert not [name for name in loaded if name.startswith(("matplotlib", "pwscont.bench"))]
+
+
+# -- the counting itself --------------------------------------------------------------------------
+
+
+def test_counting_leaves_nothing_behind():
+    system = fig7().system
+    classes = [type(system), *factorisations()]
+    before = [dict(vars(owner)) for owner in classes]
+    with counted(system) as calls:
+        assert [dict(vars(owner)) for owner in classes] != before
+    assert [dict(vars(owner)) for owner in classes] == before
+    assert set(calls.values()) == {0}
+
+
+def test_counting_stops_after_an_error():
+    system = fig7().system
+    before = dict(vars(type(system)))
+    with pytest.raises(UsedError), counted(system):
+        refuse()
+    assert dict(vars(type(system))) == before
+
+
+def test_counts_are_calls():
+    system = fig7().system
+    z, character = np.zeros(system.size), system.character(np.zeros(system.size), 0.0)
+    with counted(system) as calls:
+        system.residual(z, 0.0, character)
+        system.residual(z, 1.0, character)
+        system.jacobian(z, 0.0, character)
+    assert (calls["residual"], calls["jacobian"], calls["solves"]) == (2, 1, 0)

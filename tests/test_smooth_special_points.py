@@ -1,0 +1,667 @@
+"""Folds and branch points of smooth curves, on systems with closed forms, by public names."""
+
+import math
+from decimal import Decimal, getcontext
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pwscont import (
+    BandedJacobian,
+    BranchGraph,
+    PiecewiseSystem,
+    PseudoArclength,
+    check_system,
+    trace,
+)
+from pwscont.foundation.errors import InvalidSystemError
+from pwscont.numerics.corrector import MoorePenrose
+from pwscont.numerics.linalg import bordered
+from pwscont.numerics.predictor import Secant
+from pwscont.numerics.step_size import StepSize
+
+LOCATED = 1e-10
+INTERVAL = (-1.0, 1.3)
+
+
+class Smooth(PiecewiseSystem):
+    """A system of one cell."""
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def test_jacobian(self, z, alpha):
+        return np.zeros((0, self.size + 1))
+
+
+class NormalForm(Smooth):
+    """h(y, beta) = 0 and w = y beta, turned, sheared and scaled so that no axis is special.
+
+    (y, w) = Q (z - z0) / unit with Q not orthogonal, and beta = alpha - alpha0 + tilt y.
+    """
+
+    size = 2
+    Q = np.array([[0.8, 0.5], [-0.3, 1.1]])
+    z0 = np.array([0.7, -0.4])
+
+    def __init__(self, h, gradient=None, *, alpha0=0.1, tilt=0.3, unit=1.0):
+        self.h, self.gradient = h, gradient
+        self.alpha0, self.tilt, self.unit = alpha0, tilt, unit
+
+    def scale(self, lo, hi):
+        return np.full(2, self.unit)
+
+    def normal(self, z, alpha):
+        y, w = self.Q @ (z / self.unit - self.z0)
+        return y, w, alpha - self.alpha0 + self.tilt * y
+
+    def state(self, y, beta):
+        """Return (z, alpha) of a point of the normal form."""
+        z = (self.z0 + np.linalg.solve(self.Q, [y, y * beta])) * self.unit
+        return z, beta - self.tilt * y + self.alpha0
+
+    def residual(self, z, alpha, character):
+        y, w, beta = self.normal(z, alpha)
+        return np.array([self.h(y, beta), w - y * beta])
+
+    def jacobian(self, z, alpha, character):
+        if self.gradient is None:
+            return super().jacobian(z, alpha, character)
+        y, _, beta = self.normal(z, alpha)
+        by_y, by_beta = self.gradient(y, beta)
+        rows = np.array([[by_y, 0.0, by_beta], [-beta, 1.0, -y]])
+        inner = np.zeros((3, 3))
+        inner[:2, :2] = self.Q / self.unit
+        inner[2, :2] = self.tilt * self.Q[0] / self.unit
+        inner[2, 2] = 1.0
+        return rows @ inner
+
+    def roots(self, candidates, alpha):
+        """Return the states at alpha, from the functions y -> beta that make up h = 0."""
+        return sorted(candidates, key=lambda y: y)
+
+
+def transcritical(y, beta):
+    return y * (y - beta), (2.0 * y - beta, -y)
+
+
+def pitchfork(y, beta):
+    return y**3 - beta * y, (3.0 * y * y - beta, -y)
+
+
+def make(form, *, exact=True, **more):
+    gradient = (lambda y, beta: form(y, beta)[1]) if exact else None
+    return NormalForm(lambda y, beta: form(y, beta)[0], gradient, **more)
+
+
+VARIANTS = [
+    PseudoArclength(),
+    PseudoArclength(predictor=Secant()),
+    PseudoArclength(corrector=MoorePenrose()),
+    PseudoArclength(step_size=StepSize(first=1e-3, largest=0.02)),
+    PseudoArclength(step_size=StepSize(first=0.3, largest=0.5)),
+]
+IDS = ["default", "secant", "moore-penrose", "short", "long"]
+STEPPERS = pytest.mark.parametrize("stepper", VARIANTS, ids=IDS)
+# -- transcritical: y = 0 and y = beta -----------------------------------------------------------
+
+
+def transcritical_ys(system, alpha):
+    """Return y on both lines at alpha: beta = alpha - alpha0 + tilt y."""
+    beta = alpha - system.alpha0
+    return [0.0, beta / (1.0 - system.tilt)]
+
+
+def transcritical_states(system, alpha):
+    found = []
+    for y in transcritical_ys(system, alpha):
+        beta = alpha - system.alpha0 + system.tilt * y
+        z, at = system.state(y, beta)
+        assert at == pytest.approx(alpha, abs=1e-14)
+        found.append((z, y, beta))
+    return found
+
+
+STARTS = [(0, -0.8), (1, -0.8), (0, 1.2), (1, 1.2)]
+
+
+def transcritical_graph(system, start=(0, -0.8), **options):
+    line, alpha = start
+    z = transcritical_states(system, alpha)[line][0]
+    return trace(system, (z, alpha), INTERVAL, **options)
+
+
+@STEPPERS
+@pytest.mark.parametrize("start", STARTS)
+def test_transcritical_is_found_from_each_half_branch(stepper, start):
+    system = make(transcritical)
+    graph = transcritical_graph(system, start, stepper=stepper)
+    (point,) = graph.special_points("branch point")
+    z, alpha = system.state(0.0, 0.0)
+    np.testing.assert_allclose(point.z, z, rtol=0, atol=1e-12)
+    assert point.alpha == pytest.approx(alpha, abs=1e-12)
+    assert len(graph.pieces) == 4
+    assert graph.nx.degree(point.id) == 4
+    assert len(graph.special_points("end")) == 4
+    assert not graph.special_points("fold")
+    assert not graph.special_points("stopped")
+
+
+@STEPPERS
+@pytest.mark.parametrize("alpha", [-0.99, -0.3, 0.0999, 0.1001, 0.5, 1.29])
+def test_transcritical_solutions(stepper, alpha):
+    system = make(transcritical)
+    graph = transcritical_graph(system, stepper=stepper)
+    expected = sorted(z.tolist() for z, _, _ in transcritical_states(system, alpha))
+    assert graph.count(alpha) == 2
+    found = sorted(solution.z.tolist() for solution in graph.solutions(alpha))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=LOCATED)
+    assert graph.balance(alpha) == 0
+
+
+def test_transcritical_signs():
+    """The sign of det(dH/dz) changes on both curves at the branch point."""
+    system = make(transcritical)
+    graph = transcritical_graph(system)
+    character = system.character(np.zeros(2), 0.0)
+    for piece in graph.pieces:
+        z, alpha = piece.z[len(piece.z) // 2], piece.alpha[len(piece.z) // 2]
+        determinant = np.linalg.det(system.jacobian(z, alpha, character)[:, :-1])
+        assert piece.det_sign == np.sign(determinant) == np.sign(piece.alpha[-1] - piece.alpha[0])
+        assert (np.diff(piece.alpha) * piece.det_sign > 0.0).all()
+    assert sorted(piece.det_sign for piece in graph.pieces) == [-1, -1, 1, 1]
+
+
+def test_transcritical_without_a_jacobian():
+    """Differences of differences still give the point; H itself is exact."""
+    system = make(transcritical, exact=False)
+    graph = transcritical_graph(system)
+    (point,) = graph.special_points("branch point")
+    z, alpha = system.state(0.0, 0.0)
+    np.testing.assert_allclose(point.z, z, rtol=0, atol=1e-8)
+    assert point.alpha == pytest.approx(alpha, abs=1e-8)
+    assert [count for _, _, count in graph.multiplicity()] == [2]
+    assert len(graph.pieces) == 4
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_units_do_not_matter(unit):
+    system = make(transcritical, unit=unit)
+    graph = transcritical_graph(system)
+    (point,) = graph.special_points("branch point")
+    np.testing.assert_allclose(point.z / unit, system.z0, rtol=0, atol=1e-12)
+    assert len(graph.pieces) == 4
+
+
+@pytest.mark.parametrize("tilt", [0.9, -5.0, -20.0])
+def test_curves_at_a_small_angle(tilt):
+    system = make(transcritical, tilt=tilt)
+    graph = trace(system, (system.state(0.0, -0.9)[0], -0.8), INTERVAL)
+    (point,) = graph.special_points("branch point")
+    assert point.alpha == pytest.approx(0.1, abs=1e-12)
+    assert len(graph.pieces) == 4
+    assert graph.balances() == [0, 0]
+
+
+def test_a_start_at_the_branch_point():
+    system = make(transcritical)
+    graph = trace(system, system.state(0.0, 0.0), INTERVAL)
+    assert len(graph.special_points("branch point")) == 1
+    assert len(graph.pieces) == 4
+    assert graph.balances() == [0, 0]
+
+
+def test_a_branch_point_is_kept_in_a_file(tmp_path):
+    graph = transcritical_graph(make(transcritical))
+    graph.save(tmp_path / "graph.npz")
+    again = BranchGraph.load(tmp_path / "graph.npz")
+    assert len(again.special_points("branch point")) == 1
+
+
+# -- pitchfork: y = 0 and beta = y^2 -------------------------------------------------------------
+
+
+def pitchfork_count(alpha, tilt):
+    """Return the number of real solutions: y = 0 and alpha - alpha0 + tilt y = y^2."""
+    discriminant = tilt**2 + 4.0 * (alpha - 0.1)
+    return 1 if discriminant < 0.0 else 3
+
+
+@STEPPERS
+@pytest.mark.parametrize("tilt", [0.0, 0.3, 1e-3])
+@pytest.mark.parametrize("y", [0.0, 0.9, -0.9], ids=["trivial", "upper", "lower"])
+def test_pitchfork(stepper, tilt, y):
+    """With tilt 0 the second curve is vertical where it begins, else it turns close by."""
+    system = make(pitchfork, tilt=tilt)
+    beta = y * y if y else -0.8
+    z, alpha = system.state(y, beta)
+    graph = trace(system, (z, alpha), INTERVAL, stepper=stepper)
+    (point,) = graph.special_points("branch point")
+    np.testing.assert_allclose(point.z, system.state(0.0, 0.0)[0], rtol=0, atol=1e-11)
+    assert point.alpha == pytest.approx(0.1, abs=1e-11)
+    folds = [fold.alpha for fold in graph.special_points("fold")]
+    np.testing.assert_allclose(folds, [0.1 - tilt**2 / 4.0] if tilt else [], atol=1e-10)
+    assert not graph.special_points("stopped")
+    assert graph.nx.degree(point.id) == 4
+    for alpha in (-0.9, 0.1 - tilt**2 / 4.0 - 1e-7, 0.1 + 1e-6, 1.2):
+        assert graph.count(alpha) == pitchfork_count(alpha, tilt)
+        assert graph.balance(alpha) == 1
+    assert graph.is_balanced()
+
+
+def test_a_start_at_the_pitchfork():
+    system = make(pitchfork, tilt=0.0)
+    graph = trace(system, system.state(0.0, 0.0), INTERVAL)
+    assert [count for _, _, count in graph.multiplicity()] == [1, 3]
+    assert graph.balances() == [1, 1]
+
+
+@STEPPERS
+@pytest.mark.parametrize("imperfection", [1e-2, 1e-5, 1e-8, 1e-10])
+def test_imperfect_pitchfork_has_a_fold_and_no_branch_point(stepper, imperfection):
+    """y^3 - beta y + e = 0 falls apart; its fold is at beta = 3 (e / 2)^(2/3)."""
+
+    def form(y, beta):
+        h, gradient = pitchfork(y, beta)
+        return h + imperfection, gradient
+
+    system = make(form, tilt=0.0)
+    guess = system.state(1.0, 1.0)
+    graph = trace(system, guess, INTERVAL, stepper=stepper)
+    assert not graph.special_points("branch point")
+    assert not graph.special_points("stopped")
+    (fold,) = graph.special_points("fold")
+    expected = 0.1 + 3.0 * (imperfection / 2.0) ** (2.0 / 3.0)
+    assert fold.alpha == pytest.approx(expected, abs=LOCATED)
+    assert len(graph.pieces) == 2
+    other = trace(system, system.state(-1.0, 1.0), INTERVAL, stepper=stepper)
+    assert [len(other.pieces), len(other.special_points("end"))] == [1, 2]
+    assert not other.special_points("branch point")
+
+
+# -- several branch points, loops ----------------------------------------------------------------
+
+
+def circle_and_line(y, beta):
+    """Return the circle y^2 + beta^2 = 1/4 cut by the line y = 0.3."""
+    circle, line = y * y + beta * beta - 0.25, y - 0.3
+    return circle * line, (2.0 * y * line + circle, 2.0 * beta * line)
+
+
+@STEPPERS
+@pytest.mark.parametrize("start", [(-0.5, 0.0), (0.3, -0.9), (0.5, 0.0), (0.3, 0.1)])
+def test_circle_cut_by_a_line(stepper, start):
+    """Two branch points at beta = +-0.4, and folds of the circle at beta = +-0.5."""
+    system = make(circle_and_line, tilt=0.0)
+    graph = trace(system, system.state(*start), INTERVAL, stepper=stepper)
+    found = sorted(point.alpha for point in graph.special_points("branch point"))
+    np.testing.assert_allclose(found, [-0.3, 0.5], rtol=0, atol=1e-11)
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [-0.4, 0.6], rtol=0, atol=LOCATED)
+    assert len(graph.components()) == 1
+    # three pieces of the line, one arc above it and three below, cut at the folds
+    assert len(graph.pieces) == 3 + 1 + 3
+    assert [count for _, _, count in graph.multiplicity()] == [1, 3, 1]
+    assert len(set(graph.balances())) == 1
+
+
+def lemniscate(y, beta):
+    """Return (beta^2 + y^2)^2 = (beta^2 - y^2) / 4: a figure eight that crosses itself."""
+    square = beta * beta + y * y
+    value = square**2 - 0.25 * (beta * beta - y * y)
+    return value, (4.0 * y * square + 0.5 * y, 4.0 * beta * square - 0.5 * beta)
+
+
+@STEPPERS
+@pytest.mark.parametrize("beta", [0.3, -0.3])
+def test_figure_eight(stepper, beta):
+    """Both lobes begin and end at one branch point, and each has a fold at its tip."""
+    system = make(lemniscate, tilt=0.0)
+    # y^4 + (2 beta^2 + 1/4) y^2 + beta^4 - beta^2 / 4 = 0
+    p, q = 2.0 * beta**2 + 0.25, beta**4 - 0.25 * beta**2
+    y = math.sqrt(-p / 2.0 + math.sqrt(p * p / 4.0 - q))
+    graph = trace(system, system.state(y, beta), INTERVAL, stepper=stepper)
+    (point,) = graph.special_points("branch point")
+    np.testing.assert_allclose(point.z, system.state(0.0, 0.0)[0], rtol=0, atol=1e-11)
+    folds = sorted(fold.alpha for fold in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [-0.4, 0.6], rtol=0, atol=LOCATED)
+    assert len(graph.pieces) == 4
+    assert graph.nx.degree(point.id) == 4
+    assert graph.balances() == [0] * len(graph.balances())
+
+
+def isola(y, beta):
+    value = (beta - 0.2) ** 2 + 2.0 * y * y + 0.5 * y * (beta - 0.2) - 0.3
+    return value, (4.0 * y + 0.5 * (beta - 0.2), 2.0 * (beta - 0.2) + 0.5 * y)
+
+
+@STEPPERS
+def test_isola(stepper):
+    """A smooth loop: two folds, where y = -(beta - 0.2) / 8, and nothing else."""
+    system = make(isola, tilt=0.0)
+    y = math.sqrt(0.15)
+    graph = trace(system, system.state(y, 0.2), INTERVAL, stepper=stepper)
+    reach = math.sqrt(0.3 / (1.0 - 1.0 / 32.0))
+    folds = sorted(fold.alpha for fold in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [0.3 - reach, 0.3 + reach], rtol=0, atol=LOCATED)
+    assert len(graph.pieces) == graph.nx.number_of_nodes() == 2
+    assert graph.balance(0.3) == 0
+
+
+# -- a kink and a branch point -------------------------------------------------------------------
+
+
+class KinkedTranscritical(PiecewiseSystem):
+    """(y - beta) k = 0 with k = y for alpha below 0.5, bent by (alpha - 0.5) above."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([alpha - 0.5])
+
+    def residual(self, z, alpha, character):
+        bend = alpha - 0.5 if character.signs[0] else 0.0
+        return (z - alpha) * (z - 2.0 * bend)
+
+
+@STEPPERS
+@pytest.mark.parametrize("start", [(0.0, -0.8), (-0.8, -0.8), (1.2, 1.2), (1.4, 1.2)])
+def test_a_kink_and_branch_points_in_two_cells(stepper, start):
+    """The line z = alpha meets z = 0 at alpha = 0 and z = 2 (alpha - 0.5) at alpha = 1."""
+    z, alpha = start
+    graph = trace(KinkedTranscritical(), ([z], alpha), INTERVAL, stepper=stepper)
+    found = sorted(point.alpha for point in graph.special_points("branch point"))
+    np.testing.assert_allclose(found, [0.0, 1.0], rtol=0, atol=1e-9)
+    kinks = [(point.alpha, point.z[0]) for point in graph.special_points("transition")]
+    np.testing.assert_allclose(sorted(kinks), [(0.5, 0.0), (0.5, 0.5)], rtol=0, atol=LOCATED)
+    assert len(graph.pieces) == 8
+    assert graph.balances() == [0] * len(graph.balances())
+    for alpha in (-0.5, 0.3, 0.7, 1.2):
+        expected = sorted([alpha, 2.0 * max(alpha - 0.5, 0.0)])
+        found = sorted(solution.z[0] for solution in graph.solutions(alpha))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=LOCATED)
+
+
+# -- many unknowns -------------------------------------------------------------------------------
+
+
+class Chain(Smooth):
+    """-u'' = mu u - u^3 with mu = pi^2 (1 + alpha), u = 0 at both ends, by differences.
+
+    The discrete eigenvalues 4 (n + 1)^2 sin^2(k pi / (2 n + 2)) are where branches leave u = 0.
+    """
+
+    def __init__(self, n, storage):
+        self.size, self.storage = n, storage
+        self.h2 = 1.0 / (n + 1) ** 2
+
+    def scale(self, lo, hi):
+        return np.full(self.size, math.sqrt(self.size))
+
+    def residual(self, z, alpha, character):
+        rest = 2.0 * z - self.h2 * (math.pi**2 * (1.0 + alpha) * z - z**3)
+        rest[1:] -= z[:-1]
+        rest[:-1] -= z[1:]
+        return rest
+
+    def jacobian(self, z, alpha, character):
+        bands = np.full((3, self.size), -1.0)
+        bands[1] = 2.0 - self.h2 * (math.pi**2 * (1.0 + alpha) - 3.0 * z**2)
+        banded = BandedJacobian(bands, 1, 1, -self.h2 * math.pi**2 * z)
+        kinds = {
+            "banded": lambda j: j,
+            "sparse": lambda j: j.tocsc(),
+            "dense": lambda j: j.toarray(),
+        }
+        return kinds[self.storage](banded)
+
+
+STORAGES = pytest.mark.parametrize("storage", ["banded", "sparse", "dense"])
+
+
+@STORAGES
+@pytest.mark.parametrize("n", [4, 40])
+def test_buckling(storage, n):
+    """Three half-waves: pitchforks at the discrete eigenvalues, each mode with its symmetry."""
+    graph = trace(Chain(n, storage), (np.zeros(n), -0.5), (-0.5, 9.0))
+    eigenvalues = 4.0 * (n + 1) ** 2 * np.sin(np.arange(1, n + 1) * math.pi / (2 * n + 2)) ** 2
+    alphas = eigenvalues / math.pi**2 - 1.0
+    expected = alphas[alphas < 9.0]
+    found = [p.alpha for p in graph.special_points("branch point") if np.abs(p.z).max() < 1e-9]
+    np.testing.assert_allclose(sorted(found), expected, rtol=0, atol=1e-10)
+    assert not graph.special_points("stopped")
+    assert graph.is_balanced()
+    for piece in graph.pieces:
+        u = piece.z[-1]
+        assert min(np.abs(u - u[::-1]).max(), np.abs(u + u[::-1]).max()) < 1e-9
+
+
+# -- Bratu ---------------------------------------------------------------------------------------
+
+
+class Bratu(Smooth):
+    """u'' + alpha exp(u) = 0, u = 0 at both ends, by differences at n points."""
+
+    def __init__(self, n, storage="banded"):
+        self.size, self.storage = n, storage
+        self.h2 = 1.0 / (n + 1) ** 2
+        self.jacobians = 0
+
+    def scale(self, lo, hi):
+        return np.full(self.size, 4.0 * math.sqrt(self.size))
+
+    def residual(self, z, alpha, character):
+        rest = alpha * self.h2 * np.exp(z) - 2.0 * z
+        rest[1:] += z[:-1]
+        rest[:-1] += z[1:]
+        return rest
+
+    def jacobian(self, z, alpha, character):
+        self.jacobians += 1
+        growth = self.h2 * np.exp(z)
+        bands = np.ones((3, self.size))
+        bands[1] = alpha * growth - 2.0
+        banded = BandedJacobian(bands, 1, 1, growth)
+        kinds = {
+            "banded": lambda j: j,
+            "sparse": lambda j: j.tocsc(),
+            "dense": lambda j: j.toarray(),
+        }
+        return kinds[self.storage](banded)
+
+
+def bratu_graph(n, storage="banded"):
+    return trace(Bratu(n, storage), (np.zeros(n), 0.5), (0.5, 4.0))
+
+
+def shot(n, c, alpha):
+    """Return u at the boundary, shooting from the middle value c, and its derivatives.
+
+    For n odd, by the recurrence in 30 digits: a computation of another kind.
+    """
+    h2 = 1 / Decimal(n + 1) ** 2
+    growth = h2 * c.exp()
+    now, by_alpha, by_c = c, Decimal(0), Decimal(1)
+    steps = [-alpha * growth / 2, -growth / 2, -alpha * growth / 2]
+    for _ in range((n + 1) // 2):
+        now, by_alpha, by_c = now + steps[0], by_alpha + steps[1], by_c + steps[2]
+        growth = h2 * now.exp()
+        steps[0] -= alpha * growth
+        steps[1] -= growth * (1 + alpha * by_alpha)
+        steps[2] -= alpha * growth * by_c
+    return now, by_alpha, by_c
+
+
+def discrete_fold(n):
+    """Return alpha and the middle value where alpha(c) of the discrete equation is largest."""
+    getcontext().prec = 30
+
+    def alpha_and_slope(c):
+        alpha = Decimal("3.51")
+        for _ in range(7):
+            end, by_alpha, by_c = shot(n, c, alpha)
+            alpha -= end / by_alpha
+        return alpha, -by_c / by_alpha
+
+    before, c = Decimal("1.18"), Decimal("1.19")
+    slope_before = alpha_and_slope(before)[1]
+    for _ in range(6):  # the secant method
+        alpha, slope = alpha_and_slope(c)
+        before, c, slope_before = c, c - slope * (c - before) / (slope - slope_before), slope
+    return float(alpha), float(c)
+
+
+@pytest.mark.parametrize("n", [5, 101, 301])
+@STORAGES
+def test_bratu_fold(n, storage):
+    if storage == "dense" and n > 200:
+        pytest.skip("dense matrices of this size only take time")
+    (fold,) = bratu_graph(n, storage).special_points("fold")
+    alpha, middle = discrete_fold(n)
+    assert fold.alpha == pytest.approx(alpha, abs=LOCATED)
+    assert fold.z[n // 2] == pytest.approx(middle, abs=1e-6)
+
+
+def test_bratu_fold_approaches_that_of_the_differential_equation():
+    """The fold is at 8 x^2 / cosh(x)^2 with x tanh(x) = 1; the error falls like h^2."""
+    x = 1.2
+    for _ in range(60):
+        x = 1.0 / math.tanh(x)
+    exact = 8.0 * x * x / math.cosh(x) ** 2
+    assert exact == pytest.approx(3.513830719, abs=1e-9)
+    errors = [exact - bratu_graph(n).special_points("fold")[0].alpha for n in (49, 99, 199, 999)]
+    scaled = [error * (n + 1) ** 2 for error, n in zip(errors, (49, 99, 199, 999), strict=True)]
+    np.testing.assert_allclose(scaled, scaled[-1], rtol=2e-3)
+
+
+def test_bratu_at_a_thousand_points():
+    system = Bratu(999)
+    graph = trace(system, (np.zeros(999), 0.5), (0.5, 4.0))
+    assert [count for _, _, count in graph.multiplicity()] == [2, 0]
+    assert not graph.special_points("branch point")
+    assert graph.balance(1.0) == 0
+    for piece in graph.pieces:
+        np.testing.assert_allclose(piece.z, piece.z[:, ::-1], rtol=0, atol=1e-8)
+    points = sum(len(piece.points) for piece in graph.pieces)
+    assert system.jacobians < 6 * points  # location of the fold included
+
+
+def test_storages_give_one_graph():
+    graphs = [bratu_graph(30, storage) for storage in ("banded", "sparse", "dense")]
+    for graph in graphs[1:]:
+        assert len(graph.pieces) == 2
+        for a, b in zip(graph.pieces, graphs[0].pieces, strict=True):
+            assert a.det_sign == b.det_sign
+            np.testing.assert_allclose(a.points[[0, -1]], b.points[[0, -1]], rtol=0, atol=1e-7)
+
+
+# -- banded matrices -----------------------------------------------------------------------------
+
+
+def random_banded(n, lower, upper, seed):
+    rng = np.random.default_rng(seed)
+    return BandedJacobian(rng.normal(size=(lower + upper + 1, n)), lower, upper, rng.normal(size=n))
+
+
+WIDTHS = [(1, 1, 1), (2, 1, 1), (3, 1, 1), (9, 1, 1), (8, 0, 0), (8, 2, 1), (8, 0, 3), (8, 3, 0)]
+
+
+@pytest.mark.parametrize(("n", "lower", "upper"), WIDTHS)
+def test_banded_jacobian_is_the_matrix_that_it_stands_for(n, lower, upper):
+    banded = random_banded(n, lower, upper, seed=n)
+    dense = banded.toarray()
+    assert dense.shape == banded.shape == (n, n + 1)
+    for i in range(n):
+        for j in range(n):
+            inside = -upper <= i - j <= lower
+            assert dense[i, j] == (banded.bands[upper + i - j, j] if inside else 0.0)
+    x = np.random.default_rng(1).normal(size=n + 1)
+    np.testing.assert_allclose(banded @ x, dense @ x, rtol=1e-13, atol=1e-13)
+    np.testing.assert_array_equal(abs(banded).toarray(), np.abs(dense))
+    np.testing.assert_array_equal(np.asarray(banded), dense)
+    np.testing.assert_array_equal(banded.tocsc().toarray(), dense)
+
+
+@pytest.mark.parametrize(("n", "lower", "upper"), WIDTHS)
+@pytest.mark.parametrize("storage", ["banded", "sparse"])
+@pytest.mark.parametrize("seed", range(3))
+def test_bordered_factors(n, lower, upper, storage, seed):
+    rng = np.random.default_rng(seed)
+    banded, row = random_banded(n, lower, upper, seed), rng.normal(size=n + 1)
+    units = 10.0 ** rng.integers(-6, 7, size=n + 1)
+    jacobian = BandedJacobian(banded.bands / units[:-1], lower, upper, banded.column / units[-1])
+    matrix = np.vstack([banded.toarray(), row])
+    given = jacobian if storage == "banded" else jacobian.tocsc()
+    found = bordered(given, row / units, 2.0 ** np.ceil(np.log2(units)))
+    rhs = rng.normal(size=n + 1)
+    expected = np.linalg.solve(matrix, rhs) * units
+    bound = 1e-14 * np.linalg.cond(matrix) * np.abs(expected / units).max()
+    assert np.abs((found.solve(rhs) - expected) / units).max() <= bound
+    assert found.sign == np.sign(np.linalg.det(matrix))
+    assert not found.failed
+    assert not found.is_singular()
+
+
+@pytest.mark.parametrize("storage", ["banded", "sparse"])
+@pytest.mark.parametrize("shift", [0.0, 1e-15, 1e-12, 1e-9, 1e-4])
+@pytest.mark.parametrize("n", [2, 7, 200])
+def test_bordered_factor_at_and_near_a_fold(storage, shift, n):
+    """The banded part is singular but for the shift, the bordered matrix is not."""
+    bands = np.ones((3, n))
+    bands[1] = -2.0
+    bands[1, [0, -1]] = -1.0  # the constants are its null space
+    bands[1] += shift
+    jacobian = BandedJacobian(bands, 1, 1, np.linspace(1.0, 2.0, n))
+    row = np.append(np.linspace(1.0, 0.5, n), 0.3)
+    matrix = np.vstack([jacobian.toarray(), row])
+    found = bordered(jacobian if storage == "banded" else jacobian.tocsc(), row, np.ones(n + 1))
+    exact = np.random.default_rng(n).normal(size=n + 1)
+    error = np.abs(found.solve(matrix @ exact) - exact).max()
+    assert error <= 1e-15 * np.linalg.cond(matrix) + 1e-14
+    assert found.sign == np.linalg.slogdet(matrix)[0]
+    assert not found.is_singular()
+
+
+@pytest.mark.parametrize("storage", ["banded", "sparse"])
+def test_singular_bordered_matrices_are_told(storage):
+    n = 6
+    bands = np.ones((3, n))
+    bands[1] = -2.0
+    bands[1, [0, -1]] = -1.0
+    column = np.arange(n) - 2.5  # orthogonal to the null space: still singular
+    jacobian = BandedJacobian(bands, 1, 1, column)
+    given = jacobian if storage == "banded" else jacobian.tocsc()
+    assert bordered(given, np.append(np.ones(n), 1.0), np.ones(n + 1)).is_singular()
+    zero = BandedJacobian(np.zeros((3, n)), 1, 1, np.zeros(n))
+    given = zero if storage == "banded" else zero.tocsc()
+    assert bordered(given, np.ones(n + 1), np.ones(n + 1)).is_singular()
+
+
+def test_bands_of_the_wrong_shape_are_told():
+    with pytest.raises(InvalidSystemError, match=r"bands has shape \(2, 4\).*\(3, 4\)"):
+        BandedJacobian(np.ones((2, 4)), 1, 1, np.ones(4))
+
+
+@STORAGES
+def test_check_system_reads_every_storage(storage):
+    points = [(np.linspace(0.1, 0.4, 5), 1.0), (np.zeros(5), 2.0)]
+    assert check_system(Bratu(5, storage), points)
+    wrong = Bratu(5, storage)
+    wrong.h2 *= 1.5
+    wrong.residual = Bratu(5).residual
+    assert not check_system(wrong, points)
+
+
+@STORAGES
+def test_a_rough_start_is_corrected_in_every_storage(storage):
+    graph = trace(Bratu(20, storage), (np.full(20, 0.6), 3.0), (2.0, 4.0))
+    assert [count for _, _, count in graph.multiplicity()] == [2, 0]
+
+
+def test_sparse_duplicates_are_added_up():
+    """A matrix assembled from elements holds entries in parts."""
+    parts = sp.coo_matrix(([1.0, 1.0, 3.0, 1.0], ([0, 0, 1, 0], [0, 0, 1, 2])), shape=(2, 3))
+    row = np.array([0.0, 0.0, 1.0])
+    found = bordered(parts, row, np.ones(3)).solve(np.array([3.0, 6.0, 1.0]))
+    np.testing.assert_allclose(found, [1.0, 2.0, 1.0], rtol=1e-15)
