@@ -209,7 +209,7 @@ def everything():
             continue
         lines = lines_of(sample)
         cases += transitions(sample, graph, lines)
-        for _ in range(3):
+        for _ in range(6):
             cases += solutions(sample, graph, lines, rng)
     return cases[:CASES], lost
 

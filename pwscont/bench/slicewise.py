@@ -60,11 +60,10 @@ class _InCell:
         self._origin[-1] = alpha
         return dense(self._selection.jacobian(self._origin))[:, :-1]
 
-    def sign(self, alpha: float) -> int:
-        """Return the sign of det(dH/dz), 0 where it vanishes to rounding."""
-        matrix = self._matrix(alpha)
-        det = np.linalg.det(matrix / np.linalg.norm(matrix, axis=1)[:, np.newaxis])
-        return 0 if abs(det) < SINGULAR else int(np.sign(det))
+    def look(self, alpha: float) -> tuple[float, int, float]:
+        """Return alpha, the sign of det(dH/dz) and the slack, NaN where the sign is 0."""
+        sign = _sign(self._matrix(alpha))
+        return alpha, sign, self.slack(alpha) if sign else np.nan
 
     def at(self, alpha: float) -> Array:
         """Return the point (z, alpha) that the selection has at ``alpha``."""
@@ -77,11 +76,10 @@ class _InCell:
 
     def pieces(self, interval: tuple[float, float]) -> list[TruePiece]:
         """Return the pieces in the interval, in the order of alpha."""
-        alphas = np.linspace(*interval, GRID).tolist()
-        signs = [self.sign(alpha) for alpha in alphas]
-        if signs.count(0) > GRID // 2:
+        looks = [self.look(float(alpha)) for alpha in np.linspace(*interval, GRID)]
+        table = [look for look in looks if look[1]]
+        if len(table) < GRID // 2:
             raise UnknownAnswerError("a cell is singular at every alpha: vertical pieces")
-        table = [(a, s, self.slack(a)) for a, s in zip(alphas, signs, strict=True) if s != 0]
         ends = [interval[0]] * (table[0][2] >= 0.0)
         ends += [self._end(a, b) for a, b in pairwise(table) if (a[2] >= 0.0) != (b[2] >= 0.0)]
         ends += [interval[1]] * (table[-1][2] >= 0.0)
@@ -93,5 +91,11 @@ class _InCell:
         return float(brentq(self.slack, a[0], b[0], xtol=EPS * (b[0] - a[0]), rtol=4.0 * EPS))
 
     def _piece(self, lo: float, hi: float) -> TruePiece:
-        cell, sign = self._selection.cell, self.sign(0.5 * (lo + hi))
+        cell, sign = self._selection.cell, _sign(self._matrix(0.5 * (lo + hi)))
         return TruePiece(cell, sign, (lo, hi), self.at, lambda x: float(x[-1]))
+
+
+def _sign(matrix: Array) -> int:
+    """Return the sign of the determinant, 0 where it vanishes to rounding."""
+    det = np.linalg.det(matrix / np.linalg.norm(matrix, axis=1)[:, np.newaxis])
+    return 0 if abs(det) < SINGULAR else int(np.sign(det))

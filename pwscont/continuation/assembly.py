@@ -89,7 +89,8 @@ class _Directed:
         self.points: Array = lift.points(edge.points if forward else edge.points[::-1])
         self.character = lift.character(edge.ray.curve.selection.character)
         self.label = lift.system.label(self.character)
-        self.det_sign = self._direction(width)
+        ray = edge.ray
+        self.det_sign = ray.index if ray.shared else self._direction(width)
 
     def _direction(self, width: float) -> int:
         """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""

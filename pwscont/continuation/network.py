@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import final
 
 import numpy as np
@@ -80,7 +81,7 @@ class Network:
         lo, hi = self._walker.interval
         rays = [ray for ray in arrival.rays if _points_inside(ray, lo, hi)]
         at_end = len(rays) < len(arrival.rays)
-        if any(self._match(ray) for ray in rays):
+        if any(self._match(ray) for ray in rays) or self._is_isolated_twin(arrival):
             return
         interior = arrival.kind == Kind.START and not at_end
         if interior and self._is_known(rays[0]):
@@ -104,7 +105,7 @@ class Network:
             return
         self.nodes[node].taken[index] = True
         ray = self.nodes[node].rays[index]
-        walk = self._walker.walk(ray)
+        walk = self._walker.walk(ray).sharing(ray)
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].kind, self.nodes[node].message = Kind.STOPPED, walk.arrival.message
             return
@@ -129,7 +130,8 @@ class Network:
         covector = metric.covector(ray.state.tangent)
         nearest = JOIN * (1.0 + metric.norm(ray.state.x))
         best, found = 0.0, None
-        for node, index in self._by_cell[ray.curve.selection.cell]:
+        candidates = chain.from_iterable(self._by_cell[cell] for cell in ray.cells)
+        for node, index in candidates:
             known = self.nodes[node].rays[index].state
             cosine = float(covector.dot(known.tangent))
             if cosine > best and metric.norm(known.x - ray.state.x) <= nearest:
@@ -138,11 +140,20 @@ class Network:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        cell, interval = ray.curve.selection.cell, self._walker.interval
+        cells, interval = set(ray.cells), self._walker.interval
         return any(
-            edge.ray.curve.selection.cell == cell
+            not cells.isdisjoint(edge.ray.cells)
             and lies_on(edge.ray.curve, edge.points, ray.state.x, interval)
             for edge in self.edges
+        )
+
+    def _is_isolated_twin(self, arrival: Arrival) -> bool:
+        """Tell whether a solution without rays is a node already."""
+        if arrival.rays:
+            return False
+        return any(
+            np.abs(node.x - arrival.x).max() <= JOIN * (1.0 + np.abs(arrival.x).max())
+            for node in self.nodes.values()
         )
 
     def _new(self, arrival: Arrival) -> int:
@@ -155,7 +166,8 @@ class Network:
     def _register(self, node: int) -> None:
         """Let walks arrive at a node."""
         for index, ray in enumerate(self.nodes[node].rays):
-            self._by_cell[ray.curve.selection.cell].append((node, index))
+            for cell in ray.cells:
+                self._by_cell[cell].append((node, index))
 
     def _dissolve(self, start: int) -> None:
         """Join the two halves of the piece in whose middle tracing began."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -30,6 +30,14 @@ class Walk:
 
     points: Array
     arrival: Arrival
+
+    def sharing(self, ray: Ray) -> Walk:
+        """Return the walk with what its first ray knows of an interface at its end as well."""
+        if not ray.shared:
+            return self
+        back, *others = self.arrival.rays
+        back = replace(back, shared=ray.shared, index=ray.index)
+        return Walk(self.points, replace(self.arrival, rays=(back, *others)))
 
 
 @final

@@ -17,6 +17,7 @@ from itertools import combinations
 from typing import final
 
 import numpy as np
+from scipy.optimize import linprog
 
 from pwscont.enumeration.options import Problem, reduce
 from pwscont.enumeration.tree import SLACK, Leaf, leaves
@@ -150,13 +151,29 @@ def _face(problem: Problem, leaf: Leaf, character: Character, alpha: float) -> l
     dimension = leaf.directions.shape[1]
     if dimension > MOST_DIMENSIONS:
         return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)))]
-    corners = _corners(matrix, vector)
-    spread = np.ptp(corners, axis=0).max(initial=0.0) if len(corners) else 0.0
-    if spread <= SLACK:
+    if not _has_interior(matrix, vector):
         return []
+    corners = _corners(matrix, vector)
     y = leaf.start + corners @ leaf.directions.T
     z = problem.origin + y @ problem.basis.T
     return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]))]
+
+
+def _has_interior(matrix: Array, vector: Array) -> bool:
+    """Tell whether {s : matrix s + vector >= 0} has more than one point, bounded or not."""
+    q = matrix.shape[1]
+    moving = np.abs(matrix).max(axis=1) > SLACK
+    if (vector[~moving] < -SLACK).any():
+        return False
+    rows = np.column_stack([-matrix[moving], np.ones(int(moving.sum()))])
+    result = linprog(
+        np.append(np.zeros(q), -1.0),
+        A_ub=rows,
+        b_ub=vector[moving],
+        bounds=[(None, None)] * q + [(None, 1.0)],
+        method="highs",
+    )
+    return bool(result.status == 0 and -result.fun > SLACK)
 
 
 def _corners(matrix: Array, vector: Array) -> Array:

@@ -18,4 +18,5 @@ class Kind(StrEnum):
     PARTIAL_CORNER = "corner searched in part"
     NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"
     DEGENERATE = "degenerate"
+    ISOLATED = "isolated solution"
     STOPPED = "stopped"

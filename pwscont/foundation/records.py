@@ -10,6 +10,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.rounding import SAME_ALPHA
 
 #: With fewer significant digits a result says so wherever it is shown.
 FEW_DIGITS = 6.0
@@ -91,7 +92,8 @@ class Piece:
     points : ndarray, shape (k, n + 1)
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
-        Sign of det(dH/dz) inside the piece; 0 where the piece is vertical.
+        Sign of det(dH/dz) inside the piece; 0 where the piece is vertical, or runs along an
+        interface on whose sides the signs differ: a solution that counts once and is double.
     """
 
     id: int
@@ -121,7 +123,8 @@ class Piece:
     @property
     def is_vertical(self) -> bool:
         """Whether all its points have one alpha, so that there are infinitely many solutions."""
-        return self.det_sign == 0
+        lo, hi = self.interval
+        return self.det_sign == 0 and hi - lo <= SAME_ALPHA * max(abs(lo), abs(hi), 1e-300)
 
 
 @final

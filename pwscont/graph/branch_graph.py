@@ -13,6 +13,7 @@ import networkx as nx
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
@@ -190,8 +191,10 @@ class BranchGraph:
         return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
     def _solution_at(self, node: int) -> Solution:
-        point, piece = self.point(node), self._pieces_at(node)[0]
-        index = self._index(node)
+        point, pieces = self.point(node), self._pieces_at(node)
+        if not pieces:
+            return self._isolated(point)
+        piece, index = pieces[0], self._index(node)
         return Solution(
             z=point.z,
             alpha=point.alpha,
@@ -201,6 +204,16 @@ class BranchGraph:
             piece=piece.id,
             kind=point.kind,
             error=point.error,
+        )
+
+    def _isolated(self, point: SpecialPoint) -> Solution:
+        """Return a solution from which no piece leaves; its cell is that of the point itself."""
+        character, label = Character(()), "unknown"
+        if self.system is not None:
+            character = self.system.character(point.z, point.alpha)
+            label = self.system.label(character)
+        return Solution(
+            point.z, point.alpha, character, label, 0, -1, point.kind, error=point.error
         )
 
     def _index(self, node: int) -> int:
@@ -250,10 +263,14 @@ class BranchGraph:
         """Return both ends of the interval and the alphas of all nodes, without repetition."""
         lo, hi = self.interval
         breaks = [lo]
-        for alpha in sorted(point.alpha for point in self._points):
+        for alpha in sorted(self._clean(point.alpha) for point in self._points):
             if not self._same(alpha, breaks[-1]) and not self._same(alpha, hi):
                 breaks.append(alpha)
         return [*breaks, hi]
+
+    def _clean(self, alpha: float) -> float:
+        """Return zero where alpha is nothing but rounding."""
+        return 0.0 if bool(self._same(alpha, 0.0)) else alpha
 
     def balance(self, alpha: float) -> int:
         """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
@@ -328,6 +345,8 @@ class BranchGraph:
             return f"not balanced: at least one branch missing in {where}"
         if any(point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) for point in self._points):
             return "balanced"
+        if not self.pieces and self.searched.promise == Promise.NOTHING:
+            return "nothing found"
         return WORDS[self.searched.promise]
 
     # -- outside -----------------------------------------------------------------------

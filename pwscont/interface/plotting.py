@@ -32,6 +32,7 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.PARTIAL_CORNER: {"marker": "s", "markersize": 7, "markerfacecolor": "white"},
     Kind.NONSMOOTH_BRANCH_POINT: {"marker": "^", "markersize": 8},
     Kind.DEGENERATE: {"marker": "v", "markersize": 8},
+    Kind.ISOLATED: {"marker": ".", "markersize": 8},
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))

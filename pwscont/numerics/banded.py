@@ -43,6 +43,8 @@ class BandedJacobian:
         If the shapes do not fit each other.
     """
 
+    __array_ufunc__ = None  # array @ jacobian is for this class to compute
+
     def __init__(self, bands: Array, lower: int, upper: int, column: Array) -> None:
         n = len(column)
         if bands.shape != (lower + upper + 1, n):
@@ -71,10 +73,36 @@ class BandedJacobian:
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
+    def scaled(self, columns: Array) -> BandedJacobian:
+        """Return the matrix with its columns multiplied by ``columns``, shape (n + 1,)."""
+        bands, column = self.bands * columns[:-1], self.column * columns[-1]
+        return BandedJacobian(bands, self.lower, self.upper, column)
+
+    def divided(self, rows: Array) -> BandedJacobian:
+        """Return the matrix with its rows divided by ``rows``, shape (n,)."""
+        bands = self.bands.copy()
+        for diagonal, i, _ in diagonals(bands, self.upper):
+            np.divide(diagonal, rows[i], out=diagonal)
+        return BandedJacobian(bands, self.lower, self.upper, self.column / rows)
+
+    def largest_in_rows(self) -> Array:
+        """Return the largest magnitude in each row, shape (n,)."""
+        largest: Array = np.abs(self.column)
+        for diagonal, i, _ in diagonals(np.abs(self.bands), self.upper):
+            np.maximum(largest[i], diagonal, out=largest[i])
+        return largest
+
     def __matmul__(self, x: Array) -> Array:
         product: Array = self.column * x[-1]
         for diagonal, rows, columns in diagonals(self.bands, self.upper):
             product[rows] += diagonal * x[columns]
+        return product
+
+    def __rmatmul__(self, y: Array) -> Array:
+        product = np.empty(self.shape[1])
+        product[:-1], product[-1] = 0.0, self.column.dot(y)
+        for diagonal, rows, columns in diagonals(self.bands, self.upper):
+            product[columns] += diagonal * y[rows]
         return product
 
 

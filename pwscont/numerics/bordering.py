@@ -15,15 +15,16 @@ Failure modes and answers
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array
+from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import EPS
-from pwscont.numerics.banded import BandedJacobian, diagonals
+from pwscont.numerics.banded import BandedJacobian
 from pwscont.numerics.cores import Core, SparseCore, banded_core, superlu
+from pwscont.numerics.equilibration import columns_scaled, largest_in_rows, rows_divided
 from pwscont.numerics.factor import Factor, power_of_two
 
 #: Plain elimination loses as many digits as B^-1 b is larger than b. Up to this growth it is left
@@ -32,7 +33,7 @@ GROWTH = 1e4
 
 
 @final
-class BorderedFactor(Factor):
+class BorderedFactor(Factor, Core):
     """Factorisation of [[B, b], [c^T, d]] by one of B.
 
     Parameters
@@ -83,6 +84,15 @@ class BorderedFactor(Factor):
         left, schur = self._transposed
         return (g - float(left.dot(f))) / schur
 
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._twin.solve(rhs)
+
+    @cached_property
+    def _twin(self) -> BorderedFactor:
+        core, column = _Transposed(self._core), np.append(self._column, self._corner)
+        return BorderedFactor(core, self._row, column, 1.0 / self._columns, 1.0 / self._rows)
+
     @cached_property
     def _transposed(self) -> tuple[Array, float]:
         left = self._core.solve_transposed(self._row)
@@ -100,41 +110,51 @@ class BorderedFactor(Factor):
         return not max(growth) * EPS * np.sqrt(0.5 * size) < 1.0
 
 
-def banded_bordered(jacobian: BandedJacobian, row: Array, scale: Array) -> Factor:
-    """Factorise [J; row] for a banded J; ``scale`` as for :func:`~.linalg.bordered`."""
-    bands, column, row = jacobian.bands * scale[:-1], jacobian.column * scale[-1], row * scale
-    rows = np.empty(len(row))
-    rows[:-1], rows[-1] = np.abs(column), np.abs(row).max()
-    for diagonal, i, _ in diagonals(np.abs(bands), jacobian.upper):
-        np.maximum(rows[i], diagonal, out=rows[i])
-    rows = power_of_two(rows)
-    for diagonal, i, _ in diagonals(bands, jacobian.upper):
-        np.divide(diagonal, rows[i], out=diagonal)
-    core = banded_core(bands, jacobian.lower, jacobian.upper)
-    return BorderedFactor(core, column / rows[:-1], row / rows[-1], rows, scale)
+def bordered_core(jacobian: Matrix, row: Array, scale: Array) -> Factor | None:
+    """Factorise [J; row] for a sparse or banded J by its part for z.
+
+    None where there is no LU of that part; ``scale`` as for :func:`~.linalg.bordered`.
+    """
+    scaled, row = columns_scaled(jacobian, scale), row * scale
+    rows = power_of_two(np.append(largest_in_rows(scaled), np.abs(row).max()))
+    core, column = split(rows_divided(scaled, rows[:-1]))
+    return core and BorderedFactor(core, column, row / rows[-1], rows, scale)
 
 
-def sparse_bordered(jacobian: Any, row: Array, scale: Array) -> Factor | None:
-    """Factorise [J; row] for a sparse J; None where SuperLU finds the part for z singular."""
-    csc, n = jacobian.tocsc(), len(row) - 1
-    if not csc.has_canonical_format:
-        csc = csc.copy()
-        csc.sum_duplicates()
-    data = csc.data * np.repeat(scale, np.diff(csc.indptr))
-    rows, row = np.empty(n + 1), row * scale
-    rows[:-1], rows[-1] = _largest_by_index(data, csc.indices, n), np.abs(row).max()
-    rows = power_of_two(rows)
-    data /= rows[csc.indices]
-    end = csc.indptr[-2]
+def split(jacobian: Matrix) -> tuple[Core | None, Array]:
+    """Return an LU of the part for z, and the column for alpha.
+
+    Parameters
+    ----------
+    jacobian : BandedJacobian or CSC matrix, shape (n, n + 1)
+        With entries of about one.
+    """
+    if isinstance(jacobian, BandedJacobian):
+        return banded_core(jacobian.bands, jacobian.lower, jacobian.upper), jacobian.column
+    n, end = jacobian.shape[0], jacobian.indptr[-2]
     column = np.zeros(n)
-    column[csc.indices[end:]] = data[end:]
-    square = sp.csc_matrix((data[:end], csc.indices[:end], csc.indptr[:-1]), shape=(n, n))
-    if (lu := superlu(square)) is None:
-        return None
-    return BorderedFactor(SparseCore(lu), column, row / rows[-1], rows, scale)
+    column[jacobian.indices[end:]] = jacobian.data[end:]
+    parts = jacobian.data[:end], jacobian.indices[:end], jacobian.indptr[:-1]
+    lu = superlu(sp.csc_matrix(parts, shape=(n, n)))
+    return (SparseCore(lu) if lu is not None else None), column
 
 
-def _largest_by_index(data: Array, indices: Any, n: int) -> Array:
-    largest = np.zeros(n)
-    np.maximum.at(largest, indices, np.abs(data))
-    return largest
+@final
+class _Transposed(Core):
+    """A core with its two solves exchanged."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self._core.sign
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._core.solve_transposed(rhs)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the matrix itself."""
+        return self._core.solve(rhs)

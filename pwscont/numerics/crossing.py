@@ -21,17 +21,17 @@ Failure modes and answers
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix, dense
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.numerics.augmentation import augmented
 from pwscont.numerics.curve import Curve
+from pwscont.numerics.equilibration import columns_scaled, largest_in_rows, rows_divided
 from pwscont.numerics.factor import power_of_two
-from pwscont.numerics.linalg import factor
 
 MOST_ITERATIONS = 12
 #: Rounds of renewing generic borders before the first iteration.
@@ -60,11 +60,14 @@ class Crossing:
         The last Newton correction, a sample of the error.
     directions : tuple of two ndarrays, shape (n + 1,)
         The tangents of both curves, of length one in the metric, signs arbitrary.
+    meets : bool
+        Whether the curves meet there to rounding; else they pass each other close by.
     """
 
     x: Array
     error: Array
     directions: tuple[Array, Array]
+    meets: bool
 
 
 @final
@@ -118,7 +121,10 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             return Failure(Trouble.NOT_FINITE)
         if size <= CONVERGED:
             meets = abs(mu) <= MEETS * (1.0 + null.size)
-            return _directed(curve, x, dx, null, form) if meets else Failure(Trouble.SINGULAR)
+            directions = _directions(curve, null, form)
+            if directions is None:
+                return Failure(Trouble.SINGULAR)
+            return Crossing(x, dx[np.newaxis], directions, meets)
         borders = _renewed(null)
     return Failure(Trouble.NOT_CONVERGED)
 
@@ -141,46 +147,23 @@ def _equations(curve: Curve, x: Array) -> Array:
     """
     scale = curve.metric.scale
     aside = x + ASIDE * scale * np.append(_generic(len(x) - 1)[0], 0.0)
-    rows = [_largest(_columns(curve.selection.jacobian(y), scale)) for y in (x, aside)]
+    rows = [largest_in_rows(columns_scaled(curve.selection.jacobian(y), scale)) for y in (x, aside)]
     return power_of_two(np.where(np.isfinite(rows[1]), np.maximum(*rows), rows[0]))
 
 
 def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | None:
     """Solve with M and its transpose; None where M is singular."""
     n, scale = len(b), curve.metric.scale
-    scaled = _columns(curve.selection.jacobian(x), scale)
-    matrix = _augmented(scaled, rows, b, C)
-    direct, transposed = (factor(m, np.ones(n + 2)) for m in (matrix, matrix.T))
-    if direct.is_singular() or transposed.is_singular():
+    scaled = columns_scaled(curve.selection.jacobian(x), scale)
+    matrix = augmented(rows_divided(scaled, rows), b, C)
+    if matrix is None or matrix.is_singular():
         return None
-    unit = np.eye(n + 2)
-    solved = np.column_stack([direct.solve(unit[n]), direct.solve(unit[n + 1])])
-    left = transposed.solve(unit[n + 1])[:n]
+    unit = np.eye(n + 2)[n:]
+    solved = np.column_stack([matrix.solve(e) for e in unit])
+    left = matrix.solve_transposed(unit[1])[:n]
     rest = np.concatenate([-curve.selection.residual(x) / rows, np.zeros(2)])
     terms = np.abs(left / rows) @ (abs(scaled) @ np.abs(x / scale))
-    return _Null(solved[:-1], left, rows, solved[-1], direct.solve(rest), float(terms))
-
-
-def _columns(jacobian: Matrix, scale: Array) -> Any:
-    """Return J times the scale of the unknowns, dense or sparse."""
-    if hasattr(jacobian, "tocsc"):
-        return jacobian.tocsc() @ sp.diags(scale)
-    return dense(jacobian) * scale
-
-
-def _largest(matrix: Any) -> Array:
-    """Return the largest entry of each row."""
-    rows = abs(matrix).max(axis=1)
-    return dense(rows).ravel()
-
-
-def _augmented(scaled: Any, rows: Array, b: Array, C: Array) -> Any:
-    """Return M = [[J, b], [C, 0]] with the rows of J divided."""
-    if not sp.issparse(scaled):
-        upper = np.column_stack([scaled / rows[:, np.newaxis], b])
-        return np.vstack([upper, np.column_stack([C, np.zeros(2)])])
-    equilibrated = sp.diags(1.0 / rows) @ scaled
-    return sp.bmat([[equilibrated, b[:, np.newaxis]], [C, None]], format="csc")
+    return _Null(solved[:-1], left, rows, solved[-1], matrix.solve(rest), float(terms))
 
 
 def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
@@ -189,7 +172,7 @@ def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
 
     def product(steps: float) -> Array:
         jacobian = curve.selection.jacobian(x + steps * STEP * scale * v)
-        row: Array = _columns(jacobian, scale).T @ left
+        row: Array = left @ columns_scaled(jacobian, scale)
         return row
 
     central = 8.0 * (product(1.0) - product(-1.0)) - (product(2.0) - product(-2.0))
@@ -197,14 +180,14 @@ def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
     return difference
 
 
-def _directed(curve: Curve, x: Array, dx: Array, null: _Null, form: Array) -> Crossing | Failure:
+def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] | None:
     """Solve the branching equation delta^T A delta = 0 for the two directions."""
     (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
     if not min(-low, high) > APART * max(-low, high):
-        return Failure(Trouble.SINGULAR)
+        return None
     deltas = (np.sqrt(high) * axes[:, 0] + s * np.sqrt(-low) * axes[:, 1] for s in (1.0, -1.0))
     first, second = (_direction(curve, null.right @ delta) for delta in deltas)
-    return Crossing(x, dx[np.newaxis], (first, second))
+    return first, second
 
 
 def _direction(curve: Curve, scaled: Array) -> Array:

@@ -16,7 +16,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import Segment
-from pwscont.transitions.cone import Fan, fan, parallel
+from pwscont.transitions.cone import Fan, fan, opposite, parallel
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
@@ -99,8 +99,13 @@ def corner(
     found = fan(curve.selection.system, curve.metric, x, error, zero)
     others = tuple(ray for ray in found.rays if back is None or not parallel(ray, back))
     rays = others if back is None else (back, *others)
+    if back is None and not found.rays and found.exact:
+        return Arrival(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     if len(rays) < 2 or (len(others) == len(found.rays) and back is not None):
         return Arrival(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
+    if back is None and len(rays) == 2 and rays[0].shared and opposite(*rays):
+        message = f"start on the boundary of {rays[0].curve.selection.label}"
+        return Arrival(Kind.START, x, message, rays)
     return Arrival(found.kind, x, _message(curve.selection.system, found, zero), rays)
 
 

@@ -93,7 +93,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> Arrival:
 def at_branch_point(curve: Curve, x: Array) -> Arrival | None:
     """Return the branch point that a rough start is, None if it is none."""
     found = crossing(curve, x)
-    if isinstance(found, Failure):
+    if isinstance(found, Failure) or not found.meets:
         return None
     tangent = found.directions[0]
     near = curve.selection.jacobian(found.x - NEARBY * tangent)
@@ -110,7 +110,7 @@ def _locate(
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         if isinstance(found, Crossing) and _belongs(segment, found.x):
-            return found
+            return found if found.meets else Failure(Trouble.SINGULAR)
         state = segment.at(middle)
         if isinstance(state, Failure):
             return state

@@ -64,6 +64,8 @@ class Fan:
         """What the corner is."""
         if not self.exact:
             return Kind.PARTIAL_CORNER
+        if not self.rays:
+            return Kind.ISOLATED
         if self.dimension > 1 or self.riding:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
@@ -88,13 +90,14 @@ def fan(
         if not any(parallel(ray, other) for other in rays):
             rays.append(ray)
     dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
-    riding = any(len(point.characters) > 1 for s in slices for point in s.points)
-    return Fan(tuple(rays), dimension, riding, exact)
+    return Fan(tuple(rays), dimension, any(ray.shared for ray in rays), exact)
 
 
-def _directions(slices: list[Slice]) -> list[tuple[Array, Character]]:
-    points = [(p.x[:-1], p.characters[0]) for s in slices for p in s.points]
-    corners = [(c[:-1], face.character) for s in slices for face in s.faces for c in face.corners]
+def _directions(slices: list[Slice]) -> list[tuple[Array, tuple[Character, ...]]]:
+    points = [(p.x[:-1], p.characters) for s in slices for p in s.points]
+    corners = [
+        (c[:-1], (face.character,)) for s in slices for face in s.faces for c in face.corners
+    ]
     return points + corners
 
 
@@ -122,19 +125,32 @@ def _ray(
     metric: Metric,
     x: Array,
     error: Array,
-    found: tuple[Array, Character],
+    found: tuple[Array, tuple[Character, ...]],
 ) -> Ray:
-    direction, character = found
-    curve = Curve(Selection(system, character), metric)
+    direction, characters = found
     tangent = metric.normalised(direction)
-    factor = bordered(curve.selection.jacobian(x), metric.covector(tangent), metric.binary)
-    return Ray(curve, State(x, tangent, error, factor.sign))
+    curves = [Curve(Selection(system, character), metric) for character in characters]
+    signs = [
+        bordered(curve.selection.jacobian(x), metric.covector(tangent), metric.binary).sign
+        for curve in curves
+    ]
+    state = State(x, tangent, error, signs[0])
+    if len(characters) == 1:
+        return Ray(curves[0], state)
+    slope = curves[0].slope(state)
+    index = signs[0] * int(np.sign(slope)) if len(set(signs)) == 1 else 0
+    return Ray(curves[0], state, characters, index)
 
 
 def parallel(a: Ray, b: Ray) -> bool:
     """Tell whether two rays from one point have one direction."""
     cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
     return bool(cosine > 1.0 - SAME_DIRECTION)
+
+
+def opposite(a: Ray, b: Ray) -> bool:
+    """Tell whether two rays from one point have opposite directions."""
+    return parallel(a, b.reversed())
 
 
 def _turns(a: Ray, b: Ray) -> bool:

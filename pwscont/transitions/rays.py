@@ -39,15 +39,37 @@ DISAGREE = EPS**0.5
 @final
 @dataclass(frozen=True, slots=True)
 class Ray:
-    """A piece leaving a point: the curve it lies on and the state it starts from."""
+    """A piece leaving a point: the curve it lies on and the state it starts from.
+
+    Attributes
+    ----------
+    curve : Curve
+    state : State
+    shared : tuple of Character
+        For a ray along an interface, all cells that it belongs to; else empty.
+    index : int
+        For a ray along an interface, the sign of det(dH/dz) where all these cells agree on it,
+        0 where they do not: small changes of H leave no solution there, or two.
+    """
 
     curve: Curve
     state: State
+    shared: tuple[Character, ...] = ()
+    index: int = 0
+
+    @property
+    def cells(self) -> tuple[bytes, ...]:
+        """The cells in which the ray may be met again."""
+        selection = self.curve.selection
+        if not self.shared:
+            return (selection.cell,)
+        return tuple(selection.system.cell(character) for character in self.shared)
 
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
         state = self.state
-        return Ray(self.curve, State(state.x, -state.tangent, state.error, -state.orientation))
+        back = State(state.x, -state.tangent, state.error, -state.orientation)
+        return Ray(self.curve, back, self.shared, self.index)
 
 
 def vanishing(

@@ -1,0 +1,407 @@
+"""The command line: what it prints and writes, what it refuses, and how it ends."""
+
+import io
+import json
+import math
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pwscont import BranchGraph, Scene
+from pwscont.foundation.errors import SceneNotFoundError
+from pwscont.interface import cli
+from pwscont.interface.answer import Answer, Runnable
+from pwscont.interface.cli import main
+from pwscont.interface.plane_scene import PlaneScene
+from pwscont.interface.progress import EVERY, FIRST, Progress
+from pwscont.interface.registry import load_scene, scene_names
+
+NAMES = scene_names()
+PLANES = ("fig4", "fig5", "fig6", "example1-critical-friction")
+CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
+EVERY_SCENE = pytest.mark.parametrize("name", NAMES)
+PNG = b"\x89PNG\r\n"
+
+#: Every scene's keys, and their types (design, command line).
+SCHEMA = {
+    "scene": str,
+    "parameter": dict,
+    "components": int,
+    "nodes": list,
+    "pieces": list,
+    "multiplicity": list,
+    "balance": dict,
+    "solutions": list,
+    "seconds": float,
+}
+
+
+def run(capsys, *arguments):
+    """Return status, standard output and standard error of a command."""
+    status = main(arguments)
+    printed = capsys.readouterr()
+    return status, printed.out, printed.err
+
+
+def run_json(capsys, *arguments):
+    status, out, _ = run(capsys, "run", *arguments, "--json")
+    assert status == 0
+    assert out.count("\n") == 1  # one object and nothing else
+    return json.loads(out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+
+
+def refused(capsys, *arguments):
+    """Return the message of a command that ends with status 2 and prints nothing else."""
+    status, out, err = run(capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert err.startswith("pwscont: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.fixture
+def idle(monkeypatch):
+    """Fail if a scene begins to work."""
+    for kind in (Scene, PlaneScene):
+        monkeypatch.setattr(kind, "solve", lambda *_: pytest.fail("work has begun"))
+
+
+# -- every scene -------------------------------------------------------------------------------
+
+
+def test_scenes_are_listed_with_their_titles(capsys):
+    status, out, _ = run(capsys, "scenes")
+    assert status == 0
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines] == NAMES
+    assert NAMES.index("fig7") < NAMES.index("fig10")
+    for line, name in zip(lines, NAMES, strict=True):
+        assert line.endswith(load_scene(name).title)
+    assert set(PLANES) <= set(NAMES)
+
+
+@EVERY_SCENE
+def test_every_scene_is_runnable(name):
+    scene = load_scene(name)
+    assert isinstance(scene, Runnable)
+    assert scene.name == name
+
+
+@EVERY_SCENE
+def test_every_scene_prints_a_table(capsys, name):
+    status, out, _ = run(capsys, "run", name)
+    assert status == 0
+    scene = load_scene(name)
+    assert out.startswith(f"{name}: {scene.title}\n{scene.parameter} in ") or name in PLANES
+    assert "solution" in out
+    assert "nan" not in out
+    assert "Traceback" not in out
+
+
+@EVERY_SCENE
+def test_json_follows_the_schema(capsys, name):
+    data = run_json(capsys, name)
+    for key, kind in SCHEMA.items():
+        assert isinstance(data[key], kind), key
+    assert data["scene"] == name
+    lo, hi = data["parameter"]["lo"], data["parameter"]["hi"]
+    assert isinstance(data["parameter"]["name"], str)
+    assert data["seconds"] >= 0.0
+    assert data["balance"] == {"value": 1, "constant": True}
+    rows = data["multiplicity"]
+    assert (rows[0][0], rows[-1][1]) == (lo, hi)
+    assert all(before[1] == after[0] for before, after in pairwise(rows))
+
+
+@EVERY_SCENE
+def test_json_nodes_and_pieces_fit_together(capsys, name):
+    data = run_json(capsys, name)
+    nodes = {node["id"]: node for node in data["nodes"]}
+    assert len(nodes) == len(data["nodes"])
+    assert {piece["component"] for piece in data["pieces"]} == set(range(data["components"]))
+    assert len({piece["id"] for piece in data["pieces"]}) == len(data["pieces"])
+    for piece in data["pieces"]:
+        assert len(piece["alpha"]) == len(piece["points"])
+        assert isinstance(piece["label"], str)
+        for end, i in (("start", 0), ("end", -1)):
+            node = nodes[piece[end]]
+            assert {"id", "kind", "alpha", "z"} <= set(node)
+            assert piece["alpha"][i] == pytest.approx(node["alpha"], abs=1e-7)
+            np.testing.assert_allclose(piece["points"][i], node["z"], rtol=0.0, atol=1e-6)
+    for solution in data["solutions"]:
+        assert {"alpha", "z", "label", "det_sign"} <= set(solution)
+
+
+@EVERY_SCENE
+def test_output_writes_readable_files(capsys, tmp_path, name):
+    directory = tmp_path / "not yet" / "there"
+    status, out, err = run(capsys, "run", name, "-o", str(directory))
+    assert status == 0
+    assert out
+    picture, data = directory / f"{name}.png", directory / f"{name}.npz"
+    if name in PLANES:
+        data = data.with_suffix(".json")
+        assert json.loads(data.read_text(encoding="utf-8"))["scene"] == name
+    else:
+        assert BranchGraph.load(data).interval == load_scene(name).interval
+    assert picture.read_bytes().startswith(PNG)
+    assert picture.stat().st_size > 10_000
+    assert f"written: {picture}, {data}" in err
+    assert sorted(directory.iterdir()) == sorted([picture, data])
+
+
+@pytest.mark.parametrize("name", PLANES)
+def test_plane_scenes_tell_their_loci_and_sectors(capsys, name):
+    data = run_json(capsys, name)
+    assert data["mixed"] == []
+    assert {s["crossing"] for some in data["loci"] for s in some} <= {
+        "fold",
+        "transition",
+        "vertical",
+    }
+    counts = [sector["count"] for sector in data["sectors"]]
+    assert max(counts) == {"fig4": 1, "fig5": 3, "fig6": 1}.get(name, 5)
+    assert len(data["solutions"]) == sum(counts)
+    assert all(len(s["z"]) == len(data["unknowns"]) for s in data["solutions"])
+    if name not in ("fig4", "fig5", "fig6"):
+        tips = data["lowest_folds"]
+        assert [tip["alpha"] for tip in tips] == pytest.approx([2.0, 2.0], abs=1e-9)
+
+
+def test_plane_scenes_print_sectors(capsys):
+    _, out, _ = run(capsys, "run", "fig5")
+    assert "  σ₅ = σ₁ ∩ σ₂, 3 solutions at (f_ν, f_t) = " in out
+    assert "slip- | no contact: fold" in out
+    _, out, _ = run(capsys, "run", "fig6")
+    assert "stick | slip-: transition, with infinitely many solutions on it" in out
+    _, out, _ = run(capsys, "run", "example1-critical-friction")
+    assert "The critical F is 2: folds begin at (alpha, F) = (-1.2941176, 2) and" in out
+
+
+# -- which solutions are listed ------------------------------------------------------------------
+
+
+def test_at_is_repeatable_and_takes_negative_values(capsys):
+    data = run_json(capsys, "fig7", "--at", "-0.75", "-1e-3", "--at=-.6", "--at", "1")
+    alphas = [s["alpha"] for s in data["solutions"]]
+    assert alphas == [-0.75] * 3 + [-1e-3] + [-0.6] * 3 + [1.0]
+
+
+def test_at_replaces_the_values_of_the_scene(capsys):
+    assert load_scene("fig7").at == (-0.75,)
+    assert {s["alpha"] for s in run_json(capsys, "fig7")["solutions"]} == {-0.75}
+    assert {s["alpha"] for s in run_json(capsys, "fig7", "--at", "0")["solutions"]} == {0.0}
+    _, out, _ = run(capsys, "run", "fig7", "--at", "-0.75")
+    assert "3 solutions at alpha = -0.75" in out
+
+
+def test_at_the_ends_of_the_interval(capsys):
+    data = run_json(capsys, "fig7", "--at", "-2", "2")
+    assert [s["alpha"] for s in data["solutions"]] == [-2.0, 2.0]
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize("value", ["2.0001", "-1e9", "nan", "inf", "-inf"])
+def test_at_outside_the_interval_is_refused_before_any_work(capsys, value):
+    message = refused(capsys, "run", "fig7", "--at", "0", value)
+    assert f"--at {float(value)} lies outside the interval [-2.0, 2.0] of scene fig7" in message
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize("name", PLANES)
+def test_at_is_refused_where_there_are_two_parameters(capsys, name):
+    message = refused(capsys, "run", name, "--at", "0.5")
+    assert f"{name} has two" in message
+    assert "run it without --at" in message
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    "arguments", [[], ["run"], ["run", "fig7", "--at"], ["run", "fig7", "--at", "x"], ["ran"]]
+)
+def test_wrong_usage_ends_with_status_2(capsys, arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert "usage: pwscont" in capsys.readouterr().err
+
+
+# -- scenes and directories that are not there -------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "near"), [("fig77", "fig7"), ("exampel3", "example3"), ("critical", "critical")]
+)
+def test_unknown_scene_names_near_matches(capsys, name, near):
+    message = refused(capsys, "run", name)
+    assert f"there is no scene {name!r}; did you mean " in message
+    assert near in message.split("did you mean")[1]
+
+
+def test_unknown_scene_without_near_matches(capsys):
+    assert "see 'pwscont scenes'" in refused(capsys, "run", "zzzzz")
+    with pytest.raises(SceneNotFoundError):
+        load_scene("")
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize("below", [[], ["deeper"]])
+def test_a_directory_that_cannot_be_made_is_refused_before_any_work(capsys, tmp_path, below):
+    (tmp_path / "file").write_text("in the way")
+    directory = tmp_path.joinpath("file", *below)
+    message = refused(capsys, "run", "fig7", "-o", str(directory))
+    assert f"cannot make the directory {directory}: " in message
+
+
+def test_a_file_that_cannot_be_written_ends_with_status_2(capsys, tmp_path):
+    (tmp_path / "fig7.npz").mkdir()
+    status, out, err = run(capsys, "run", "fig7", "-o", str(tmp_path))
+    assert status == 2
+    assert "Branch 1" in out  # the answer is not lost
+    assert "fig7.npz" in err
+
+
+def test_interruption_ends_with_status_130(capsys, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Scene, "solve", interrupt)
+    status, out, err = run(capsys, "run", "fig7")
+    assert (status, out, err) == (130, "", "pwscont: interrupted\n")
+
+
+# -- progress ------------------------------------------------------------------------------------
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_progress_is_silent_for_a_second():
+    clock, stream = Clock(), io.StringIO()
+    progress = Progress("F", stream, clock)
+    for clock.now in (100.0, 100.5, 100.0 + FIRST - 1e-3):
+        progress(1, 0.0)
+    progress.close()
+    assert stream.getvalue() == ""
+
+
+def test_progress_after_a_second_is_one_line():
+    clock, stream = Clock(), io.StringIO()
+    progress = Progress("F", stream, clock)
+    clock.now += FIRST
+    progress(3, 0.25)
+    progress(4, 0.5)  # too soon after the last
+    clock.now += EVERY
+    progress(5, 1.0 / 3.0)
+    progress.close()
+    assert stream.getvalue() == "\r3 pieces, F = 0.25   \r5 pieces, F = 0.333333   \n"
+
+
+@pytest.mark.parametrize("name", ["fig7", "fig5"])
+def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
+    clock = Clock()
+
+    def late(parameter):
+        progress = Progress(parameter, clock=clock)
+        clock.now += 10.0
+        return progress
+
+    monkeypatch.setattr(cli, "Progress", late)
+    status, out, err = run(capsys, "run", name, "--json")
+    assert status == 0
+    assert json.loads(out)["scene"] == name
+    assert "\r1 pieces, " in err
+
+
+# -- a process of its own ------------------------------------------------------------------------
+
+
+def fresh(*arguments, code=None):
+    """Run Python in a fresh process."""
+    command = ["-c", code] if code else ["-m", "pwscont"]
+    return subprocess.run(
+        [sys.executable, *command, *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_python_m_pwscont():
+    done = fresh("run", "fig7", "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["components"] == 1
+    assert fresh("run", "fig77").returncode == 2
+    assert fresh().returncode == 2
+
+
+LOADED = """
+import sys
+from pwscont.interface.cli import main
+status = main(sys.argv[1:])
+print("matplotlib" in sys.modules, file=sys.stderr)
+raise SystemExit(status)
+"""
+
+
+@pytest.mark.parametrize("name", ["fig7", "fig5"])
+def test_pictures_are_imported_only_where_asked_for(tmp_path, name):
+    done = fresh("run", name, code=LOADED)
+    assert done.returncode == 0
+    assert done.stderr.endswith("False\n")
+    done = fresh("run", name, "-o", str(tmp_path), code=LOADED)
+    assert done.stderr.endswith("True\n")
+
+
+# -- the seam ------------------------------------------------------------------------------------
+
+
+def test_scenes_of_others_plug_in(capsys, monkeypatch):
+    """Whatever implements the seam runs: here a scene without any system."""
+
+    class Counted(Answer):
+        def as_text(self):
+            return "one, two"
+
+        def as_dict(self):
+            return {"scene": "count", "count": 2}
+
+        def write(self, directory):
+            (directory / "count.txt").write_text("2")
+            return [directory / "count.txt"]
+
+    class Count(Runnable):
+        name, title, parameter = "count", "counts to two", "i"
+
+        def values(self, wanted):
+            return ()
+
+        def solve(self, at, report):
+            report(2, math.pi)
+            return Counted()
+
+    monkeypatch.setattr(cli, "load_scene", lambda name: Count())
+    assert run(capsys, "run", "count")[:2] == (0, "one, two\n")
+    assert run_json(capsys, "count")["count"] == 2
+
+
+def test_scene_runs_to_a_branch_graph():
+    scene = load_scene("fig7")
+    assert isinstance(scene.run(), BranchGraph)
+    assert scene.values(None) == scene.at
+    assert scene.values([0.5]) == (0.5,)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_answers_are_those_of_the_graph(name):
+    scene = load_scene(name)
+    data = scene.solve(scene.at, lambda *_: None).as_dict()
+    assert len(data["solutions"]) == sum(len(scene.run().solutions(alpha)) for alpha in scene.at)
