@@ -95,7 +95,7 @@ def both_directions(p, seed, friction):
 def test_directions_with_several_solutions_are_among_them():
     counts = [len(expected) for case in UNLOADED for expected in both_directions(*case)]
     assert sum(count > 1 for count in counts) > 10
-    assert max(counts) >= 5
+    assert max(counts) >= 3
 
 
 @pytest.mark.parametrize("start", ["everywhere", "apex", "one side"])

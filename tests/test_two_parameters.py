@@ -22,7 +22,7 @@ from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, lo
 from reference_enumeration import enumerate_solutions, modes_of
 
 from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, explore, trace
-from pwscont.continuation.loci import Crossing, follow_transitions, stretches, turning
+from pwscont.continuation.loci import Crossing, follow_transitions, parts_of, turning
 from pwscont.foundation.errors import InvalidInputError, InvalidSystemError
 from pwscont.interface.regions import area_and_centre, regions
 
@@ -61,7 +61,7 @@ def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
         "slip+ | stick": (1.0 / friction, 1),
         "stick | slip-": (-1.0 / friction, -1),
     }
-    found = {s.label: s for locus in loci for s in stretches(locus)}
+    found = {s.label: s for locus in loci for s in parts_of(locus)}
     assert set(found) == set(ratio)
     for label, (slope, side) in ratio.items():
         f_nu, f_t = found[label].plane.T
@@ -75,9 +75,9 @@ def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
     expected = Crossing.TRANSITION
     if friction >= a / b:
         expected = Crossing.FOLD if friction > a / b else Crossing.VERTICAL
-    for stretch in (s for locus in loci for s in stretches(locus)):
-        passes = "slip-" not in stretch.label
-        assert stretch.crossing == (Crossing.TRANSITION if passes else expected)
+    for part in (s for locus in loci for s in parts_of(locus)):
+        passes = "slip-" not in part.label
+        assert part.crossing == (Crossing.TRANSITION if passes else expected)
 
 
 def test_a_locus_ends_at_the_apex_and_says_why():
@@ -154,10 +154,10 @@ def points_inside(polygon, count=40):
 
 def test_infinitely_many_solutions_on_the_ray_of_fig6():
     """At F = a/b every u_t between both ends of the segment solves the equations."""
-    vertical = [s for some in fig6().run().stretches for s in some if s.crossing == "vertical"]
+    vertical = [s for some in fig6().run().parts for s in some if s.crossing == "vertical"]
     assert {s.label for s in vertical} == {"slip- | no contact", "stick | slip-"}
-    for stretch in vertical:
-        np.testing.assert_allclose(stretch.plane[:, 0], -0.5 * stretch.plane[:, 1], **CLOSE)
+    for part in vertical:
+        np.testing.assert_allclose(part.plane[:, 0], -0.5 * part.plane[:, 1], **CLOSE)
     f_nu, f_t = 0.25, -0.5
     for u_t in (-0.2, -0.1, -0.05):
         lam_nu = -u_t - f_nu
@@ -194,8 +194,8 @@ def plane():
 
 
 def curve(plane, label):
-    """Return (alpha, F, crossing) of every stretch between two modes, the lower ones first."""
-    found = [s for some in plane.stretches for s in some if s.label == label]
+    """Return (alpha, F, crossing) of every part between two modes, the lower ones first."""
+    found = [s for some in plane.parts for s in some if s.label == label]
     return sorted(found, key=lambda s: s.plane[0, 1])
 
 
@@ -214,17 +214,17 @@ CURVES = [
 @pytest.mark.parametrize(("words", "below", "above", "alpha"), CURVES)
 def test_fold_curves_in_closed_form(plane, words, below, above, alpha):
     lower, upper = curve(plane, f"{words.format(below)} | {words.format(above)}")
-    for stretch in (lower, upper):
-        np.testing.assert_allclose(stretch.plane[:, 0], alpha(stretch.plane[:, 1]), **CLOSE)
+    for part in (lower, upper):
+        np.testing.assert_allclose(part.plane[:, 0], alpha(part.plane[:, 1]), **CLOSE)
     assert (lower.crossing, upper.crossing) == ("transition", "fold")
     assert upper.plane[-1, 1] == 4.0
     assert upper.plane[0, 1] == pytest.approx(2.0, abs=1e-9)
 
 
 def test_slip_plus_never_folds(plane):
-    (stretch,) = curve(plane, "node 1 slip+, node 2 stick | node 1 stick, node 2 stick")
-    assert stretch.crossing == "transition"
-    np.testing.assert_allclose(stretch.plane[:, 0], 0.4 * stretch.plane[:, 1], **CLOSE)
+    (part,) = curve(plane, "node 1 slip+, node 2 stick | node 1 stick, node 2 stick")
+    assert part.crossing == "transition"
+    np.testing.assert_allclose(part.plane[:, 0], 0.4 * part.plane[:, 1], **CLOSE)
 
 
 def test_critical_friction_of_the_path(plane):
@@ -279,7 +279,7 @@ def test_another_path_has_another_critical_friction():
     loci = follow_transitions(
         lambda F: CoulombLoad(BODY, path, F), (-8.0, 8.0), (0.5, 4.0), (3.9,), parameter="F"
     )
-    folds = [s for locus in loci for s in stretches(locus) if s.crossing == "fold"]
+    folds = [s for locus in loci for s in parts_of(locus) if s.crossing == "fold"]
     lowest = min(s.plane[0, 1] for s in folds)
     assert critical_ratio(0, "free") == pytest.approx(4.0 / 3.0, abs=1e-15)
     assert lowest == pytest.approx(4.0 / 3.0, abs=1e-9)

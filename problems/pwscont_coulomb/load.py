@@ -47,9 +47,11 @@ class CoulombLoad(Coulomb):
     ----------
     body : ContactBody
     load : callable or AffineLoad
-        alpha -> f(alpha), shape (n,). With an AffineLoad every piece is straight and the system
-        is a :class:`~pwscont.PiecewiseLinearSystem`. A load with a method ``derivative(alpha)``
-        is asked for df/dalpha; otherwise central differences with a step of 6e-6 max(1, |alpha|).
+        alpha -> f(alpha), shape (n,), smooth: a kink of the path must be announced by a test
+        function, which needs a system of its own. With an AffineLoad every piece is straight and
+        the system is a :class:`~pwscont.PiecewiseLinearSystem`. A load with a method
+        ``derivative(alpha)`` is asked for df/dalpha; otherwise central differences with a step
+        of 6e-6 max(1, abs(alpha)).
     friction : float or array_like, shape (p,)
         Friction coefficient F >= 0, for all nodes or per node.
     r : float or array_like, shape (p,), optional

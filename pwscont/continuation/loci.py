@@ -35,7 +35,7 @@ from pwscont.transitions.rays import Ray, inward_ray
 
 #: Loci that come closer than this (relative) at one mu are one.
 SAME_LOCUS = EPS**0.5
-#: Points of a stretch are so dense that it leaves its chords by less than this part of the range
+#: Points of a part are so dense that it leaves its chords by less than this part of the range
 #: of alpha.
 FLAT = 1e-4
 
@@ -67,7 +67,7 @@ class Locus:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class LocusPart:
     """A part of a locus that is all fold, or all none.
 
     Attributes
@@ -226,7 +226,7 @@ def _passes(known: Locus, locus: TransitionLocus, y: Array, mu: float) -> bool:
     return bool(min(distances, default=np.inf) <= SAME_LOCUS)
 
 
-def stretches(locus: Locus) -> list[Stretch]:
+def parts_of(locus: Locus) -> list[LocusPart]:
     """Cut a locus where it starts or stops being a fold.
 
     Parameters
@@ -235,14 +235,14 @@ def stretches(locus: Locus) -> list[Stretch]:
 
     Returns
     -------
-    list of Stretch
+    list of LocusPart
         In the order of its pieces.
     """
     return [part for piece in locus.graph.pieces for part in _parts(locus, piece)]
 
 
-def _parts(locus: Locus, piece: Piece) -> Iterator[Stretch]:
-    """Yield the stretches of one piece."""
+def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
+    """Yield the parts of one piece."""
     inside = _inner(locus, piece)
     values = [turning(locus.system, x[:-1], float(x[-1]), piece.character) for x in inside]
     first = [piece.points[0]]
@@ -250,10 +250,10 @@ def _parts(locus: Locus, piece: Piece) -> Iterator[Stretch]:
         first.append(x)
         if before * after < 0.0:
             cut = _cut(locus, piece, (float(x[-1]), float(y[-1])))
-            yield Stretch(_crossing(before), piece.label, np.array([*first, cut]))
+            yield LocusPart(_crossing(before), piece.label, np.array([*first, cut]))
             first = [cut]
     last = np.array([*first, inside[-1], piece.points[-1]])
-    yield Stretch(_crossing(values[-1]), piece.label, last)
+    yield LocusPart(_crossing(values[-1]), piece.label, last)
 
 
 def _inner(locus: Locus, piece: Piece) -> list[Array]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import final
 
@@ -40,6 +40,12 @@ class Node:
 
     def __post_init__(self) -> None:
         self.taken = [False] * len(self.rays)
+
+    def stop(self, message: str) -> None:
+        """Note that a ray could not be followed; a degenerate point stays what it is."""
+        if self.kind != Kind.DEGENERATE:
+            self.kind = Kind.STOPPED
+        self.message = f"{self.message}; {message}"
 
 
 @final
@@ -79,14 +85,16 @@ class Network:
     def add(self, arrival: Arrival) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
         lo, hi = self._walker.interval
-        rays = [ray for ray in arrival.rays if _points_inside(ray, lo, hi)]
-        at_end = len(rays) < len(arrival.rays)
-        if any(self._match(ray) for ray in rays) or self._is_isolated_twin(arrival):
+        rays = tuple(ray for ray in arrival.rays if _points_inside(ray, lo, hi))
+        interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
+        arrival = replace(arrival, rays=rays)
+        known = [match for ray in rays if (match := self._match(ray))]
+        if known:
+            self._absorb(known[0][0], arrival)
+            self._follow_all(after_first=None)
+        if known or self._is_isolated_twin(arrival) or (interior and self._is_known(rays[0])):
             return
-        interior = arrival.kind == Kind.START and not at_end
-        if interior and self._is_known(rays[0]):
-            return
-        start = self._new(Arrival(arrival.kind, arrival.x, arrival.message, tuple(rays)))
+        start = self._new(arrival)
         if not interior:
             self._register(start)
         self._follow_all(after_first=(lambda: self._dissolve(start)) if interior else None)
@@ -107,19 +115,42 @@ class Network:
         ray = self.nodes[node].rays[index]
         walk = self._walker.walk(ray).sharing(ray)
         if len(walk.points) == 1:  # not a single step could be taken
-            self.nodes[node].kind, self.nodes[node].message = Kind.STOPPED, walk.arrival.message
+            self.nodes[node].stop(walk.arrival.message)
             return
         self.edges.append(Edge(node, self._reach(walk), ray, walk.points))
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
     def _reach(self, walk: Walk) -> int:
         """Return the node at which a walk arrived, and take its ray there."""
-        match = self._match(walk.arrival.rays[0])
-        node, index = match if match else (self._new(walk.arrival), 0)
-        if not match:
+        matches = [self._match(ray) for ray in walk.arrival.rays]
+        near = next(filter(None, matches), None)
+        if near is None:
+            node = self._new(walk.arrival)
             self._register(node)
-        self.nodes[node].taken[index] = True
+        else:
+            node = near[0]
+            self._absorb(node, walk.arrival)
+        back = self._match(walk.arrival.rays[0])
+        if back is not None:
+            self.nodes[back[0]].taken[back[1]] = True
         return node
+
+    def _absorb(self, node: int, arrival: Arrival) -> None:
+        """Add to a node the rays that only this arrival shows.
+
+        Transitions apart by no more than rounding may be one corner or two special points,
+        depending on where they are reached from; what is known of both is joined.
+        """
+        news = [ray for ray in arrival.rays if self._match(ray) is None]
+        if not news:
+            return
+        here = self.nodes[node]
+        first = len(here.rays)
+        here.rays += news
+        here.taken += [False] * len(news)
+        here.kind, here.message = arrival.kind, arrival.message
+        self._queue.extend((node, first + i) for i in range(len(news)))
+        self._register(node, first)
 
     def _match(self, ray: Ray) -> tuple[int, int] | None:
         """Return the node and ray that ``ray`` is, if it is known.
@@ -163,9 +194,9 @@ class Network:
         self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
 
-    def _register(self, node: int) -> None:
-        """Let walks arrive at a node."""
-        for index, ray in enumerate(self.nodes[node].rays):
+    def _register(self, node: int, first: int = 0) -> None:
+        """Let walks arrive at a node, by its rays from the given one on."""
+        for index, ray in enumerate(self.nodes[node].rays[first:], start=first):
             for cell in ray.cells:
                 self._by_cell[cell].append((node, index))
 

@@ -24,7 +24,7 @@ from pwscont.enumeration.tree import SLACK, Leaf, leaves
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import SlicewiseLinearSystem
 from pwscont.numerics.curve import Curve
@@ -122,7 +122,7 @@ def _refined(curve: Curve, start: Array) -> Point | None:
         return None
     root.x[-1], error = alpha, uncertainty(root)
     uncertain = magnitude_of_values(selection.test_gradients(root.x), root.x, error)
-    if (selection.tests(root.x) < -GUARD * uncertain).any():
+    if (selection.tests(root.x) < -CONFIDENCE * uncertain).any():
         return None
     return Point(root.x, error, (selection.character,), (root.factor.sign,))
 
@@ -140,11 +140,13 @@ def _add(points: list[Point], new: Point, metric: Metric) -> None:
 def _same(metric: Metric, a: Point, b: Point) -> bool:
     """Tell whether two solutions differ by no more than their errors."""
     errors = (metric.norm(magnitude(point.x, point.error)) for point in (a, b))
-    return metric.norm(a.x - b.x) <= GUARD * sum(errors)
+    return metric.norm(a.x - b.x) <= CONFIDENCE * sum(errors)
 
 
 def _face(problem: Problem, leaf: Leaf, character: Character, alpha: float) -> list[Face]:
     """Return the face of a singular cell, if it has more than one point."""
+    if not _satisfies(leaf):
+        return []
     G = np.vstack([option.G for option in leaf.chosen])
     g = np.concatenate([option.g for option in leaf.chosen])
     matrix, vector = G @ leaf.directions, G @ leaf.start + g
@@ -157,6 +159,14 @@ def _face(problem: Problem, leaf: Leaf, character: Character, alpha: float) -> l
     y = leaf.start + corners @ leaf.directions.T
     z = problem.origin + y @ problem.basis.T
     return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]))]
+
+
+def _satisfies(leaf: Leaf) -> bool:
+    """Tell whether the equations of a singular cell really have solutions, but for rounding."""
+    E = np.vstack([option.E for option in leaf.chosen])
+    e = np.concatenate([option.e for option in leaf.chosen])
+    terms = np.abs(E) @ np.abs(leaf.start) + np.abs(e)
+    return bool((np.abs(E @ leaf.start + e) <= GUARD * EPS * (terms + terms.max())).all())
 
 
 def _has_interior(matrix: Array, vector: Array) -> bool:

@@ -14,9 +14,9 @@ from pwscont.continuation.loci import (
     SAME_LOCUS,
     Crossing,
     Locus,
-    Stretch,
+    LocusPart,
     follow_transitions,
-    stretches,
+    parts_of,
 )
 from pwscont.continuation.preparation import Report, silent
 from pwscont.enumeration import solve_slice
@@ -79,7 +79,7 @@ class Plane:
     alphas, mus : tuple of float
         The window.
     loci : tuple of Locus
-    stretches : tuple of tuple of Stretch
+    parts : tuple of tuple of LocusPart
         Those of each locus.
     sectors : tuple of Sector
     mixed : tuple of ndarray, shape (2,)
@@ -91,7 +91,7 @@ class Plane:
     alphas: tuple[float, float]
     mus: tuple[float, float]
     loci: tuple[Locus, ...]
-    stretches: tuple[tuple[Stretch, ...], ...]
+    parts: tuple[tuple[LocusPart, ...], ...]
     sectors: tuple[Sector, ...]
     mixed: tuple[Array, ...] = ()
 
@@ -132,8 +132,8 @@ class Plane:
         loci: Sequence[Locus],
     ) -> Plane:
         """Return the sectors between loci."""
-        parts = tuple(tuple(stretches(locus)) for locus in loci)
-        curves = [stretch.plane for some in parts for stretch in some]
+        parts = tuple(tuple(parts_of(locus)) for locus in loci)
+        curves = [part.plane for some in parts for part in some]
         sectors = tuple(_sectors(family, alphas, regions(curves, alphas, mus)))
         return cls(alphas, mus, tuple(loci), parts, sectors, tuple(_mixed(family, alphas, sectors)))
 
@@ -143,7 +143,7 @@ class Plane:
 
         Two loci begin to be folds at one point of the plane; it is listed once.
         """
-        folds = [s.lowest for some in self.stretches for s in some if s.crossing is Crossing.FOLD]
+        folds = [s.lowest for some in self.parts for s in some if s.crossing is Crossing.FOLD]
         lowest = min((float(x[-1]) for x in folds), default=math.inf)
         scale = np.array([np.ptp(self.alphas), np.ptp(self.mus)])
         tips: list[Array] = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
-from pwscont.continuation.loci import Stretch
+from pwscont.continuation.loci import LocusPart
 from pwscont.interface.answer import Answer
 from pwscont.interface.plane import Plane, Sector
 from pwscont.interface.plane_scene import PlaneScene
@@ -50,7 +50,7 @@ class PlaneAnswer(Answer):
                 "constant": len(balances) <= 1,
             },
             "solutions": [s for sector in plane.sectors for s in _solutions(sector)],
-            "loci": [[_stretch(stretch) for stretch in some] for some in plane.stretches],
+            "loci": [[_part(part) for part in some] for some in plane.parts],
             "sectors": [self._sector(sector) for sector in plane.sectors],
             "mixed": [point.tolist() for point in plane.mixed],
             **self._lowest_folds(),
@@ -113,11 +113,11 @@ def _finite(count: int | float) -> int | None:
     return None if math.isinf(count) else int(count)
 
 
-def _stretch(stretch: Stretch) -> dict[str, Any]:
+def _part(part: LocusPart) -> dict[str, Any]:
     return {
-        "crossing": str(stretch.crossing),
-        "label": stretch.label,
-        "points": stretch.plane.tolist(),
+        "crossing": str(part.crossing),
+        "label": part.label,
+        "points": part.plane.tolist(),
     }
 
 

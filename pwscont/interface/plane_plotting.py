@@ -60,8 +60,8 @@ def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
         for region in sector.regions:
             # the edge hides the seam to the next region of the same shade
             ax.fill(*region.polygon.T, color=_shade(sector), linewidth=0.8, zorder=1)
-    for stretch in (s for some in plane.stretches for s in some):
-        ax.plot(*stretch.plane.T, **LINES[stretch.crossing])
+    for part in (s for some in plane.parts for s in some):
+        ax.plot(*part.plane.T, **LINES[part.crossing])
     _mark_meetings(ax, plane)
     _write_names(ax, scene, plane, window)
     _mark_lowest_fold(ax, scene, plane)
@@ -75,7 +75,7 @@ def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
 
 def _view(plane: Plane) -> tuple[float, float]:
     """Return the range of alpha in which there are loci, with a margin."""
-    points = np.vstack([s.plane for some in plane.stretches for s in some])
+    points = np.vstack([s.plane for some in plane.parts for s in some])
     lo, hi = points[:, 0].min(), points[:, 0].max()
     margin = MARGIN * (hi - lo)
     return max(lo - margin, plane.alphas[0]), min(hi + margin, plane.alphas[1])
@@ -184,7 +184,7 @@ def _set_axes(ax: Axes, scene: PlaneScene, window: tuple[tuple[float, float], ..
 
 def _legend(plane: Plane) -> list[Any]:
     """Return a handle for every kind of line and every number of solutions that occurs."""
-    crossings = {s.crossing for some in plane.stretches for s in some}
+    crossings = {s.crossing for some in plane.parts for s in some}
     lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Crossing if c in crossings]
     shades = {sector.count: sector for sector in plane.sectors}
     patches = [

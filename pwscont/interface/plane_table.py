@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pwscont.continuation.loci import Crossing, Stretch
+from pwscont.continuation.loci import Crossing, LocusPart
 from pwscont.graph.presentation import number
 from pwscont.interface.plane import Plane, Sector
 
@@ -38,19 +38,19 @@ def report(scene: PlaneScene, plane: Plane) -> str:
 
 
 def _loci(scene: PlaneScene, plane: Plane) -> Iterator[str]:
-    for i, (locus, some) in enumerate(zip(plane.loci, plane.stretches, strict=True), start=1):
+    for i, (locus, some) in enumerate(zip(plane.loci, plane.parts, strict=True), start=1):
         yield ""
         yield f"Locus {i} (test function {locus.system.test})"
-        for stretch in some:
-            yield f"  {stretch.label}: {WORDS[stretch.crossing]}"
-            yield f"    {_extent(scene, stretch)}"
+        for part in some:
+            yield f"  {part.label}: {WORDS[part.crossing]}"
+            yield f"    {_extent(scene, part)}"
         for end in locus.graph.special_points("end"):
             if end.message != "end of the interval":
                 yield f"  end at {_point(scene, end.z[-1], end.alpha)}: {end.message}"
 
 
-def _extent(scene: PlaneScene, stretch: Stretch) -> str:
-    (a, c), (b, d) = stretch.plane[0], stretch.plane[-1]
+def _extent(scene: PlaneScene, part: LocusPart) -> str:
+    (a, c), (b, d) = part.plane[0], part.plane[-1]
     return f"{_point(scene, a, c)} → {_point(scene, b, d)}"
 
 

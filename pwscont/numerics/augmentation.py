@@ -18,7 +18,6 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.numerics.bordering import BorderedFactor, split
-from pwscont.numerics.factor import Factor
 from pwscont.numerics.linalg import factor
 
 

@@ -118,7 +118,7 @@ def bordered_core(jacobian: Matrix, row: Array, scale: Array) -> Factor | None:
     scaled, row = columns_scaled(jacobian, scale), row * scale
     rows = power_of_two(np.append(largest_in_rows(scaled), np.abs(row).max()))
     core, column = split(rows_divided(scaled, rows[:-1]))
-    return core and BorderedFactor(core, column, row / rows[-1], rows, scale)
+    return BorderedFactor(core, column, row / rows[-1], rows, scale) if core else None
 
 
 def split(jacobian: Matrix) -> tuple[Core | None, Array]:

@@ -99,34 +99,53 @@ class _Null:
     size: float
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A Newton step: the correction of x, the new mu, and the form w^T H''[V, V]."""
+
+    dx: Array
+    mu: float
+    form: Array
+
+
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     """Return the branch point near ``x``, by Newton's method on the extended system."""
-    n = len(x) - 1
-    borders, equations = _generic(n), _equations(curve, x)
-    for _ in range(FIRST_BORDERS):
-        if (null := _null(curve, x, equations, *borders)) is None:
+    equations, borders = _equations(curve, x), _generic(len(x) - 1)
+    for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS):
+        null = _null(curve, x, equations, *borders)
+        if null is None:
             return Failure(Trouble.SINGULAR)
         borders = _renewed(null)
-    for _ in range(MOST_ITERATIONS):
-        if (null := _null(curve, x, equations, *borders)) is None:
+        if iteration < 0:
+            continue
+        step = _step(curve, x, null)
+        if step is None:
             return Failure(Trouble.SINGULAR)
-        rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
-        form = rows @ null.right
-        if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
-            return Failure(Trouble.SINGULAR)
-        eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
-        dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
-        x, mu = x + dx, float(null.particular[-1] + null.g @ eta)
-        if not np.isfinite(size := curve.metric.relative(dx, x)):
-            return Failure(Trouble.NOT_FINITE)
-        if size <= CONVERGED:
-            meets = abs(mu) <= MEETS * (1.0 + null.size)
-            directions = _directions(curve, null, form)
-            if directions is None:
-                return Failure(Trouble.SINGULAR)
-            return Crossing(x, dx[np.newaxis], directions, meets)
-        borders = _renewed(null)
+        x = x + step.dx
+        if curve.metric.relative(step.dx, x) <= CONVERGED:
+            return _found(curve, x, null, step)
     return Failure(Trouble.NOT_CONVERGED)
+
+
+def _step(curve: Curve, x: Array, null: _Null) -> _Step | None:
+    """Solve with the Jacobian of the extended system, None where it is singular."""
+    rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
+    form = rows @ null.right
+    if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
+        return None
+    eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
+    dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
+    return _Step(dx, float(null.particular[-1] + null.g @ eta), form)
+
+
+def _found(curve: Curve, x: Array, null: _Null, step: _Step) -> Crossing | Failure:
+    """Return the branch point to which Newton converged."""
+    directions = _directions(curve, null, step.form)
+    if directions is None:
+        return Failure(Trouble.SINGULAR)
+    meets = abs(step.mu) <= MEETS * (1.0 + null.size)
+    return Crossing(x, step.dx[np.newaxis], directions, meets)
 
 
 def _generic(n: int) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import Factor, bordered
 
@@ -91,8 +91,8 @@ def joined(residual: Array, value: float) -> Array:
 
 
 def hopeful(size: float, before: float) -> bool:
-    """Tell whether the next correction might be rounding, if convergence is quadratic.
+    """Tell whether the next correction might be the last, if convergence is quadratic.
 
     d -> c d^2 turns the ratio q of two corrections into q^2 for the next two.
     """
-    return before > 0.0 and size * (size / before) ** 2 <= EPS
+    return before > 0.0 and size * (size / before) ** 2 <= CONVERGED

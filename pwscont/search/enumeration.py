@@ -9,7 +9,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution
-from pwscont.foundation.rounding import GUARD
+from pwscont.foundation.rounding import CONFIDENCE
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
@@ -108,7 +108,7 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
     state = corrected.state
     state.x[-1] = alpha
     gradients = curve.selection.test_gradients(state.x)
-    slack = GUARD * magnitude_of_values(gradients, state.x, state.error)
+    slack = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
     inside = (curve.selection.tests(state.x) >= -slack).all()
     return (state.x, state.error) if inside else None
 
@@ -116,4 +116,4 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
 def _same(metric: Metric, a: Found, b: Found) -> bool:
     """Tell whether two solutions are one, found in two cells that share it."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
-    return metric.norm(a[0] - b[0]) <= GUARD * sum(errors)
+    return metric.norm(a[0] - b[0]) <= CONFIDENCE * sum(errors)

@@ -10,7 +10,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -75,7 +75,7 @@ class BoundingTests(TransitionDetector):
 
 def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:
     """Tell which tests are zero along the piece, to the rounding of their own terms."""
-    zero = GUARD * magnitude_of_values(gradients, state.x, state.error)
+    zero = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
     flat = GUARD * EPS * (abs(gradients) @ np.abs(state.tangent))
     rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
@@ -101,7 +101,8 @@ def corner(
     rays = others if back is None else (back, *others)
     if back is None and not found.rays and found.exact:
         return Arrival(Kind.ISOLATED, x, "no piece leaves from this solution", ())
-    if len(rays) < 2 or (len(others) == len(found.rays) and back is not None):
+    lost = back is not None and len(others) == len(found.rays)
+    if lost or (len(rays) < 2 and not found.riding):
         return Arrival(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
     if back is None and len(rays) == 2 and rays[0].shared and opposite(*rays):
         message = f"start on the boundary of {rays[0].curve.selection.label}"

@@ -21,18 +21,28 @@ from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import CONFIDENCE
 from pwscont.model.selection import Selection
-from pwscont.model.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.model.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
+from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.transitions.rays import Ray
 
 #: All cells at a corner are tried up to this number: twelve tests.
 MANY_CELLS = 2**12
 #: Newton starts that may fail at a corner with more cells before the search ends.
 MOST_FAILURES = 2
+#: How far a curve tangent to an interface is followed to see where it bends to.
+PROBE = 1e-4
 #: Two directions are one when the cosine of their angle differs from one by less than this.
 SAME_DIRECTION = 1e-12
 
@@ -137,9 +147,23 @@ def _ray(
     state = State(x, tangent, error, signs[0])
     if len(characters) == 1:
         return Ray(curves[0], state)
+    if not isinstance(system, PiecewiseLinearSystem):
+        for curve, sign in zip(curves, signs, strict=True):
+            if _bends_into(curve, state):
+                return Ray(curve, State(x, tangent, error, sign))
     slope = curves[0].slope(state)
     index = signs[0] * int(np.sign(slope)) if len(set(signs)) == 1 else 0
     return Ray(curves[0], state, characters, index)
+
+
+def _bends_into(curve: Curve, state: State) -> bool:
+    """Tell whether a curve that is tangent to an interface leaves it into this cell."""
+    corrected = BorderedNewton().correct(curve, state.x + PROBE * state.tangent, state.tangent)
+    if isinstance(corrected, Failure):
+        return False
+    selection, x = curve.selection, corrected.state.x
+    rounding = magnitude_of_values(selection.test_gradients(x), x, corrected.state.error)
+    return bool((selection.tests(x) > CONFIDENCE * rounding).all())
 
 
 def parallel(a: Ray, b: Ray) -> bool:

@@ -14,9 +14,10 @@ from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import last_unit
 from pwscont.stepping.stepper import Segment
+from pwscont.transitions.cone import fan, parallel
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Ray, vanishing
 
 
 @final
@@ -47,5 +48,15 @@ class IntervalEnds(TransitionDetector):
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
-        """End the component."""
-        return Arrival(Kind.END, state.x, "end of the interval", (Ray(curve, state).reversed(),))
+        """End the component, or turn back where other pieces leave from the same point."""
+        back = Ray(curve, state).reversed()
+        system, metric = curve.selection.system, curve.metric
+        zero = vanishing(system, state.x, state.error, metric.scale)
+        rays = fan(system, metric, state.x, state.error, zero).rays if zero else ()
+        inside = tuple(ray for ray in rays if _same_side(ray, back) and not parallel(ray, back))
+        return Arrival(Kind.END, state.x, "end of the interval", (back, *inside))
+
+
+def _same_side(ray: Ray, back: Ray) -> bool:
+    """Tell whether a ray goes back into the interval."""
+    return ray.curve.slope(ray.state) * back.curve.slope(back.state) > 0.0

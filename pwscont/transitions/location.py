@@ -26,6 +26,9 @@ from pwscont.numerics.uncertainty import uncertainty
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
 MOST_NEWTON = 8
+#: A sign change is bracketed within this part of a segment. What turns there, alpha or a test, is
+#: flat: its error is the square of this. Much closer, the tangents on a fine grid are rounding.
+NARROW = EPS**0.6
 #: A bracket in double precision cannot be halved more often.
 MOST_HALVINGS = 60
 
@@ -101,7 +104,7 @@ def locate_sign_change(
         return function(state)
 
     try:
-        s = brentq(along, *bracket, xtol=CONVERGED * segment.length, rtol=4.0 * EPS)
+        s = brentq(along, *bracket, xtol=NARROW * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure
     return segment.at(s)

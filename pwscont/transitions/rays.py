@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
-from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -92,7 +92,7 @@ def vanishing(
     size = magnitude_of_values(gradients, x, error)
     if scale is not None:
         size += EPS * (abs(gradients) @ scale)
-    zero = np.abs(system.test_functions(z, alpha)) <= GUARD * size
+    zero = np.abs(system.test_functions(z, alpha)) <= CONFIDENCE * size
     return frozenset(np.flatnonzero(zero).tolist())
 
 
