@@ -343,6 +343,14 @@ def test_python_m_pwscont():
     assert fresh().returncode == 2
 
 
+def test_a_reader_that_stops_early_is_no_error():
+    command = [sys.executable, "-m", "pwscont", "run", "fig7"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
 LOADED = """
 import sys
 from pwscont.interface.cli import main

@@ -65,6 +65,7 @@ class Coulomb(SlicewiseLinearSystem):
         self._free = self._free_matrix()
         self._kappa1_rows, self._x_rows = self._test_rows()
         self._known: tuple[Any, Matrix] | None = None
+        self._scale: tuple[tuple[float, float], Array] | None = None
 
     def _free_matrix(self) -> Matrix:
         """Return dH/dz without any contact: equilibrium, lam_nu = 0, lam_t = 0."""
@@ -230,11 +231,19 @@ class Coulomb(SlicewiseLinearSystem):
         return (FromFrictionless(),)
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return typical displacements and forces over the interval."""
-        loads = [np.abs(self.load_at(alpha)).max() for alpha in np.linspace(lo, hi, 9)]
-        k = float(self.body.stiffness.max())
-        force = max(*loads, k * float(self.body.gap.max())) or 1.0
-        return np.repeat([force / k, force], [self.body.n, 2 * self.body.p])
+        """Return typical displacements and forces over the interval.
+
+        Displacements are those of the body without contact: in a soft direction they may be
+        far larger than force by stiffness.
+        """
+        if self._scale is None or self._scale[0] != (lo, hi):
+            loads = np.column_stack([self.load_at(alpha) for alpha in np.linspace(lo, hi, 9)])
+            k, gap = float(self.body.stiffness.max()), float(self.body.gap.max())
+            force = max(float(np.abs(loads).max()), k * gap) or 1.0
+            length = max(float(np.abs(self.body.solve(loads)).max()), gap) or force / k
+            scale = np.repeat([length, force], [self.body.n, 2 * self.body.p])
+            self._scale = ((lo, hi), scale)
+        return self._scale[1]
 
     # -- matrices ------------------------------------------------------------------------
 

@@ -148,14 +148,27 @@ class BranchGraph:
         """Smallest and largest alpha of each piece, shape (number of pieces, 2)."""
         return np.array([piece.interval for piece in self.pieces]).reshape(-1, 2)
 
+    def _over(self, alpha: float) -> list[Piece]:
+        """Return the pieces that pass over an alpha at which there is no node."""
+        lo, hi = self._extent.T
+        return [self.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
+
     def _through(self, alpha: float) -> list[Piece]:
         """Return the pieces that have ``alpha`` strictly inside."""
         lo, hi = self._extent.T
         inside = (lo < alpha) & (alpha < hi) & ~self._same(lo, alpha) & ~self._same(hi, alpha)
         return [self.pieces[i] for i in np.flatnonzero(inside)]
 
+    @cached_property
+    def _alphas(self) -> Array:
+        return np.array([point.alpha for point in self._points])
+
+    @cached_property
+    def _verticals(self) -> list[Piece]:
+        return [piece for piece in self.pieces if piece.is_vertical]
+
     def _nodes_at(self, alpha: float) -> list[int]:
-        return [p.id for p in self._points if self._same(p.alpha, alpha)]
+        return [self._points[i].id for i in np.flatnonzero(self._same(self._alphas, alpha))]
 
     def _pieces_at(self, node: int) -> list[Piece]:
         found = [data["piece"] for _, _, data in self._nx.edges(node, data=True)]
@@ -167,7 +180,7 @@ class BranchGraph:
         A solution at which two pieces meet counts once.
         """
         self._inside(alpha)
-        if any(p.is_vertical and self._same(p.interval[0], alpha) for p in self.pieces):
+        if any(self._same(piece.interval[0], alpha) for piece in self._verticals):
             return math.inf
         return len(self._through(alpha)) + len(self._nodes_at(alpha))
 
@@ -236,7 +249,7 @@ class BranchGraph:
         """
         table: list[tuple[float, float, int]] = []
         for lo, hi in pairwise(self.breaks()):
-            count = len(self._through(0.5 * (lo + hi)))
+            count = len(self._over(0.5 * (lo + hi)))
             if table and table[-1][2] == count:
                 table[-1] = (table[-1][0], hi, count)
             else:
@@ -306,7 +319,8 @@ class BranchGraph:
 
     def balances(self) -> list[int]:
         """Return the balance within each interval between successive special points."""
-        return [self.balance(0.5 * (a + b)) for a, b in pairwise(self.breaks())]
+        middles = [0.5 * (a + b) for a, b in pairwise(self.breaks())]
+        return [sum(piece.det_sign for piece in self._over(alpha)) for alpha in middles]
 
     def is_balanced(self) -> bool:
         """Tell whether the balance is the same at every regular alpha of the interval.

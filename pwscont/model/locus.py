@@ -79,7 +79,8 @@ class TransitionLocus(PiecewiseSystem):
         sample = self.family.sample
         self.size = sample.size + 1
         self.limits = Limits(alphas)
-        self._tests = len(sample.test_functions(np.zeros(sample.size), 0.0))
+        somewhere = self.limits.lo if self.limits.are_finite else 0.0
+        self._tests = len(sample.test_functions(np.zeros(sample.size), somewhere))
         if not 0 <= test < self._tests:
             raise InvalidInputError(f"test must be one of 0 to {self._tests - 1}, got {test}")
         self.test = int(test)

@@ -12,6 +12,9 @@ from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import power_of_two
 
+#: Squares and products of magnitudes up to this one stay far from overflow.
+LARGEST = 1e120
+
 
 @final
 class Metric:
@@ -42,7 +45,14 @@ class Metric:
             raise InvalidSystemError(
                 f"{type(system).__name__}.scale() must return {system.size} positive numbers"
             )
-        return cls(np.append(scale, hi - lo))
+        everything = np.append(scale, hi - lo)
+        if everything.max() > LARGEST or everything.min() < 1.0 / LARGEST:
+            raise InvalidSystemError(
+                f"typical magnitudes from {everything.min():.3g} to {everything.max():.3g} leave "
+                f"the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be "
+                "computed; choose other units"
+            )
+        return cls(everything)
 
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""

@@ -9,6 +9,8 @@ Failure modes and answers
   shortens its step.
 - Scale: convergence is judged by the correction of each unknown relative to its own size, which
   neither the units of z nor those of the equations change.
+- Ill conditioning: corrections stall at the condition number times rounding. They are accepted
+  there, and the error estimate says how few digits are left.
 - An iteration too many costs as much as the rest of a step: where quadratic contraction lets
   hope that the next correction is rounding, it is computed with the old factorisation. Hope
   alone would not do: corrections of linear equations contract at once and hide the others.
@@ -18,44 +20,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import TypeAlias
 
 import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONVERGED
+from pwscont.foundation.rounding import CONFIDENCE, CONVERGED
 from pwscont.numerics.curve import Curve
-from pwscont.numerics.linalg import Factor, bordered
+from pwscont.numerics.linalg import bordered
+from pwscont.numerics.root import Root, joined
+from pwscont.numerics.uncertainty import magnitude, uncertainty
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
-
-@final
-@dataclass(frozen=True, slots=True)
-class Root:
-    """A solution of {H_chi = 0, border = 0}.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (n + 1,)
-        Size of the last correction.
-    jacobian, row
-        Jacobian and gradient of the border, from before the last correction.
-    factor : Factor
-        Factorisation of both together.
-    iterations : int
-    """
-
-    x: Array
-    error: Array
-    jacobian: Matrix
-    row: Matrix
-    factor: Factor
-    iterations: int
+#: A correction that is not smaller than this part of the one before does not converge any more.
+STALLED = 0.1
 
 
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
@@ -76,18 +57,16 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             dx = factor.solve(joined(selection.residual(x), border(x)[0]))
             x = x - dx
             size = metric.relative(dx, x)
-        if size <= CONVERGED:
-            return Root(x, np.abs(dx), jacobian, row, factor, iteration)
+        root = Root(x, np.abs(dx), jacobian, row, factor, metric.scale, iteration)
+        if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
+            return root
         before = size
     return Failure(Trouble.NOT_CONVERGED)
 
 
-def joined(residual: Array, value: float) -> Array:
-    """Return the residual with one more entry (numpy.append costs several times as much)."""
-    rhs = np.empty(len(residual) + 1)
-    rhs[:-1] = residual
-    rhs[-1] = value
-    return rhs
+def is_rounding(root: Root) -> bool:
+    """Tell whether the last correction was nothing but rounding, as ill conditioning makes it."""
+    return bool((root.error <= CONFIDENCE * magnitude(root.x, uncertainty(root))).all())
 
 
 def hopeful(size: float, before: float) -> bool:

@@ -2,9 +2,9 @@
 
 The residual of the bordered system at the solution is a sum of terms J_ij x_j that cancel; its
 own rounding error is of the order of EPS times the sum of their magnitudes, and the inverse of
-the bordered matrix turns it into an error of x. The inverse is not formed: a few right-hand
-sides with these magnitudes and random signs are solved for, which sees the same cancellation as
-the true error does (statistical condition estimation, Kenney and Laub 1994).
+the bordered matrix turns it into an error of x. For large systems the inverse is not formed: a
+few right-hand sides with these magnitudes and random signs are solved for, which sees the same
+cancellation as the true error does (statistical condition estimation, Kenney and Laub 1994).
 
 Failure modes and answers
 -------------------------
@@ -22,17 +22,24 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import EPS
-from pwscont.numerics.newton import Root, joined
+from pwscont.numerics.root import Root, joined
 
-#: Solves per estimate: with three the chance to miss a factor of ten is below one in a thousand.
-SAMPLES = 3
+#: Up to this many unknowns the inverse is formed column by column, which samples nothing.
+SMALL = 16
+#: Samples for larger systems.
+SAMPLES = 4
 
 
 def uncertainty(root: Root) -> Array:
-    """Return samples of the error of ``root.x``, shape (SAMPLES, n + 1), with signs."""
-    size = np.abs(root.x) + root.error
+    """Return independent contributions to the error of ``root.x``, shape (k, n + 1).
+
+    Their root of the sum of squares, component by component or through a linear function, is
+    the estimated error.
+    """
+    # the last correction was solved with errors of its largest parts everywhere
+    size = np.abs(root.x) + (root.error / root.scale).max() * root.scale
     terms = joined(abs(root.jacobian) @ size, float((abs(root.row) @ size).sum()))
-    return np.stack([root.factor.solve(EPS * signs * terms) for signs in _signs(len(size))])
+    return np.stack([root.factor.solve(EPS * terms * sample) for sample in _samples(len(size))])
 
 
 def magnitude(x: Array, error: Array) -> Array:
@@ -42,19 +49,23 @@ def magnitude(x: Array, error: Array) -> Array:
     ----------
     x : ndarray, shape (n + 1,)
     error : ndarray, shape (k, n + 1)
-        Samples.
+        Independent contributions, as from :func:`uncertainty`.
     """
-    estimate: Array = np.maximum(EPS * np.abs(x), np.abs(error).max(axis=0))
-    return estimate
+    estimate: Array = np.maximum(EPS * np.abs(x), np.hypot.reduce(error, axis=0))
+    return np.abs(estimate)
 
 
 def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
     """Return the estimated error of ``rows @ x``, shape (l,); ``error`` as for magnitude."""
-    estimate: Array = EPS * (abs(rows) @ np.abs(x)) + np.abs(rows @ error.T).max(axis=1)
+    spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))
+    estimate: Array = EPS * (abs(rows) @ np.abs(x)) + spread
     return estimate
 
 
 @lru_cache(maxsize=8)
-def _signs(size: int) -> Array:
-    """Return fixed random signs, shape (SAMPLES, size): two runs are identical."""
-    return np.random.default_rng(size).choice([-1.0, 1.0], size=(SAMPLES, size))
+def _samples(size: int) -> Array:
+    """Return unit vectors, or fixed random ones of which a few are enough; runs are identical."""
+    if size <= SMALL:
+        return np.asarray(np.eye(size))
+    samples = np.random.default_rng(size).normal(size=(SAMPLES, size))
+    return np.asarray(samples / SAMPLES**0.5)

@@ -16,7 +16,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import Segment
-from pwscont.transitions.cone import Fan, fan, opposite, parallel
+from pwscont.transitions.cone import Fan, fan, opposite, same_piece
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
@@ -97,7 +97,7 @@ def corner(
 ) -> Arrival:
     """Return the special point at which several interfaces meet, or one is tangent."""
     found = fan(curve.selection.system, curve.metric, x, error, zero)
-    others = tuple(ray for ray in found.rays if back is None or not parallel(ray, back))
+    others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
     if back is None and not found.rays and found.exact:
         return Arrival(Kind.ISOLATED, x, "no piece leaves from this solution", ())

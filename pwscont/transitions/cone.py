@@ -21,7 +21,7 @@ from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.model.selection import Selection
 from pwscont.model.system import (
     Block,
@@ -170,6 +170,18 @@ def parallel(a: Ray, b: Ray) -> bool:
     """Tell whether two rays from one point have one direction."""
     cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
     return bool(cosine > 1.0 - SAME_DIRECTION)
+
+
+def same_piece(ray: Ray, back: Ray) -> bool:
+    """Tell whether a ray of the cone problem is the piece on which the corner was reached.
+
+    A cell holds one ray, or several that differ clearly; the direction of the piece carries
+    errors that ill conditioning magnifies.
+    """
+    if set(ray.cells).isdisjoint(back.cells):
+        return parallel(ray, back)
+    cosine = ray.curve.metric.covector(ray.state.tangent).dot(back.state.tangent)
+    return bool(cosine > 1.0 - EPS**0.5)
 
 
 def opposite(a: Ray, b: Ray) -> bool:

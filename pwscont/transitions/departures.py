@@ -12,7 +12,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.newton import Root
+from pwscont.numerics.root import Root
 from pwscont.numerics.uncertainty import uncertainty
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
@@ -48,7 +48,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
     jacobian, row = curve.selection.jacobian(x), curve.metric.covector(tangent)
     factor = bordered(jacobian, row, curve.metric.binary)
     known = np.abs(error).max(axis=0)
-    error = uncertainty(Root(x, known, jacobian, row, factor, 0))
+    error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
     forth = Ray(curve, State(x, tangent, error, factor.sign))
     return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
 

@@ -14,7 +14,7 @@ from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import last_unit
 from pwscont.stepping.stepper import Segment
-from pwscont.transitions.cone import fan, parallel
+from pwscont.transitions.cone import fan, same_piece
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
@@ -53,7 +53,7 @@ class IntervalEnds(TransitionDetector):
         system, metric = curve.selection.system, curve.metric
         zero = vanishing(system, state.x, state.error, metric.scale)
         rays = fan(system, metric, state.x, state.error, zero).rays if zero else ()
-        inside = tuple(ray for ray in rays if _same_side(ray, back) and not parallel(ray, back))
+        inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
         return Arrival(Kind.END, state.x, "end of the interval", (back, *inside))
 
 

@@ -22,6 +22,7 @@ from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.numerics.curve import State
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.newton import Border, newton
+from pwscont.numerics.root import joined
 from pwscont.numerics.uncertainty import uncertainty
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
@@ -78,7 +79,10 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
         return Failure(Trouble.SINGULAR)
     tangent = -root.factor.solve(last_unit(len(root.x)))
     along = segment.curve.metric.normalised(tangent)
-    return State(root.x, along, uncertainty(root), -root.factor.sign)
+    # once more with the same factorisation: what a curved selection leaves after Newton
+    residual = joined(segment.curve.selection.residual(root.x), border(root.x)[0])
+    x = root.x - root.factor.solve(residual)
+    return State(x, along, uncertainty(root), -root.factor.sign)
 
 
 class _OffCurveError(Exception):
