@@ -259,7 +259,7 @@ def test_face_of_one_node_at_the_vertical_load():
 def test_beside_the_vertical_load_there_is_no_face(alpha):
     found = slice_of(vertical(), alpha)
     assert found.faces == ()
-    assert len(found.points) == len(brute_force(ONE_NODE, [1.0, -2.0 + alpha], 2.0)) == 1
+    assert len(found.points) == len(brute_force(ONE_NODE, [1.0, -2.0 + alpha], 2.0, 1e-12)) == 1
 
 
 @pytest.mark.parametrize("alpha", [0.0, -1e-9, 1e-9])

@@ -52,22 +52,23 @@ class Walker:
     def walk(self, ray: Ray) -> Walk:
         """Return the piece that ``ray`` begins."""
         points, state, before, longest = [ray.state.x], ray.state, None, np.inf
-        reading = self.watch.read(ray.curve, state)
+        reading, blocked = self.watch.read(ray.curve, state), None
         for _ in range(MOST_STEPS):
             segment = self.stepper.step(ray.curve, self.interval, state, before, longest)
             if isinstance(segment, Failure):
-                return self._stopped(points, Ray(ray.curve, state), segment)
+                return self._stopped(points, Ray(ray.curve, state), blocked or segment)
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
                 return Walk(np.array([*points, event.state.x]), event.arrive(ray.curve))
             if isinstance(event, Failure):  # too long a step to see what happens within it
                 if not isinstance(segment, CurvedSegment):
                     return self._stopped(points, Ray(ray.curve, state), event)
-                longest = 0.5 * segment.length
+                longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
             points.append(segment.end.x)
             state, before, reading, longest = segment.end, segment, after, np.inf
+            blocked = None
         return self._stopped(points, Ray(ray.curve, state), Failure(Trouble.TOO_MANY_STEPS))
 
     def _first_event(

@@ -88,6 +88,10 @@ class BranchGraph:
         return tuple(sorted(found, key=lambda piece: piece.id))
 
     @cached_property
+    def _by_id(self) -> dict[int, Piece]:
+        return {piece.id: piece for piece in self.pieces}
+
+    @cached_property
     def _points(self) -> tuple[SpecialPoint, ...]:
         return tuple(self._nx.nodes[i]["point"] for i in sorted(self._nx.nodes))
 
@@ -112,7 +116,7 @@ class BranchGraph:
     def components(self) -> list[list[Piece]]:
         """Return the pieces of each connected component, in the order in which they follow."""
         return [
-            [self.pieces[i] for i in sorted(self._ids(nodes))]
+            [self._by_id[i] for i in sorted(self._ids(nodes))]
             for nodes in sorted(nx.connected_components(self._nx), key=min)
         ]
 
@@ -313,7 +317,7 @@ class BranchGraph:
         for node in self._nx.nodes:
             joints.add_edges_from(combinations((p.id for p in self._pieces_at(node)), 2))
         try:
-            return [self.pieces[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
+            return [self._by_id[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
         except nx.NetworkXNoPath:
             return []
 

@@ -80,9 +80,9 @@ class BandedJacobian:
 
     def divided(self, rows: Array) -> BandedJacobian:
         """Return the matrix with its rows divided by ``rows``, shape (n,)."""
-        bands = self.bands.copy()
-        for diagonal, i, _ in diagonals(bands, self.upper):
-            np.divide(diagonal, rows[i], out=diagonal)
+        bands = np.zeros_like(self.bands)
+        for (diagonal, i, j), into in zip(diagonals(self.bands, self.upper), bands, strict=True):
+            np.divide(diagonal, rows[i], out=into[j])
         return BandedJacobian(bands, self.lower, self.upper, self.column / rows)
 
     def largest_in_rows(self) -> Array:

@@ -116,7 +116,9 @@ def bordered_core(jacobian: Matrix, row: Array, scale: Array) -> Factor | None:
     None where there is no LU of that part; ``scale`` as for :func:`~.linalg.bordered`.
     """
     scaled, row = columns_scaled(jacobian, scale), row * scale
-    rows = power_of_two(np.append(largest_in_rows(scaled), np.abs(row).max()))
+    rows = np.empty(len(row))
+    rows[:-1], rows[-1] = largest_in_rows(scaled), np.abs(row).max()
+    rows = power_of_two(rows)
     core, column = split(rows_divided(scaled, rows[:-1]))
     return BorderedFactor(core, column, row / rows[-1], rows, scale) if core else None
 

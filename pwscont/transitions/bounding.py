@@ -96,6 +96,7 @@ def corner(
     curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
 ) -> Arrival:
     """Return the special point at which several interfaces meet, or one is tangent."""
+    zero = zero | _zero_beyond(curve.selection, x, zero)
     found = fan(curve.selection.system, curve.metric, x, error, zero)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
@@ -108,6 +109,18 @@ def corner(
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return Arrival(Kind.START, x, message, rays)
     return Arrival(found.kind, x, _message(curve.selection.system, found, zero), rays)
+
+
+def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
+    """Return what vanishes as well where a test does not bound the cell on its other side.
+
+    The signs there are rounding: so are the tests that do bound that cell.
+    """
+    if len(zero) != 1:
+        return frozenset()
+    (test,) = zero
+    new = Selection(selection.system, beyond(selection, x, test))
+    return frozenset() if test in new.bounding else frozenset(new.bounding.tolist())
 
 
 def turns(back: Ray, forth: Ray) -> bool:

@@ -8,7 +8,11 @@ Failure modes and answers
 - The sign of a state next to the point is rounding: a point just outside the step counts as well.
 - The step jumped from one curve to another that passes close by: the sign flips and no branch
   point is there. That is a failure, on which the step is shortened until it follows the bend.
-- Two branch points within one step flip the sign twice and go unseen: allow shorter steps.
+- Two branch points within one step flip the sign twice and go unseen: allow shorter steps. So do
+  points where the sign does not flip: where an even number of eigenvalues vanishes together, as
+  symmetry makes it, and where curves touch.
+- Curves that cross to higher order flip the sign but have no two directions to tell apart: the
+  piece stops there and says that two branches meet.
 """
 
 from __future__ import annotations

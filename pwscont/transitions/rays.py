@@ -105,9 +105,13 @@ def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     """Return the ray from ``x`` on the zero set of one test into the cell, if there is one.
 
-    None where the curve is tangent to the interface or is not on this selection at all.
+    None where the curve is tangent to the interface, is not on this selection at all, or where
+    the test does not bound the cell: within rounding of a corner the signs of the other tests
+    may name a cell beside it.
     """
     selection, metric = curve.selection, curve.metric
+    if test not in selection.bounding:
+        return None
     factor = bordered(selection.jacobian(x), gradient_of(selection, x, test), metric.binary)
     if factor.is_singular():
         return None
