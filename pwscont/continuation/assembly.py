@@ -14,10 +14,12 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.records import significant
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.metric import Metric
 from pwscont.numerics.uncertainty import magnitude
 
 
@@ -35,7 +37,7 @@ def assemble(
     was left out of the system is put back.
     """
     width = interval[1] - interval[0]
-    lift = Lift(system, reduction)
+    lift = Lift(system, reduction, Metric.of(system, interval).scale)
     edges = [_Directed(edge, width, lift) for edge in network.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, network))}
@@ -69,6 +71,7 @@ class Lift:
 
     system: PiecewiseSystem
     reduction: Reduction | None
+    scale: Array
 
     def points(self, points: Array) -> Array:
         """Return points, or one, with all unknowns."""
@@ -147,7 +150,15 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 def _special_point(number: int, node: Node, messages: tuple[str, str], lift: Lift) -> SpecialPoint:
     error = node.rays[0].state.error if node.rays else np.zeros((1, len(node.x)))
     x, error = lift.points(node.x), lift.points(magnitude(node.x, error))
-    return SpecialPoint(number, node.kind, x[:-1], float(x[-1]), *messages, error=error)
+    return SpecialPoint(
+        number,
+        node.kind,
+        x[:-1],
+        float(x[-1]),
+        *messages,
+        error=error,
+        digits=significant(error, x, lift.scale),
+    )
 
 
 def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:
@@ -158,7 +169,10 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     error = magnitude(edge.begun_at, edge.ray.state.error)
     x, error = lift.points(edge.begun_at), lift.points(error)
     message = f"start in {directed.label}"
-    return SpecialPoint(-1, Kind.START, x[:-1], float(x[-1]), message, message, piece, error)
+    digits = significant(error, x, lift.scale)
+    return SpecialPoint(
+        -1, Kind.START, x[:-1], float(x[-1]), message, message, piece, error, digits
+    )
 
 
 def _messages(

@@ -56,6 +56,7 @@ def explore(
     lo, hi = checked_interval(system, interval)
     check_contract(system, np.zeros(checked_size(system)), lo)
     chosen = checked_stepper(system, stepper)
+    Metric.of(system, (lo, hi))  # refuses magnitudes that cannot be computed with
     reduction = system.reduction(lo, hi)
     smaller = reduction.system if reduction else system
     metric = Metric.of(smaller, (lo, hi))

@@ -65,6 +65,7 @@ def trace(
     chosen = checked_stepper(system, stepper)
     z, alpha = _checked_start(system, start, (lo, hi))
     check_contract(system, z, alpha)
+    Metric.of(system, (lo, hi))  # refuses magnitudes that cannot be computed with
     reduction = system.reduction(lo, hi)
     smaller, rough = (reduction.system, reduction.state(z)) if reduction else (system, z)
     metric = Metric.of(smaller, (lo, hi))

@@ -20,15 +20,14 @@ def _no_error() -> Array:
     return np.zeros(0)
 
 
-def significant(error: Array, values: Array) -> float:
-    """Return how many decimal digits of the largest values are significant.
+def significant(error: Array, values: Array, scale: Array) -> float:
+    """Return how many decimal digits of ``values`` are significant, by their estimated error.
 
-    Sizes are compared within the vector as a whole; 16 where the error is rounding.
+    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
+    the number does not depend on units; 16 where the error is rounding.
     """
-    size, off = np.abs(values).max(initial=0.0), error.max(initial=0.0)
-    if not off or not size:
-        return 16.0
-    return float(min(16.0, max(0.0, -np.log10(off / size))))
+    off = float((error / np.maximum(np.abs(values), scale)).max(initial=0.0))
+    return float(min(16.0, max(0.0, -np.log10(off)))) if off > 0.0 else 16.0
 
 
 @final
@@ -53,6 +52,8 @@ class SpecialPoint:
         For a start in the middle of a piece, the id of that piece.
     error : ndarray, shape (n + 1,)
         Estimate of the error of (z, alpha) from rounding and conditioning.
+    digits : float
+        Number of significant decimal digits, by that estimate.
     """
 
     id: int
@@ -63,11 +64,7 @@ class SpecialPoint:
     backward: str
     piece: int | None = None
     error: Array = field(default_factory=_no_error)
-
-    @property
-    def digits(self) -> float:
-        """Number of significant decimal digits of (z, alpha), by the estimated error."""
-        return significant(self.error, np.append(self.z, self.alpha))
+    digits: float = 16.0
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
@@ -148,6 +145,8 @@ class Solution:
         The kind of special point that it is, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
         Estimate of the error of (z, alpha) from rounding and conditioning.
+    digits : float
+        Number of significant decimal digits, by that estimate.
     """
 
     z: Array
@@ -158,11 +157,7 @@ class Solution:
     piece: int
     kind: Kind | None = None
     error: Array = field(default_factory=_no_error)
-
-    @property
-    def digits(self) -> float:
-        """Number of significant decimal digits of z, by the estimated error."""
-        return significant(self.error[: len(self.z)], self.z)
+    digits: float = 16.0
 
     def __repr__(self) -> str:
         z = np.array2string(self.z, precision=6, suppress_small=True)

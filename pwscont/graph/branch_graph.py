@@ -221,6 +221,7 @@ class BranchGraph:
             piece=piece.id,
             kind=point.kind,
             error=point.error,
+            digits=point.digits,
         )
 
     def _isolated(self, point: SpecialPoint) -> Solution:
@@ -230,7 +231,7 @@ class BranchGraph:
             character = self.system.character(point.z, point.alpha)
             label = self.system.label(character)
         return Solution(
-            point.z, point.alpha, character, label, 0, -1, point.kind, error=point.error
+            point.z, point.alpha, character, label, 0, -1, point.kind, point.error, point.digits
         )
 
     def _index(self, node: int) -> int:

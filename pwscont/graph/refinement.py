@@ -8,7 +8,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import PwscontError, SystemNeededError
 from pwscont.foundation.outcome import Failure
-from pwscont.foundation.records import Piece, Solution
+from pwscont.foundation.records import Piece, Solution, significant
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -38,11 +38,12 @@ def refine(
         If the piece is curved and there is no system to correct with.
     """
     if system is None:
-        x, error = _on_chord(piece, alpha), np.zeros(0)
+        x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
         x, error = solve_between(system, piece.character, piece.points, alpha, interval)
+        digits = significant(error, x, Metric.of(system, interval).scale)
     return Solution(
-        x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id, error=error
+        x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id, None, error, digits
     )
 
 

@@ -69,6 +69,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "backward": point.backward,
         "piece": point.piece,
         "error": point.error.tolist(),
+        "digits": point.digits,
     }
 
 
@@ -142,6 +143,7 @@ def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
         backward=header["backward"],
         piece=header["piece"],
         error=np.array(header["error"], dtype=float),
+        digits=header["digits"],
     )
 
 

@@ -8,7 +8,7 @@ from pwscont.enumeration import Face, Point, Slice, solve_slice
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import Solution
+from pwscont.foundation.records import Solution, significant
 from pwscont.foundation.rounding import CONFIDENCE
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -56,7 +56,9 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
     z, alpha, character = point.x[:-1], float(point.x[-1]), point.characters[0]
     index, kind = _index(system, metric, point)
     label = system.label(character)
-    return Solution(z, alpha, character, label, index, -1, kind, magnitude(point.x, point.error))
+    error = magnitude(point.x, point.error)
+    digits = significant(error, point.x, metric.scale)
+    return Solution(z, alpha, character, label, index, -1, kind, error, digits)
 
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:

@@ -19,10 +19,11 @@ from scipy.optimize import brentq
 
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.model.system import PiecewiseLinearSystem
 from pwscont.numerics.curve import State
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.newton import Border, newton
-from pwscont.numerics.root import joined
+from pwscont.numerics.root import Root
 from pwscont.numerics.uncertainty import uncertainty
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
@@ -77,12 +78,13 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
         return root
     if root.factor.is_singular():
         return Failure(Trouble.SINGULAR)
+    if not isinstance(segment.curve.selection.system, PiecewiseLinearSystem):
+        # nearly tangent curves leave more than rounding after the last accepted correction
+        again = newton(segment.curve, border, root.x, MOST_NEWTON)
+        root = again if isinstance(again, Root) else root
     tangent = -root.factor.solve(last_unit(len(root.x)))
     along = segment.curve.metric.normalised(tangent)
-    # once more with the same factorisation: what a curved selection leaves after Newton
-    residual = joined(segment.curve.selection.residual(root.x), border(root.x)[0])
-    x = root.x - root.factor.solve(residual)
-    return State(x, along, uncertainty(root), -root.factor.sign)
+    return State(root.x, along, uncertainty(root), -root.factor.sign)
 
 
 class _OffCurveError(Exception):
