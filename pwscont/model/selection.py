@@ -23,13 +23,21 @@ class Selection:
     system : PiecewiseSystem
     character : Character
         The frozen character chi.
+    beside : tuple of Character
+        For a curve along an interface, all cells that it belongs to: their tests end it as well.
     """
 
-    def __init__(self, system: PiecewiseSystem, character: Character) -> None:
+    def __init__(
+        self, system: PiecewiseSystem, character: Character, beside: tuple[Character, ...] = ()
+    ) -> None:
         self.system = system
         self.character = character
-        self.bounding: Indices = np.asarray(system.bounding_tests(character), dtype=np.intp)
-        self._side = np.where([character.signs[i] for i in self.bounding], 1.0, -1.0)
+        signs: dict[int, bool] = {}
+        for cell in (character, *beside):
+            for test in system.bounding_tests(cell):
+                signs.setdefault(int(test), cell.signs[test])
+        self.bounding: Indices = np.array(list(signs), dtype=np.intp)
+        self._side = np.where(list(signs.values()), 1.0, -1.0)
 
     @cached_property
     def cell(self) -> bytes:

@@ -153,7 +153,8 @@ def _ray(
                 return Ray(curve, State(x, tangent, error, sign))
     slope = curves[0].slope(state)
     index = signs[0] * int(np.sign(slope)) if len(set(signs)) == 1 else 0
-    return Ray(curves[0], state, characters, index)
+    riding = Curve(Selection(system, characters[0], characters), metric)
+    return Ray(riding, state, characters, index)
 
 
 def _bends_into(curve: Curve, state: State) -> bool:
