@@ -77,10 +77,6 @@ class NormalForm(Smooth):
         inner[2, 2] = 1.0
         return rows @ inner
 
-    def roots(self, candidates, alpha):
-        """Return the states at alpha, from the functions y -> beta that make up h = 0."""
-        return sorted(candidates, key=lambda y: y)
-
 
 def transcritical(y, beta):
     return y * (y - beta), (2.0 * y - beta, -y)
@@ -210,6 +206,20 @@ def test_a_start_at_the_branch_point():
     assert len(graph.special_points("branch point")) == 1
     assert len(graph.pieces) == 4
     assert graph.balances() == [0, 0]
+
+
+def test_curves_that_touch_while_they_cross_stop_with_a_reason():
+    """y (y - beta^3) = 0: the sign flips, but there are no two directions to go on."""
+
+    def form(y, beta):
+        return y * (y - beta**3), (2.0 * y - beta**3, -3.0 * beta**2 * y)
+
+    system = make(form)
+    graph = trace(system, (system.state(0.0, -0.9)[0], -0.8), INTERVAL)
+    (stopped,) = graph.special_points("stopped")
+    assert stopped.alpha == pytest.approx(0.1, abs=1e-4)
+    assert "two branches meet here" in stopped.message
+    assert not graph.special_points("branch point")
 
 
 def test_a_branch_point_is_kept_in_a_file(tmp_path):
