@@ -79,11 +79,13 @@ class BandedJacobian:
         return BandedJacobian(bands, self.lower, self.upper, column)
 
     def divided(self, rows: Array) -> BandedJacobian:
-        """Return the matrix with its rows divided by ``rows``, shape (n,)."""
-        bands = np.zeros_like(self.bands)
-        for (diagonal, i, j), into in zip(diagonals(self.bands, self.upper), bands, strict=True):
-            np.divide(diagonal, rows[i], out=into[j])
-        return BandedJacobian(bands, self.lower, self.upper, self.column / rows)
+        """Return the matrix with its rows divided by ``rows``, powers of two, shape (n,)."""
+        inverse = np.zeros(len(rows) + self.lower + self.upper)
+        np.divide(1.0, rows, out=inverse[self.upper : self.upper + len(rows)])
+        # entry (k, j) of the bands lies in row j + k - upper: each diagonal sees it shifted by one
+        shifted: Array = np.ndarray(self.bands.shape, float, inverse, strides=2 * inverse.strides)
+        column = self.column * inverse[self.upper : self.upper + len(rows)]
+        return BandedJacobian(self.bands * shifted, self.lower, self.upper, column)
 
     def largest_in_rows(self) -> Array:
         """Return the largest magnitude in each row, shape (n,)."""

@@ -12,8 +12,9 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered, last_unit
-from pwscont.numerics.newton import newton
+from pwscont.numerics.linalg import Factor, bordered, last_unit
+from pwscont.numerics.newton import TURNED, newton
+from pwscont.numerics.root import Root, joined
 
 
 @final
@@ -52,10 +53,26 @@ class BorderedNewton(Corrector):
         root = newton(curve, lambda _: border, predicted, self.most_iterations)
         if isinstance(root, Failure):
             return root
-        along = curve.metric.normalised(root.factor.solve(last_unit(len(root.x))))
-        return Corrected(
-            State(root.x, along, root.error[np.newaxis], root.factor.sign), root.iterations
-        )
+        factor, along = _tangent(curve, root)
+        if factor.failed:
+            return Failure(Trouble.SINGULAR)
+        state = State(root.x, curve.metric.normalised(along), root.error[np.newaxis], factor.sign)
+        return Corrected(state, root.iterations)
+
+
+def _tangent(curve: Curve, root: Root) -> tuple[Factor, Array]:
+    """Return the direction of the curve at a root, and a factorisation that is new enough."""
+    unit = last_unit(len(root.x))
+    along = root.factor.solve(unit)
+    if not root.stale:
+        return root.factor, along
+    jacobian = curve.selection.jacobian(root.x)
+    rest = joined(jacobian @ along, float(root.row.dot(along)) - 1.0)
+    correction = root.factor.solve(rest)
+    if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
+        return root.factor, along - correction
+    factor = bordered(jacobian, root.row, curve.metric.binary)
+    return factor, along if factor.failed else factor.solve(unit)
 
 
 @final

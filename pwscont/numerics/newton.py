@@ -12,8 +12,8 @@ Failure modes and answers
 - Ill conditioning: corrections stall at the condition number times rounding. They are accepted
   there, and the error estimate says how few digits are left.
 - An iteration too many costs as much as the rest of a step: where quadratic contraction lets
-  hope that the next correction is rounding, it is computed with the old factorisation. Hope
-  alone would not do: corrections of linear equations contract at once and hide the others.
+  hope that the next correction is rounding, it is computed with the old factorisation, which
+  is marked as stale: next to a branch point the tangent turns within that correction.
 """
 
 from __future__ import annotations
@@ -37,6 +37,9 @@ Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
 #: A correction that is not smaller than this part of the one before does not converge any more.
 STALLED = 0.1
+#: A factorisation is stale where it changes by more than this part within the last correction:
+#: corrected once, the tangent that it gives has the square of this as its error.
+TURNED = 1e-4
 
 
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
@@ -53,11 +56,13 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         size = metric.relative(dx, x)
         if not math.isfinite(size):
             return Failure(Trouble.NOT_FINITE)
-        if size > CONVERGED and hopeful(size, before):
+        ratio, stale = contraction(size, before), False
+        if size > CONVERGED >= size * ratio:  # hope: the next correction is rounding
+            stale = before == 0.0 or ratio > TURNED
             dx = factor.solve(joined(selection.residual(x), border(x)[0]))
             x = x - dx
             size = metric.relative(dx, x)
-        root = Root(x, np.abs(dx), jacobian, row, factor, metric.scale, iteration)
+        root = Root(x, np.abs(dx), jacobian, row, factor, metric.scale, iteration, stale)
         if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
             return root
         before = size
@@ -69,9 +74,10 @@ def is_rounding(root: Root) -> bool:
     return bool((root.error <= CONFIDENCE * magnitude(root.x, uncertainty(root))).all())
 
 
-def hopeful(size: float, before: float) -> bool:
-    """Tell whether the next correction might be the last, if convergence is quadratic.
+def contraction(size: float, before: float) -> float:
+    """Return the ratio of the next two corrections, if convergence is quadratic.
 
-    d -> c d^2 turns the ratio q of two corrections into q^2 for the next two.
+    d -> c d^2 turns the ratio q of two corrections into q^2 for the next two; after the first
+    correction c is not known, and taken for one.
     """
-    return before > 0.0 and size * (size / before) ** 2 <= CONVERGED
+    return (size / before) ** 2 if before > 0.0 else size

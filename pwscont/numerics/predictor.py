@@ -1,4 +1,11 @@
-"""Predictors: the direction of a step."""
+"""Predictors: where the next point of a curve is looked for.
+
+Failure modes and answers
+-------------------------
+- Extrapolation far beyond the step before it goes wrong: the stepper halves its step, with which
+  every predictor tends to the tangent.
+- The step before is so short that its chord is rounding: it is left out.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +14,21 @@ from dataclasses import dataclass
 from typing import final
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve, State
 
 
 class Predictor(ABC):
-    """Chooses the direction, of length one, in which the next point is predicted."""
+    """Predicts the next point, and the direction in which the hyperplane there is normal."""
 
     @abstractmethod
-    def direction(self, curve: Curve, previous: State | None, state: State) -> Array:
-        """Return the direction of the step from ``state``; ``previous`` is the state before."""
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point about ``length`` beyond ``state`` and a direction of length one.
+
+        ``previous`` is the state before on the same piece, None on its first step.
+        """
 
 
 @final
@@ -23,9 +36,11 @@ class Predictor(ABC):
 class Tangent(Predictor):
     """Along the tangent: the error of the prediction is of second order in the step."""
 
-    def direction(self, curve: Curve, previous: State | None, state: State) -> Array:
-        """Return the tangent."""
-        return state.tangent
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the tangent."""
+        return state.x + length * state.tangent, state.tangent
 
 
 @final
@@ -33,8 +48,33 @@ class Tangent(Predictor):
 class Secant(Predictor):
     """Through the last two points; along the tangent where there is only one."""
 
-    def direction(self, curve: Curve, previous: State | None, state: State) -> Array:
-        """Return the direction from the previous point to this one."""
-        if previous is None:
-            return state.tangent
-        return curve.metric.normalised(state.x - previous.x)
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the line through the previous point and this one."""
+        direction = state.tangent
+        if previous is not None:
+            direction = curve.metric.normalised(state.x - previous.x)
+        return state.x + length * direction, direction
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Hermite(Predictor):
+    """Along the cubic through the last two points and their tangents: of fourth order.
+
+    What Newton has left to do is often rounding after one Jacobian (higher order predictors:
+    Allgower and Georg 1990, section 6.3; Lundberg and Poore 1991).
+    """
+
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the cubic; of the tangent on the first step."""
+        straight = state.x + length * state.tangent
+        step = curve.metric.norm(state.x - previous.x) if previous else 0.0
+        if previous is None or step < CONVERGED:
+            return straight, state.tangent
+        u, chord = length / step, (state.x - previous.x) / step
+        bend = previous.tangent + state.tangent - 2.0 * chord
+        return straight + length * u * ((1.0 + u) * bend + state.tangent - chord), state.tangent

@@ -28,6 +28,8 @@ class Root:
     scale : ndarray, shape (n + 1,)
         Typical magnitudes of x.
     iterations : int
+    stale : bool
+        Whether the factorisation is too old for the tangent.
     """
 
     x: Array
@@ -37,6 +39,7 @@ class Root:
     factor: Factor
     scale: Array
     iterations: int
+    stale: bool = False
 
 
 def joined(residual: Array, value: float) -> Array:

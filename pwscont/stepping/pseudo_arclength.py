@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.numerics.corrector import BorderedNewton, Corrected, Corrector
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.predictor import Predictor, Tangent
+from pwscont.numerics.predictor import Hermite, Predictor
 from pwscont.numerics.step_size import StepSize
 from pwscont.stepping.landing import land_on, overshoots
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
@@ -18,20 +17,20 @@ from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 @final
 @dataclass(frozen=True, slots=True)
 class PseudoArclength(Stepper):
-    """Predict along the tangent or secant, correct normal to it; turns at folds.
+    """Predict along the curve behind, correct normal to its tangent; turns at folds.
 
     Keller (1977), Allgower and Georg (1990), chapters 2 to 6.
 
     Attributes
     ----------
     predictor : Predictor
-        :class:`Tangent` (default) or :class:`Secant`.
+        :class:`Hermite` (default), :class:`Tangent` or :class:`Secant`.
     corrector : Corrector
         :class:`BorderedNewton` (default) or :class:`MoorePenrose`.
     step_size : StepSize
     """
 
-    predictor: Predictor = field(default_factory=Tangent)
+    predictor: Predictor = field(default_factory=Hermite)
     corrector: Corrector = field(default_factory=BorderedNewton)
     step_size: StepSize = field(default_factory=StepSize)
 
@@ -48,10 +47,9 @@ class PseudoArclength(Stepper):
         if isinstance(before, CurvedSegment):
             previous, length = before.start, before.suggestion
         length = min(length, longest)
-        direction = self.predictor.direction(curve, previous, state)
         failure = Failure(Trouble.NOT_CONVERGED)
         while length >= self.step_size.smallest:
-            corrected = self._try(curve, interval, state, direction, length)
+            corrected = self._try(curve, interval, previous, state, length)
             if isinstance(corrected, Failure):
                 failure = corrected
             else:
@@ -66,12 +64,12 @@ class PseudoArclength(Stepper):
         self,
         curve: Curve,
         interval: tuple[float, float],
+        previous: State | None,
         state: State,
-        direction: Array,
         length: float,
     ) -> Corrected | Failure:
         """Return the next state, on the end of the interval where the step would overshoot it."""
-        predicted = state.x + length * direction
+        predicted, direction = self.predictor.predict(curve, previous, state, length)
         end = overshoots(interval, predicted[-1])
         if end is None:
             return self.corrector.correct(curve, predicted, direction)

@@ -6,10 +6,15 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure
 from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
+
+#: Least cosine between a tangent and the chord for the tangent to help in finding points between.
+STEEPEST = 0.5
 
 
 class Segment(ABC):
@@ -85,25 +90,27 @@ class CurvedSegment(Segment):
         return CurvedSegment.between(self.curve, self.start, end, self.suggestion)
 
     def near(self, s: float) -> Array:
-        """Return the point of the chord at distance ``s``."""
-        return self.start.x + s * self.chord
+        """Return the point at ``s`` of the cubic through both ends and along their tangents."""
+        u = s / self.length
+        leaving, arriving = self._deviation(self.start), self._deviation(self.end)
+        return self.start.x + s * (self.chord + (1.0 - u) * ((1.0 - u) * leaving - u * arriving))
+
+    def _deviation(self, state: State) -> Array:
+        """Return how a tangent deviates from the chord, per distance along it, normal to it."""
+        along = float(self.curve.metric.covector(self.chord).dot(state.tangent))
+        if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
+            return np.zeros_like(self.chord)
+        deviation: Array = state.tangent / along - self.chord
+        return deviation
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""
         return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
 
     def at(self, s: float) -> State | Failure:
-        """Return the state of the curve in the hyperplane normal to the chord at ``s``.
-
-        Corrected twice: the second time starts on the curve, so that the tangent is as exact
-        as the point.
-        """
-        corrector = BorderedNewton()
-        near = corrector.correct(self.curve, self.near(s), self.chord)
-        if isinstance(near, Failure):
-            return near
-        exact = corrector.correct(self.curve, near.state.x, self.chord)
-        return exact if isinstance(exact, Failure) else exact.state
+        """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
+        found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
+        return found if isinstance(found, Failure) else found.state
 
 
 class Stepper(ABC):

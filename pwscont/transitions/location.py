@@ -101,16 +101,18 @@ def locate_sign_change(
 
     For functions without a gradient: a few corrected points more than Newton needs.
     """
-    ends = {0.0: segment.start, segment.length: segment.end}
+    known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
 
     def along(s: float) -> float:
-        state = ends[s] if s in ends else segment.at(s)
-        if isinstance(state, Failure):
-            raise _OffCurveError(state)
-        return function(state)
+        if s not in known:
+            state = segment.at(s)
+            if isinstance(state, Failure):
+                raise _OffCurveError(state)
+            known[s] = state
+        return function(known[s])
 
     try:
         s = brentq(along, *bracket, xtol=NARROW * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure
-    return segment.at(s)
+    return known[s] if s in known else segment.at(s)
