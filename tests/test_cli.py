@@ -25,7 +25,7 @@ CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
 EVERY_SCENE = pytest.mark.parametrize("name", NAMES)
 PNG = b"\x89PNG\r\n"
 
-#: Every scene's keys, and their types (design, command line).
+#: Every scene's keys, and their types.
 SCHEMA = {
     "scene": str,
     "parameter": dict,

@@ -102,7 +102,7 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
     """Tell whether a transition is a fold: positive where alpha turns, negative where not.
 
     It is the product of the slopes of alpha along the curves that leave to both sides, each of
-    length one. They are proportional to det(dH/dz) (F3 of the design), with one sign for both
+    length one. They are proportional to det(dH/dz) (docs/theory, F3), with one sign for both
     sides (F2), so it vanishes where one of the determinants does: there the transition stops
     being a fold.
 

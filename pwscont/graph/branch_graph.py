@@ -101,7 +101,7 @@ class BranchGraph:
         Parameters
         ----------
         kind : str, optional
-            One of "start", "end", "transition", "nonsmooth fold", "fold", "corner", "stopped".
+            A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold".
         """
         everything = [*self._points, *self.starts]
         if kind is not None and kind not in set(Kind):

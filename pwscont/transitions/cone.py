@@ -1,4 +1,4 @@
-"""All rays at a corner: the cone problem H'(x; d) = 0 (F8 of the design).
+"""All rays at a corner: the cone problem H'(x; d) = 0 (docs/theory, F8).
 
 Where several test functions vanish at x, the zero set near x is the set of directions d with
 J_chi d = 0 and grad(kappa_i) . d of the sign that chi demands, over all cells chi that meet at

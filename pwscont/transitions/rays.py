@@ -1,4 +1,4 @@
-"""The pieces that leave a point: facts F1, F2 and F8 of the design.
+"""The pieces that leave a point: facts F1, F2 and F8 (docs/theory).
 
 At a point x of the zero set let V be the set of bounding tests that vanish there. With V
 empty, one curve passes: two rays in one cell. With V = {i}, the selections J and J' on both
