@@ -5,17 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.continuation.default_search import default_search
-from pwscont.continuation.preparation import (
-    Report,
-    checked_interval,
-    checked_stepper,
-    follow,
-    silent,
-)
+from pwscont.continuation.plan import Plan, Report, checked_interval, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 
@@ -55,12 +48,7 @@ def explore(
     """
     lo, hi = checked_interval(system, interval)
     check_contract(system, np.zeros(checked_size(system)), lo)
-    chosen = checked_stepper(system, stepper)
-    Metric.of(system, (lo, hi))  # refuses magnitudes that cannot be computed with
-    reduction = system.reduction(lo, hi)
-    smaller = reduction.system if reduction else system
-    metric = Metric.of(smaller, (lo, hi))
-    chosen_search = search or default_search(smaller)
-    starts = chosen_search.starts(smaller, metric, (lo, hi))
-    searched = chosen_search.searched(smaller)
-    return follow(system, reduction, metric, (lo, hi), starts, chosen, parameter, report, searched)
+    plan = Plan.of(system, (lo, hi), stepper)
+    chosen = search or default_search(plan.followed)
+    starts = chosen.starts(plan.followed, plan.metric, plan.interval)
+    return plan.follow(starts, parameter, report, chosen.searched(plan.followed))

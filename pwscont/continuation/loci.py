@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pwscont.continuation.explore import explore
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.plan import Report, silent
 from pwscont.continuation.trace import trace
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.character import Character

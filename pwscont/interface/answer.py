@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pwscont.continuation.preparation import Report
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report
 
 
 class Answer(ABC):
@@ -57,6 +58,10 @@ class Runnable(ABC):
         InvalidInputError
             If the scene cannot list solutions there.
         """
+
+    def omissions(self) -> Sequence[Omission]:
+        """Return what the scene leaves out, and why; default nothing."""
+        return ()
 
     @abstractmethod
     def solve(self, at: Sequence[float], report: Report) -> Answer:

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+from pwscont.continuation.omissions import Omission
 from pwscont.foundation.errors import InvalidInputError, PwscontError
+from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.progress import Progress
 from pwscont.interface.registry import load_scene, scene_names
 
@@ -69,6 +71,9 @@ def _parser() -> argparse.ArgumentParser:
         help="write picture and data there",
     )
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    run.add_argument(
+        "--explain", action="store_true", help="say what the scene leaves out, and why"
+    )
     import_module("pwscont.bench.arguments").add_to(commands)  # by name: it stands above us
     return parser
 
@@ -88,6 +93,25 @@ def _make_directory(directory: Path) -> None:
         raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
 
 
+def _omissions(scene: Runnable, options: argparse.Namespace) -> list[Omission]:
+    """Return what the scene and the command leave out."""
+    if options.output:
+        return list(scene.omissions())
+    return [*scene.omissions(), Omission("pictures and files", "no -o: matplotlib is not loaded")]
+
+
+def _as_text(answer: Answer, left_out: Sequence[Omission] | None) -> str:
+    lines = [f"  {omission.what}: {omission.why}" for omission in left_out or ()]
+    return "\n".join([answer.as_text(), *(["", "Left out, and why"] if lines else []), *lines])
+
+
+def _as_json(answer: Answer, left_out: Sequence[Omission] | None, seconds: float) -> str:
+    data = answer.as_dict() | {"seconds": seconds}
+    if left_out is not None:
+        data["left_out"] = [omission._asdict() for omission in left_out]
+    return json.dumps(data, ensure_ascii=False)
+
+
 def _run(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     at = scene.values(options.at)
@@ -98,10 +122,11 @@ def _run(options: argparse.Namespace) -> int:
     answer = scene.solve(at, progress)
     progress.close()
     seconds = time.perf_counter() - begin
+    left_out = _omissions(scene, options) if options.explain else None
     if options.json:
-        print(json.dumps(answer.as_dict() | {"seconds": seconds}, ensure_ascii=False))  # noqa: T201
+        print(_as_json(answer, left_out, seconds))  # noqa: T201
     else:
-        print(answer.as_text())  # noqa: T201
+        print(_as_text(answer, left_out))  # noqa: T201
     if options.output:
         written = answer.write(options.output)
         print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201

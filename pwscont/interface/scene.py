@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, final
 
 from pwscont.continuation import explore
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.omissions import Omission, omissions
+from pwscont.continuation.plan import Report, silent
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import BranchGraph
@@ -119,6 +120,10 @@ class Scene(Runnable):
                     f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
                 )
         return self.at if wanted is None else tuple(wanted)
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what exploring the interval leaves out, and why."""
+        return omissions(self.system, self.interval, self.search, self.stepper)
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Explore the interval and list the solutions at some values of alpha."""

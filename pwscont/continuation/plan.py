@@ -1,8 +1,13 @@
-"""What trace and explore do alike: check the input, choose the parts, follow, assemble."""
+"""What trace and explore do alike: check the input, choose the parts, follow, assemble.
+
+What is chosen here and what is left out, :mod:`pwscont.continuation.omissions` says in words.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 
@@ -78,24 +83,50 @@ def default_detectors(
     return (*always, SmoothBranchPoints(), SmoothFolds())
 
 
-def follow(
-    system: PiecewiseSystem,
-    reduction: Reduction | None,
-    metric: Metric,
-    interval: tuple[float, float],
-    starts: Iterable[Found],
-    stepper: Stepper,
-    parameter: str,
-    report: Report,
-    searched: Searched,
-) -> BranchGraph:
-    """Return the graph of everything that is reached from the starts.
+@final
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The parts of a run.
 
-    Starts and metric are those of the reduced system, where there is one.
+    Attributes
+    ----------
+    system : PiecewiseSystem
+    interval : tuple of float
+    reduction : Reduction or None
+        What remains of the system where parts of it provably stay in one mode.
+    followed : PiecewiseSystem
+        The reduced system, or the system itself.
+    metric : Metric
+        That of the followed system.
+    stepper : Stepper
+    detectors : tuple of TransitionDetector
     """
-    followed = reduction.system if reduction else system
-    walker = Walker(stepper, Watch(default_detectors(stepper, interval)), interval)
-    network = Network(walker, report)
-    for x, error in starts:
-        network.add(departures(followed, metric, x, error))
-    return assemble(network, system, interval, parameter, searched, reduction)
+
+    system: PiecewiseSystem
+    interval: tuple[float, float]
+    reduction: Reduction | None
+    followed: PiecewiseSystem
+    metric: Metric
+    stepper: Stepper
+    detectors: tuple[TransitionDetector, ...]
+
+    @classmethod
+    def of(
+        cls, system: PiecewiseSystem, interval: tuple[float, float], stepper: Stepper | None
+    ) -> Plan:
+        """Choose the parts for a system on an interval that was checked."""
+        chosen = checked_stepper(system, stepper)
+        Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
+        reduction = system.reduction(*interval)
+        followed = reduction.system if reduction else system
+        metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
+        return cls(system, interval, reduction, followed, metric, chosen, detectors)
+
+    def follow(
+        self, starts: Iterable[Found], parameter: str, report: Report, searched: Searched
+    ) -> BranchGraph:
+        """Return the graph of everything that is reached from starts of the followed system."""
+        network = Network(Walker(self.stepper, Watch(self.detectors), self.interval), report)
+        for x, error in starts:
+            network.add(departures(self.followed, self.metric, x, error))
+        return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
