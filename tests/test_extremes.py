@@ -357,20 +357,53 @@ class Parabola(PiecewiseSystem):
         return np.array([[-2.0 * z[0], 1.0, 0.0], [1.0, bend, -1.0]])
 
 
-@pytest.mark.parametrize("depth", [1e-3, 1e-6])
-def test_a_curved_path_nearly_tangent_to_an_interface(depth):
-    """Both transitions are found or none: between them the path is the same to depth^2."""
-    graph = trace(Parabola(depth, 0.3), ([-0.9, 0.81], -0.9), (-1.0, 1.0))
-    alphas = sorted(point.alpha for point in graph.special_points("transition"))
-    assert len(alphas) in ((2,) if depth >= 1e-6 else (0, 2))
-    if alphas:
-        np.testing.assert_allclose(alphas, [-depth, depth], rtol=1e-6 if depth >= 1e-8 else 0.1)
-        for point in graph.special_points("transition"):
-            assert abs(abs(point.alpha) - depth) <= 10.0 * point.error[-1]
+@pytest.mark.parametrize("m", [0.3, -0.9, 5.0])
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_a_curved_path_nearly_tangent_to_an_interface(depth, m):
+    """x^2 is known to all its digits next to zero, and so are both transitions."""
+    graph = trace(Parabola(depth, m), ([-0.9, 0.81], -0.9), (-1.0, 1.0))
+    transitions = graph.special_points("transition")
+    np.testing.assert_allclose(sorted(p.alpha for p in transitions), [-depth, depth], rtol=1e-12)
+    for point in transitions:
+        assert abs(abs(point.alpha) - depth) <= 10.0 * point.error[-1] <= 1e-5 * depth
     assert not graph.special_points("stopped")
     for at in (-0.5, 0.5):
         (solution,) = graph.solutions(at)
         np.testing.assert_allclose(solution.z, [at, at**2], rtol=1e-14)
+
+
+class RaisedParabola(Parabola):
+    """The same with the interface at y = level + depth^2: rounding of y blurs where they meet."""
+
+    def __init__(self, level, depth, m):
+        super().__init__(depth, m)
+        self.level = level
+        self.interface = level + depth**2
+
+    def test_functions(self, z, alpha):
+        return np.array([z[1] - self.interface])
+
+    def residual(self, z, alpha, character):
+        bend = 0.0 if character.signs[0] else self.m * (z[1] - self.interface)
+        return np.array([z[1] - z[0] ** 2 - self.level, z[0] + bend - alpha])
+
+
+@pytest.mark.parametrize("m", [0.3, -0.9, 5.0])
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-7, 3e-8, 1e-8, 1e-10, 0.0])
+@pytest.mark.parametrize("level", [1.0, 0.3, 1e3])
+def test_a_curved_path_tangent_to_an_interface_within_rounding(level, depth, m):
+    """x^2 = d^2 within EPS is x = d within EPS / d. Where d is rounding, the message says so."""
+    system = RaisedParabola(level, depth, m)
+    true = float(Fraction(system.interface) - Fraction(level)) ** 0.5
+    graph = trace(system, ([-0.9, 0.81 + level], -0.9), (-1.0, 1.0))
+    found = [*graph.special_points("transition"), *graph.special_points("stopped")]
+    for point in found:
+        assert abs(abs(point.alpha) - true) <= 10.0 * point.error[-1]
+    if true**2 >= 4.0 * EPS * level:
+        assert [point.kind for point in found] == ["transition", "transition"]
+    elif graph.special_points("stopped"):
+        assert "tangent to the interface" in found[-1].message
+        assert graph.guarantee != COMPLETE
 
 
 # -- gaps --------------------------------------------------------------------------------------
