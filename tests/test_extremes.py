@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -292,6 +292,44 @@ def test_transitions_and_folds_a_trillionth_apart(stepper, width, c):
     np.testing.assert_allclose([node.alpha for node in nodes], expected, rtol=0, atol=slack)
     assert [piece.det_sign for piece in graph.pieces] == [1, 1 if c > -1.0 else -1, 1]
     assert graph.is_balanced()
+
+
+def nearly_identical_nodes(seed):
+    """Return two equal nodes, coupled or not, but for one datum in its 12th to 15th digit."""
+    rng = np.random.default_rng([2012, seed])
+    small = 10.0 ** rng.uniform(-15.5, -11.5)
+    root, turned = rng.normal(size=(4, 4)), np.eye(4)[[2, 3, 0, 1]]
+    A = root @ root.T + 0.05 * np.eye(4)
+    A = (A + turned @ A @ turned) / 2.0
+    if seed % 2:
+        A[:2, 2:] = A[2:, :2] = 0.0
+    f0, f1 = np.tile(rng.normal(size=2), 2), np.tile(rng.normal(size=2), 2)
+    gap, friction = np.zeros(2), np.full(2, rng.choice([0.5, 2.5, 4.0, 10.0]))
+    target = (f0, gap, friction)[seed % 3]
+    target[-1] += small
+    return Path(Body(A, TWO_NODES.N, TWO_NODES.T, gap), f0, f1, friction)
+
+
+def away_from(ends):
+    """Return the middles between ends of pieces that are not the same within rounding."""
+    ends = sorted(map(float, ends))
+    return [0.5 * (a + b) for a, b in pairwise(ends) if b - a > 1e-9]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_nodes_that_differ_by_rounding(seed):
+    """Their transitions are 1e-15 to 1e-12 apart: one corner or two points, balanced anyway."""
+    path = nearly_identical_nodes(seed)
+    graph, exact = explore(path.system(), path.interval), path.exact()
+    assert graph.guarantee == COMPLETE
+    assert graph.sums() == [1]
+    assert not graph.special_points("stopped")
+    for at in away_from({end for piece in exact for end in piece[1:3]}):
+        assert graph.count(at) == sum(lo < at < hi for _, lo, hi, _ in exact)
+    for piece in graph.pieces:
+        for node, x in zip((piece.start, piece.end), piece.points[[0, -1]], strict=True):
+            point = graph.point(node)
+            assert abs(x[-1] - point.alpha) <= 10.0 * point.error[-1] + 1e-15
 
 
 # -- transversality lost -----------------------------------------------------------------------
