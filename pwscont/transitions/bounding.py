@@ -51,7 +51,7 @@ class BoundingTests(TransitionDetector):
         test = int(selection.bounding[index])
 
         def function(x: Array) -> tuple[float, Matrix]:
-            return float(selection.tests(x)[index]), gradient_of(selection, x, test)
+            return selection.test(x, index), gradient_of(selection, x, test)
 
         return locate_zero(segment, function, bracket)
 

@@ -100,8 +100,8 @@ def vanishing(
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:
     """Return the gradient of one test, positive towards the inside of the cell."""
-    row = selection.test_gradients(x)[int(np.flatnonzero(selection.bounding == test)[0])]
-    return row.toarray().ravel() if sp.issparse(row) else row
+    row = selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
+    return row.toarray().ravel() if sp.issparse(row) else row[0]
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
