@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.continuation.default_search import default_search
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
@@ -21,6 +22,7 @@ def explore(
     stepper: Stepper | None = None,
     parameter: str = "alpha",
     report: Report = silent,
+    journal: Journal | None = None,
 ) -> BranchGraph:
     """Find starts in an interval of alpha and follow every component through them.
 
@@ -33,7 +35,7 @@ def explore(
         Where to look for starts; searches add up with ``+``. The default depends on the size:
         complete where that takes seconds (every transition point of a piecewise-linear system,
         or all solutions at both ends), otherwise searches that promise nothing.
-    stepper, parameter, report : optional
+    stepper, parameter, report, journal : optional
         As for :func:`pwscont.trace`.
 
     Returns
@@ -51,4 +53,5 @@ def explore(
     plan = Plan.of(system, (lo, hi), stepper)
     chosen = search or default_search(plan.followed)
     starts = chosen.starts(plan.followed, plan.metric, plan.interval)
-    return plan.follow(starts, parameter, report, chosen.searched(plan.followed))
+    searched = chosen.searched(plan.followed)
+    return plan.follow(starts, parameter, report, searched, journal)

@@ -15,7 +15,7 @@ from typing import final
 import numpy as np
 
 from pwscont.continuation.membership import lies_on
-from pwscont.continuation.walk import Walk, Walker
+from pwscont.continuation.walk import Follower, Walk
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.rounding import EPS
@@ -69,12 +69,12 @@ class Network:
 
     Parameters
     ----------
-    walker : Walker
+    walker : Follower
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
     """
 
-    def __init__(self, walker: Walker, report: Callable[[int, float], None]) -> None:
+    def __init__(self, walker: Follower, report: Callable[[int, float], None]) -> None:
         self._walker = walker
         self._report = report
         self._queue: deque[tuple[int, int]] = deque()

@@ -12,8 +12,11 @@ from typing import final
 import numpy as np
 
 from pwscont.continuation.assembly import assemble
+from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.network import Network
-from pwscont.continuation.walk import Walker
+from pwscont.continuation.walk import Follower, Walker
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Searched
 from pwscont.graph import BranchGraph
@@ -123,10 +126,46 @@ class Plan:
         return cls(system, interval, reduction, followed, metric, chosen, detectors)
 
     def follow(
-        self, starts: Iterable[Found], parameter: str, report: Report, searched: Searched
+        self,
+        starts: Iterable[Found],
+        parameter: str,
+        report: Report,
+        searched: Searched,
+        journal: Journal | None = None,
     ) -> BranchGraph:
         """Return the graph of everything that is reached from starts of the followed system."""
-        network = Network(Walker(self.stepper, Watch(self.detectors), self.interval), report)
+        walker: Follower = Walker(self.stepper, Watch(self.detectors), self.interval)
+        if journal is not None:
+            self._check(journal)
+            walker, starts = Recorded(walker, journal), journal.starts(starts)
+        network = Network(walker, report)
         for x, error in starts:
             network.add(departures(self.followed, self.metric, x, error))
         return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+
+    def _check(self, journal: Journal) -> None:
+        """Refuse a journal of another run."""
+        facts = {
+            "system": type(self.system).__name__,
+            "number of unknowns": str(self.followed.size),
+            "interval": str(list(self.interval)),
+            "stepper": repr(self.stepper),
+        }
+        journal.check(facts, _probes(self.followed, self.metric, self.interval))
+
+
+def _probes(system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]) -> list[float]:
+    """Return sums of H and of the tests at generic points, which other problems do not share."""
+    sums = []
+    for shift, alpha in enumerate((interval[0], 0.5 * sum(interval), interval[1])):
+        z = metric.scale[:-1] * _generic(system.size, shift)
+        tests = system.test_functions(z, alpha)
+        residual = system.residual(z, alpha, Character.of(tests))
+        sums += [float(_generic(len(v), shift) @ v) for v in (tests, residual)]
+    return sums
+
+
+def _generic(size: int, shift: int) -> Array:
+    """Return numbers related to no simple ones."""
+    numbers: Array = np.cos(1.0 + shift + np.sqrt(2.0) * np.arange(size))
+    return numbers

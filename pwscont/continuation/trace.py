@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, silent
 from pwscont.foundation.arrays import finite_array
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
@@ -24,6 +25,7 @@ def trace(
     stepper: Stepper | None = None,
     parameter: str = "alpha",
     report: Report = silent,
+    journal: Journal | None = None,
 ) -> BranchGraph:
     """Follow the component of H(z, alpha) = 0 through a start, in both directions.
 
@@ -40,6 +42,8 @@ def trace(
         Name of alpha in tables and on axes.
     report : callable, optional
         Called with the number of pieces and the alpha reached, after each piece.
+    journal : Journal, optional
+        Where every finished piece is kept at once, so that an interrupted run can go on.
 
     Returns
     -------
@@ -65,7 +69,7 @@ def trace(
             f"no solution found near the start at alpha = {alpha} ({found.trouble.name}); start "
             "closer to a solution, or let explore() search for starts"
         )
-    return plan.follow([found], parameter, report, NOT_SEARCHED)
+    return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
 
 
 def _checked_start(

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
-import time
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from pwscont.continuation.omissions import Omission
-from pwscont.foundation.errors import InvalidInputError, PwscontError
-from pwscont.interface.answer import Answer, Runnable
-from pwscont.interface.progress import Progress
+from pwscont.foundation.errors import PwscontError
 from pwscont.interface.registry import load_scene, scene_names
+from pwscont.interface.running import run_scene
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     scenes = commands.add_parser("scenes", help="list the scenes")
     scenes.set_defaults(command=_scenes)
     run = commands.add_parser("run", help="compute a scene and print what was found")
-    run.set_defaults(command=_run)
+    run.set_defaults(command=run_scene)
     run.add_argument("scene", metavar="SCENE", help="a name from 'pwscont scenes'")
     run.add_argument(
         "--at",
@@ -74,6 +70,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--explain", action="store_true", help="say what the scene leaves out, and why"
     )
+    run.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
+    )
     import_module("pwscont.bench.arguments").add_to(commands)  # by name: it stands above us
     return parser
 
@@ -81,53 +80,4 @@ def _parser() -> argparse.ArgumentParser:
 def _scenes(options: argparse.Namespace) -> int:
     for name in scene_names():
         print(f"{name:<26} {load_scene(name).title}")  # noqa: T201
-    return 0
-
-
-def _make_directory(directory: Path) -> None:
-    """Make the output directory before any work."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or error
-        raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
-
-
-def _omissions(scene: Runnable, options: argparse.Namespace) -> list[Omission]:
-    """Return what the scene and the command leave out."""
-    if options.output:
-        return list(scene.omissions())
-    return [*scene.omissions(), Omission("pictures and files", "no -o: matplotlib is not loaded")]
-
-
-def _as_text(answer: Answer, left_out: Sequence[Omission] | None) -> str:
-    lines = [f"  {omission.what}: {omission.why}" for omission in left_out or ()]
-    return "\n".join([answer.as_text(), *(["", "Left out, and why"] if lines else []), *lines])
-
-
-def _as_json(answer: Answer, left_out: Sequence[Omission] | None, seconds: float) -> str:
-    data = answer.as_dict() | {"seconds": seconds}
-    if left_out is not None:
-        data["left_out"] = [omission._asdict() for omission in left_out]
-    return json.dumps(data, ensure_ascii=False)
-
-
-def _run(options: argparse.Namespace) -> int:
-    scene = load_scene(options.scene)
-    at = scene.values(options.at)
-    if options.output:
-        _make_directory(options.output)
-    begin = time.perf_counter()
-    progress = Progress(scene.parameter)
-    answer = scene.solve(at, progress)
-    progress.close()
-    seconds = time.perf_counter() - begin
-    left_out = _omissions(scene, options) if options.explain else None
-    if options.json:
-        print(_as_json(answer, left_out, seconds))  # noqa: T201
-    else:
-        print(_as_text(answer, left_out))  # noqa: T201
-    if options.output:
-        written = answer.write(options.output)
-        print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
     return 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, final
 
 from pwscont.continuation import explore
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission, omissions
 from pwscont.continuation.plan import Report, silent
 from pwscont.foundation.character import Character
@@ -79,6 +80,8 @@ class Scene(Runnable):
         As for :func:`pwscont.explore`.
     panels, paths, styles
         The pictures, and the line style for each mode.
+    journal : Journal, optional
+        Where every finished piece is kept at once.
     """
 
     name: str
@@ -93,6 +96,7 @@ class Scene(Runnable):
     panels: tuple[Panel, ...] = (Panel(0),)
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
+    journal: Journal | None = None
 
     def run(self, report: Report = silent) -> BranchGraph:
         """Explore the scene's interval."""
@@ -103,6 +107,7 @@ class Scene(Runnable):
             stepper=self.stepper,
             parameter=self.parameter,
             report=report,
+            journal=self.journal,
         )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:

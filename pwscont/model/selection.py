@@ -32,6 +32,7 @@ class Selection:
     ) -> None:
         self.system = system
         self.character = character
+        self.beside = beside
         signs: dict[int, bool] = {}
         for cell in (character, *beside):
             for test in system.bounding_tests(cell):
