@@ -3,6 +3,7 @@
 from typing import Any
 
 from pwscont.continuation import explore, trace
+from pwscont.continuation.journal import Journal
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import (
     GraphFileError,
@@ -55,6 +56,7 @@ __all__ = [
     "Hermite",
     "InvalidInputError",
     "InvalidSystemError",
+    "Journal",
     "MoorePenrose",
     "MultiStart",
     "NaturalParameter",

@@ -5,8 +5,7 @@ import sys
 import numpy as np
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
-from pwscont import PseudoArclength, StepSize, trace
-from pwscont.continuation.journal import Journal
+from pwscont import Journal, PseudoArclength, StepSize, trace
 
 INTERVAL = (-5.0, 5.0)
 

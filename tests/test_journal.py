@@ -10,10 +10,10 @@ from pathlib import Path
 import long_run
 import numpy as np
 import pytest
-from pwscont_coulomb.scenes import example1, example3, fig7
+from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb.scenes import example1, example3, fig7, one_node
 
-from pwscont import BranchGraph, InvalidInputError, MultiStart, explore
-from pwscont.continuation.journal import Journal
+from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
 from pwscont.continuation.transcript import walk_of, written
 from pwscont.continuation.walk import Walker
 from pwscont.interface.cli import main
@@ -107,7 +107,14 @@ def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
     journal.close()
 
 
-def test_a_walk_reads_as_it_was_written(monkeypatch):
+def along_a_boundary():
+    """Follow a load on the boundary of stick to slip, where rays belong to two cells."""
+    on_it = AffineLoad([0.0, 0.0], [0.25, 4.0 * 0.25])  # u = 0: lam_t = -f_t, lam_nu = -f_nu
+    explore(CoulombLoad(one_node(), on_it, 4.0), (1.0, 2.0))
+
+
+@pytest.mark.parametrize("run", [lambda: long_run.run(interval=(-5.0, -2.0)), along_a_boundary])
+def test_a_walk_reads_as_it_was_written(run, monkeypatch):
     walks, walk = [], Walker.walk
 
     def kept(self, ray):
@@ -116,7 +123,8 @@ def test_a_walk_reads_as_it_was_written(monkeypatch):
         return found
 
     monkeypatch.setattr(Walker, "walk", kept)
-    long_run.run(interval=(-5.0, -2.0))
+    run()
+    assert any(ray.shared for ray, _ in walks) == (run is along_a_boundary)
     for ray, found in walks:
         read = walk_of(written(found), ray)
         np.testing.assert_array_equal(read.points, found.points)
