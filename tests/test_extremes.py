@@ -10,9 +10,10 @@ import pytest
 from paper_systems import ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
-from reference_enumeration import Body, exact_pieces
+from reference_enumeration import Body, equations, exact_pieces, exact_solve, modes_of, per_node
 
 from pwscont import (
+    BranchGraph,
     ExactLinear,
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -187,6 +188,73 @@ def test_one_node_much_stiffer_than_its_neighbour(stiff, coupling, friction, loa
 def test_friction_different_per_node(friction, load):
     path = Path(two_nodes(), *load, np.array(friction))
     assert_matches(explore(path.system(), path.interval), path)
+
+
+# -- friction as the parameter, against rational arithmetic at fixed F ---------------------------
+
+
+def exact_solutions(body, force, friction):
+    """Return {modes: z} of all solutions at one load and friction, without rounding."""
+    still, tiny = np.zeros(body.n), (0.0, 1.0)
+    found = {}
+    for piece in exact_pieces(body, np.asarray(force), still, friction, tiny):
+        matrix, rhs = equations(body, per_node(friction, body.p), piece.modes)
+        rhs[: body.n] += force
+        found[piece.modes] = np.array(exact_solve(matrix, [rhs])[0][0], dtype=object)
+    return found
+
+
+def assert_right_over_friction(body, force, hi=15.0, r=None):
+    """Number and states are right at some F, and the errors cover what is not."""
+    graph = explore(CoulombFriction(contact_body(body), force, r=r), (hi * 1e-4, hi))
+    for at in hi * np.array([0.011, 0.13, 0.31, 0.57, 0.93]):
+        expected, found = exact_solutions(body, force, at), graph.solutions(at)
+        assert sorted(map(label, expected)) == sorted(s.label for s in found)
+        for solution in found:
+            exact = expected[modes_of(solution.label)]
+            pairs = zip(solution.z, exact, strict=True)
+            off = np.array([abs(float(Fraction(a) - b)) for a, b in pairs])
+            assert (off <= 10.0 * solution.error[:-1]).all()
+    assert not graph.special_points("stopped")
+    assert graph.is_balanced()
+
+
+FIVE = np.array([0.4, -1.4, 1.5, -1.5])  # up to five solutions on the paper's two nodes
+
+
+@pytest.mark.parametrize(("stiffness", "force"), list(product(SCALES, SCALES)))
+def test_friction_as_parameter_in_any_unit(stiffness, force):
+    body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
+    assert_right_over_friction(body, force * FIVE)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
+@pytest.mark.parametrize("force", [(1.0, -3.0), (0.2, -1.6), (1.0, -1.0)])
+def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
+    """Displacements are known to few digits, but each branch is there once."""
+    assert_right_over_friction(one_node(nearly_incompressible(ratio)), force)
+
+
+@pytest.mark.parametrize("stiff", [1e-10, 1e-5, 1e5, 1e10])
+@pytest.mark.parametrize("coupling", [0.0, 0.3])
+@pytest.mark.parametrize("force", [FIVE, [1.0, -3.0, 1.0, -2.6]], ids=["five", "nine"])
+def test_friction_as_parameter_of_nodes_of_different_stiffness(stiff, coupling, force):
+    assert_right_over_friction(two_nodes(stiff, coupling * min(1.0, stiff)), np.array(force))
+
+
+@pytest.mark.parametrize("r", [1e-8, 1e-4, 1.0, 1e4, 1e8])
+def test_friction_as_parameter_with_any_scale_of_the_multipliers(r):
+    assert_right_over_friction(TWO_NODES, FIVE, r=r)
+
+
+@pytest.mark.parametrize("gap", [1e-300, 1e-12, 1e-6, 1e6, 1e12, 1e100])
+def test_friction_as_parameter_with_any_gap(gap):
+    assert_right_over_friction(two_nodes(gap=(gap, 0.0)), FIVE)
+
+
+@pytest.mark.parametrize("hi", [1.0, 1e3, 1e6])
+def test_friction_of_two_nodes_up_to_a_million(hi):
+    assert_right_over_friction(TWO_NODES, FIVE, hi)
 
 
 # -- friction ----------------------------------------------------------------------------------
@@ -675,6 +743,19 @@ class TestInvariance:
         self.assert_same(self.graph(seed, load), self.graph(seed, load, side=-1.0), rename=mirrored)
 
     def test_sign_of_the_parameter(self, seed, load):
-        if load:
-            other = self.graph(seed, load, turn=-1.0)
-            self.assert_same(self.graph(seed, load), other, turn=-1.0)
+        if not load:
+            pytest.skip("a coefficient of friction has no other sign")
+        other = self.graph(seed, load, turn=-1.0)
+        self.assert_same(self.graph(seed, load), other, turn=-1.0)
+
+    def test_direction_in_which_a_component_is_followed(self, seed, load):
+        system, graph = self.systems(seed, load), self.graph(seed, load)
+        lo, hi = graph.interval
+        for component in graph.components():
+            ends = {piece.start for piece in component} ^ {piece.end for piece in component}
+            traced = [
+                trace(system, (graph.point(i).z, graph.point(i).alpha), (lo, hi)) for i in ends
+            ]
+            for one in traced:
+                expected = BranchGraph(graph.special_points(), component, (lo, hi))
+                self.assert_same(expected, one)
