@@ -136,7 +136,7 @@ def _refuse_overlap(space: Discretisation, along: Edges, held: Indices) -> None:
     if overlap.any():
         x, y = space.positions[:, along.nodes[np.argmax(overlap)]].mean(axis=1)
         raise InvalidInputError(
-            f"{WHAT} overlaps a clamped one on {np.count_nonzero(overlap)} of {len(overlap)} "
+            f"{WHAT} overlaps a clamped one on {np.count_nonzero(overlap)} of {len(along.nodes)} "
             f"facets, the first near ({x:.6g}, {y:.6g}); they may share end nodes only"
         )
 
