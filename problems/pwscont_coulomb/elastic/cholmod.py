@@ -39,6 +39,7 @@ def _solver(interior: Matrix) -> Callable[[Array], Array]:
             "Cholmod needs scikit-sparse (and SuiteSparse): pip install 'pwscont[cholmod]'"
         ) from error
     try:
-        return cholesky(interior.tocsc())  # type: ignore[no-any-return]
+        # supernodal: L L^T, which unlike L D L^T exists for positive definite matrices only
+        return cholesky(interior.tocsc(), mode="supernodal")  # type: ignore[no-any-return]
     except CholmodNotPositiveDefiniteError as error:
         raise InvalidInputError(NOT_DEFINITE) from error

@@ -29,7 +29,7 @@ from pwscont_coulomb.modes import Mode
 DRAWN = 0.08
 #: Meshes with more elements are drawn without the lines between them.
 MANY = 4000
-COLUMN, BODY_ROW, CURVE_ROW = 4.6, 3.2, 2.4  # inches
+COLUMN, CURVE_ROW = 4.6, 2.6  # inches
 BLACK, SLIP, SHEAR = "black", "tab:red", "tab:orange"
 
 
@@ -60,25 +60,30 @@ def draw_states(
     names = list(titles) or [summary(state) for state in states]
     if len(names) != len(states):
         raise InvalidInputError(f"{len(names)} titles for {len(states)} states")
-    figure = Figure(
-        figsize=(COLUMN * len(states) + 0.8, BODY_ROW + CURVE_ROW), layout="constrained"
-    )
-    ratios = [BODY_ROW, CURVE_ROW]
+    rows, width = [_body_row(body), CURVE_ROW], COLUMN * len(states) + 0.8
+    figure = Figure(figsize=(width, sum(rows) + 0.5), layout="constrained")
     axes = figure.subplots(
-        2, len(states), squeeze=False, sharex="row", sharey="row", height_ratios=ratios
+        2, len(states), squeeze=False, sharex="row", sharey="row", height_ratios=rows
     )
     factor, norm = magnification(body, states), Normalize(0.0, _strongest(states))
     for column, (state, title) in enumerate(zip(states, names, strict=True)):
         draw_body(axes[0, column], body, state, factor, norm)
         draw_boundary(axes[1, column], body, state)
         axes[0, column].set_title(title, fontsize="medium")
+        axes[1, column].label_outer()
     figure.colorbar(
         ScalarMappable(norm, "Blues"), ax=axes[0].tolist(), label="largest shear stress"
     )
     axes[1, 0].legend(fontsize="small")
     figure.legend(handles=_legend(), loc="outside lower center", ncols=4, fontsize="small")
-    figure.suptitle(f"displacements magnified {factor:.3g} times", fontsize="small")
+    figure.suptitle(f"displacements drawn {factor:.3g} times", fontsize="small")
     return figure
+
+
+def _body_row(body: ElasticBody) -> float:
+    """Return the height for a body of this shape (inches)."""
+    wide, high = np.ptp(body.positions, axis=1)
+    return float(np.clip(COLUMN * (high / wide + 0.15), 1.5, 1.2 * COLUMN))
 
 
 def summary(state: BodyState) -> str:
@@ -142,9 +147,10 @@ def _draw_obstacle(ax: Axes, line: Array, normals: Array, depth: float) -> None:
 
 def _draw_modes(ax: Axes, x: Array, tangents: Array, state: BodyState) -> None:
     stick, open_ = state.modes == Mode.STICK, state.modes == Mode.NO_CONTACT
-    slips = ~(stick | open_)
-    ax.plot(*x[:, stick], "o", color=BLACK, markersize=4, zorder=4)
-    ax.plot(*x[:, open_], "o", color=BLACK, markerfacecolor="white", markersize=4, zorder=4)
+    slips, room = ~(stick | open_), COLUMN / max(len(state.modes), 10)  # inches per node
+    size = float(np.clip(20.0 * room, 1.5, 4.5))
+    ax.plot(*x[:, stick], "o", color=BLACK, markersize=size, zorder=4)
+    ax.plot(*x[:, open_], "o", color=BLACK, markerfacecolor="white", markersize=size, zorder=4)
     way = np.where(state.modes == Mode.SLIP_PLUS, 1.0, -1.0) * tangents
     ax.quiver(
         *x[:, slips],
@@ -152,8 +158,8 @@ def _draw_modes(ax: Axes, x: Array, tangents: Array, state: BodyState) -> None:
         color=SLIP,
         pivot="mid",
         scale_units="inches",
-        scale=6.0,
-        width=0.008,
+        scale=1.0 / float(np.clip(0.7 * room, 0.06, 0.2)),
+        width=0.006,
         headwidth=4.5,
         zorder=5,
     )
@@ -163,10 +169,13 @@ def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState) -> None:
     """Draw pressure, shear and friction bound along the boundary."""
     contact = body.contact
     bound = contact.friction * state.pressure
+    line: dict[str, Any] = {"linestyle": "--", "color": "0.4", "linewidth": 1.0}
+    if contact.count == 1:
+        line |= {"marker": "_"}
     ax.plot(contact.arc, state.pressure, "-o", color="tab:blue", markersize=3, label="pressure")
     ax.plot(contact.arc, state.shear, "-s", color=SHEAR, markersize=3, label="shear")
-    ax.plot(contact.arc, bound, "--", color="0.4", linewidth=1.0, label="friction bound")
-    ax.plot(contact.arc, -bound, "--", color="0.4", linewidth=1.0)
+    ax.plot(contact.arc, bound, label="friction bound", **line)
+    ax.plot(contact.arc, -bound, **line)
     ax.set_xlabel("length along the boundary")
     ax.set_ylabel("force per area")
     ax.grid(alpha=0.25)

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont import Character
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.graph import Solution
 from pwscont_coulomb.elastic.problem import ElasticProblem
@@ -64,13 +65,23 @@ def recover(
         Parameter of the loads where the system's parameter is the friction coefficient; default
         the parameter of the solution.
     """
-    alpha = solution.alpha if load_alpha is None else load_alpha
+    return state_at(problem, solution.z, solution.alpha, solution.character, load_alpha)
+
+
+def state_at(
+    problem: ElasticProblem,
+    z: Array,
+    alpha: float,
+    character: Character,
+    load_alpha: float | None = None,
+) -> BodyState:
+    """Return what a point of a piece means on the whole body; see :func:`recover`."""
     contact, body = problem.elastic.contact, problem.body
-    normal, tangential = problem.multipliers(solution.z)
-    moved = problem.displacements(solution.z, alpha)
-    u = solution.z[: body.n]
+    normal, tangential = problem.multipliers(z)
+    moved = problem.displacements(z, alpha if load_alpha is None else load_alpha)
+    u = z[: body.n]
     return BodyState(
-        solution.alpha,
+        alpha,
         moved,
         problem.elastic.stresses(moved),
         normal,
@@ -79,5 +90,5 @@ def recover(
         tangential / contact.areas,
         np.asarray(body.gap - body.N @ u),
         np.asarray(body.T @ u),
-        modes(solution.character),
+        modes(character),
     )

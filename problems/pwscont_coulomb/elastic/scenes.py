@@ -40,7 +40,7 @@ def triangle_body(material: Material | None = None, friction: float = 4.0) -> El
     )
 
 
-def block_body(nodes: int = 20, friction: float = 0.8) -> ElasticBody:
+def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
     """Return a rectangle on a foundation, clamped on top, compressed, then sheared by alpha.
 
     Twice as wide as high, E = 1 and nu = 0.3; the top is pressed down by 1 % of the height and
@@ -73,7 +73,7 @@ def block() -> ElasticScene:
     """Return the scene of :func:`block_body` with 20 contact nodes."""
     return ElasticScene(
         "block",
-        "a block compressed, then sheared on its foundation, 20 contact nodes, F = 0.8",
+        "a block compressed, then sheared on its foundation, 20 contact nodes, F = 0.3",
         block_body,
         (0.0, 2.0),
         at=(1.0,),

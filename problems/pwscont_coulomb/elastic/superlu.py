@@ -3,6 +3,11 @@
 The interior is factorised with a minimum degree order and diagonal pivots; the Schur complement
 takes one solution per kept unknown, in blocks so that memory stays bounded. For many kept unknowns
 :class:`~pwscont_coulomb.elastic.Multifrontal` is far faster.
+
+Failure modes and answers
+-------------------------
+- The interior is singular: an error says so. That it is indefinite goes unnoticed here; supports
+  and materials, which are checked before, leave no way to it.
 """
 
 from __future__ import annotations
