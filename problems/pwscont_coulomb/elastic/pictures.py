@@ -28,7 +28,7 @@ from pwscont_coulomb.modes import Mode
 #: The largest displacement is drawn as this part of the size of the body.
 DRAWN = 0.08
 #: Meshes with more elements are drawn without the lines between them.
-MANY = 4000
+MANY = 1500
 COLUMN, CURVE_ROW = 4.6, 2.6  # inches
 BLACK, SLIP, SHEAR = "black", "tab:red", "tab:orange"
 
@@ -76,7 +76,7 @@ def draw_states(
     )
     axes[1, 0].legend(fontsize="small")
     figure.legend(handles=_legend(), loc="outside lower center", ncols=4, fontsize="small")
-    figure.suptitle(f"displacements drawn {factor:.3g} times", fontsize="small")
+    figure.suptitle(f"displacements drawn {factor:.3g}-fold", fontsize="small")
     return figure
 
 
@@ -129,6 +129,9 @@ def draw_body(
     ax.add_collection(elements)
     obstacle = contact.positions + factor * contact.gap * contact.normals
     _draw_obstacle(ax, obstacle, contact.normals, 0.02 * float(np.ptp(body.positions)))
+    held = body.held // 2
+    clamped = np.intersect1d(held[body.held % 2 == 0], held[body.held % 2 == 1])
+    ax.plot(*moved[:, clamped], "s", color="0.35", markersize=2.5)
     _draw_modes(ax, moved[:, contact.nodes], contact.tangents, state)
     ax.set_aspect("equal")
     ax.autoscale_view()
@@ -187,6 +190,7 @@ def _legend() -> list[Line2D]:
         _mark("stick", marker="o", color=BLACK, markersize=5),
         _mark("slip", marker="$→$", color=SLIP, markersize=10),
         _mark("open", marker="o", color=BLACK, markersize=5, markerfacecolor="white"),
+        _mark("clamped", marker="s", color="0.35", markersize=3),
     ]
 
 
