@@ -394,10 +394,42 @@ def test_a_gmsh_file_with_physical_groups(tmp_path, text):
         ElasticBody(file, Lame(1, 1), supports=[Support("top")], contact=ContactBoundary("botom"))
 
 
-def test_a_file_that_is_no_mesh(tmp_path):
+LOOSE = ("1 4 1 4\n2 1 0 4\n1\n2\n3\n4\n", "1 5 1 5\n2 1 0 5\n1\n2\n3\n4\n5\n")
+
+
+def test_points_of_no_element_are_left_out(tmp_path):
+    """Gmsh files hold points such as centres of circles."""
+    file = tmp_path / "loose.msh"
+    text = GMSH_41.replace(*LOOSE).replace("0 1 0\n$EndNodes", "0 1 0\n5 5 0\n$EndNodes")
+    file.write_text(text)
+    assert pressed(file).space.count == 4
+
+
+@pytest.mark.parametrize("length", range(0, len(GMSH_41) - 15, 23))
+def test_a_damaged_file(length, tmp_path):
     file = tmp_path / "square.msh"
-    file.write_text(GMSH_41[:90])
-    with pytest.raises(InvalidInputError, match=r"cannot read a plane mesh from .*square\.msh"):
+    file.write_text(GMSH_41[:length])
+    with pytest.raises(InvalidInputError, match=r"square\.msh|no boundary|empty"):
+        pressed(file)
+
+
+@pytest.mark.parametrize(
+    ("cells", "z", "words"),
+    [
+        ([("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]])], 0.0, r"2 kinds \(quad, triangle\)"),
+        ([("line", [[0, 1]])], 0.0, r"0 kinds \(no surface\)"),
+        ([("tetra", [[0, 1, 2, 3]])], 0.0, "got MeshTet1"),
+        ([("quad8", [[0, 1, 2, 3, 0, 1, 2, 3]])], 0.0, "not supported"),
+        ([("triangle", [[0, 1, 2], [0, 2, 3]])], 0.5, "z coordinates differ"),
+    ],
+)
+def test_files_with_other_meshes(cells, z, words, tmp_path):
+    import meshio  # noqa: PLC0415
+
+    points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, z]]
+    file = tmp_path / "other.vtu"
+    meshio.write(file, meshio.Mesh(points, [(kind, np.array(t)) for kind, t in cells]))
+    with pytest.raises(InvalidInputError, match=words):
         pressed(file)
 
 

@@ -47,7 +47,13 @@ def as_mesh(mesh: Any) -> Any:
         raise InvalidInputError(
             f"mesh must be a plane mesh of triangles or quadrilaterals, got {type(found).__name__}"
         )
-    return found
+    return _without_loose_points(found)
+
+
+def _without_loose_points(mesh: Any) -> Any:
+    """Return the mesh without points of no element, such as centres of circles in Gmsh files."""
+    loose = mesh.doflocs.shape[1] - len(np.unique(mesh.dofs.element_dofs))
+    return mesh.remove_unused_nodes() if loose else mesh
 
 
 def _read(path: Path) -> Any:
@@ -57,9 +63,25 @@ def _read(path: Path) -> Any:
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
     try:
-        return from_meshio(meshio.read(path))
-    except (meshio.ReadError, NotImplementedError, ValueError, KeyError, SystemExit) as error:
+        read = meshio.read(path)
+        _refuse_other_cells(path, read)
+        return from_meshio(read)
+    except InvalidInputError:
+        raise
+    except (Exception, SystemExit) as error:  # whatever a reader of a foreign format trips over
         raise InvalidInputError(f"cannot read a plane mesh from {path}: {error}") from error
+
+
+def _refuse_other_cells(path: Path, read: Any) -> None:
+    """Refuse what would be left out without a word: other cells, and a third dimension."""
+    kinds = sorted(kind for kind in read.cells_dict if not kind.startswith(("line", "vertex")))
+    if len(kinds) != 1:
+        raise InvalidInputError(
+            f"{path} has cells of {len(kinds)} kinds ({', '.join(kinds) or 'no surface'}); a body "
+            "needs elements of one kind: triangle, triangle6, quad or quad9"
+        )
+    if read.points.shape[1] > 2 and np.ptp(read.points[:, 2]) > FLAT * np.ptp(read.points):
+        raise InvalidInputError(f"the mesh in {path} is not plane: its z coordinates differ")
 
 
 def element_for(mesh: Any, order: int | None) -> Any:
