@@ -5,11 +5,17 @@ import importlib.util
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import skfem
 from elastic_bodies import jammed, pressed, square, strip, violations
 from pwscont_coulomb.elastic import (
     Cholmod,
+    ContactBoundary,
+    ElasticBody,
+    Lame,
     Multifrontal,
     SuperLU,
+    Support,
+    Young,
     recover,
 )
 from pwscont_coulomb.elastic import dissection as dissection_module
@@ -198,6 +204,33 @@ def test_every_solution_holds_on_the_full_mesh(name):
             assert worst(mesh, state, held, body.contact, contact) < 1e-9
             checked += 1
     assert checked >= 12
+
+
+@pytest.mark.parametrize(("height", "nu"), [(1e-4, 0.3), (1e4, 0.3), (1.0, 0.4999999)])
+def test_ill_shaped_and_nearly_incompressible_bodies(height, nu):
+    """Aspect ratio 1e4 and a bulk modulus 5e6 times the shear modulus: still 1e-9 relative."""
+    lam, mu = Young(1.0, nu).lame
+    mesh = skfem.MeshQuad.init_tensor(np.linspace(0.0, 2.0, 9), np.linspace(0.0, height, 5))
+    body = ElasticBody(
+        mesh,
+        Lame(lam, mu),
+        supports=[
+            Support(lambda x: x[1] > 0.99 * height, (0.0, -0.01 * height), (0.01 * height, 0.0))
+        ],
+        contact=ContactBoundary(lambda x: x[1] < 0.01 * height, friction=0.3),
+    )
+    problem = body.condensed()
+    graph = explore(problem.along_load(), (0.0, 3.0))
+    held, nodes = np.flatnonzero(body.positions[1] == height), body.contact
+    for alpha in np.random.default_rng(0).uniform(0.0, 3.0, 5):
+        found = graph.solutions(alpha)
+        assert sum(solution.det_sign for solution in found) == 1
+        for solution in found:
+            state = recover(problem, solution)
+            forces = state.normal_force, state.tangential_force
+            u, where = state.displacements, nodes.nodes
+            broken = violations(mesh, lam, mu, u, held, where, nodes.friction, nodes.gap, *forces)
+            assert max(broken.values()) < 1e-9
 
 
 def test_several_solutions_hold_on_the_full_mesh():
