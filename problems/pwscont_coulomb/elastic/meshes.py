@@ -1,4 +1,4 @@
-"""Meshes from files, their elements, and the check that no element is inverted."""
+"""Meshes, their elements, and the check that no element is inverted."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.mesh_files import read_mesh
 
 #: An element whose Jacobian falls below this part of its own size is degenerate.
 FLAT = 1e-12
@@ -42,7 +43,7 @@ def as_mesh(mesh: Any) -> Any:
         If the file cannot be read or holds no plane mesh of triangles or quadrilaterals.
     """
     skfem = library()
-    found = _read(Path(mesh)) if isinstance(mesh, (str, Path)) else mesh
+    found = read_mesh(Path(mesh)) if isinstance(mesh, (str, Path)) else mesh
     if not isinstance(found, (skfem.MeshTri1, skfem.MeshQuad1)):
         raise InvalidInputError(
             f"mesh must be a plane mesh of triangles or quadrilaterals, got {type(found).__name__}"
@@ -54,34 +55,6 @@ def _without_loose_points(mesh: Any) -> Any:
     """Return the mesh without points of no element, such as centres of circles in Gmsh files."""
     loose = mesh.doflocs.shape[1] - len(np.unique(mesh.dofs.element_dofs))
     return mesh.remove_unused_nodes() if loose else mesh
-
-
-def _read(path: Path) -> Any:
-    import meshio  # noqa: PLC0415  loaded only where a file is read
-    from skfem.io.meshio import from_meshio  # noqa: PLC0415
-
-    if not path.is_file():
-        raise InvalidInputError(f"there is no mesh file {path}")
-    try:
-        read = meshio.read(path)
-        _refuse_other_cells(path, read)
-        return from_meshio(read)
-    except InvalidInputError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever a reader of a foreign format trips over
-        raise InvalidInputError(f"cannot read a plane mesh from {path}: {error}") from error
-
-
-def _refuse_other_cells(path: Path, read: Any) -> None:
-    """Refuse what would be left out without a word: other cells, and a third dimension."""
-    kinds = sorted(kind for kind in read.cells_dict if not kind.startswith(("line", "vertex")))
-    if len(kinds) != 1:
-        raise InvalidInputError(
-            f"{path} has cells of {len(kinds)} kinds ({', '.join(kinds) or 'no surface'}); a body "
-            "needs elements of one kind: triangle, triangle6, quad or quad9"
-        )
-    if read.points.shape[1] > 2 and np.ptp(read.points[:, 2]) > FLAT * np.ptp(read.points):
-        raise InvalidInputError(f"the mesh in {path} is not plane: its z coordinates differ")
 
 
 def element_for(mesh: Any, order: int | None) -> Any:
