@@ -299,6 +299,29 @@ def test_normals_and_areas_of_a_curved_boundary():
         assert edges.lengths.sum() == pytest.approx(2.0 * np.pi, rel=tolerance)
 
 
+def test_a_closed_contact_boundary_and_two_parts():
+    """A ring clamped inside: its outside is one closed part; two sides of a block are two."""
+    angle, radius = (c.ravel() for c in np.meshgrid(np.arange(12) * np.pi / 6, [1.0, 2.0]))
+    i = np.arange(12)
+    quads = np.stack([i, (i + 1) % 12, 12 + (i + 1) % 12, 12 + i])
+    ring = skfem.MeshQuad(radius * np.stack([np.cos(angle), np.sin(angle)]), quads)
+    nodes = ElasticBody(
+        ring,
+        Lame(1.0, 1.0),
+        supports=[Support(lambda x: np.hypot(*x) < 1.5)],
+        contact=ContactBoundary(lambda x: np.hypot(*x) > 1.5),
+    ).contact
+    side = 4.0 * np.sin(np.pi / 12)
+    np.testing.assert_allclose(nodes.arc, side * np.arange(12))
+    np.testing.assert_allclose(nodes.areas, side)
+    np.testing.assert_allclose(nodes.normals, nodes.positions / 2.0, atol=1e-15)
+    assert not nodes.part.any()
+    both = body_with(contact=ContactBoundary(lambda x: (x[0] < 1e-9) | (x[0] > 2 - 1e-9))).contact
+    assert both.part.tolist() == [0, 0, 0, 1, 1, 1]
+    # down on the left, up on the right; the clamped corners are none
+    np.testing.assert_allclose(both.positions[1], [2 / 3, 1 / 3, 0, 0, 1 / 3, 2 / 3], atol=1e-15)
+
+
 def test_stiffness_against_element_by_element_assembly():
     for kind in ("P1", "Q1"):
         mesh = square(KINDS[kind][0], 3)
@@ -418,8 +441,12 @@ def test_a_damaged_file(length, tmp_path):
     [
         ([("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]])], 0.0, r"2 kinds \(quad, triangle\)"),
         ([("line", [[0, 1]])], 0.0, r"0 kinds \(no surface\)"),
-        ([("tetra", [[0, 1, 2, 3]])], 0.0, "got MeshTet1"),
-        ([("quad8", [[0, 1, 2, 3, 0, 1, 2, 3]])], 0.0, "not supported"),
+        (
+            [("tetra", [[0, 1, 2, 3]])],
+            0.0,
+            "has tetra elements; a body needs triangle, triangle6, quad, quad9",
+        ),
+        ([("quad8", [[0, 1, 2, 3, 0, 1, 2, 3]])], 0.0, "has quad8 elements"),
         ([("triangle", [[0, 1, 2], [0, 2, 3]])], 0.5, "z coordinates differ"),
     ],
 )

@@ -63,6 +63,8 @@ class ContactNodes:
         is pressure (area per thickness, a length).
     arc : ndarray, shape (p,)
         Length along the boundary; unconnected parts follow each other.
+    part : ndarray of int, shape (p,)
+        The connected part of the boundary that a node lies on: 0, 1, ...
     friction, gap : ndarray, shape (p,)
     """
 
@@ -72,6 +74,7 @@ class ContactNodes:
     tangents: Array
     areas: Array
     arc: Array
+    part: Indices
     friction: Array
     gap: Array
 
@@ -108,9 +111,9 @@ def contact_nodes(space: Discretisation, contact: ContactBoundary, held: Indices
     facets = facets_of(space.mesh, WHAT, contact.boundary)
     along = space.edges(facets)
     _refuse_overlap(space, along, held)
-    order, arc = _in_order(along, space.positions)
+    order, arc, part = _in_order(along, space.positions)
     free = np.flatnonzero(~(np.isin(2 * order, held) & np.isin(2 * order + 1, held)))
-    nodes, arc = order[free], arc[free]
+    nodes = order[free]
     if not len(nodes):
         raise InvalidInputError(f"{WHAT} has no free node: supports hold both ends of its edges")
     _refuse_rollers(space, nodes, held)
@@ -123,7 +126,8 @@ def contact_nodes(space: Discretisation, contact: ContactBoundary, held: Indices
         normals,
         np.stack([-normals[1], normals[0]]),
         along.assemble(np.ones(along.lengths.shape), space.count)[nodes],
-        arc,
+        arc[free],
+        part[free],
         _per_node("friction", contact.friction, x),
         _per_node("gap", contact.gap, x),
     )
@@ -151,37 +155,35 @@ def _refuse_rollers(space: Discretisation, nodes: Indices, held: Indices) -> Non
         )
 
 
-def _in_order(along: Edges, positions: Array) -> tuple[Indices, Array]:
-    """Return the nodes of all edges along the boundary, and the arc length of each."""
+def _in_order(along: Edges, positions: Array) -> tuple[Indices, Array, Indices]:
+    """Return the nodes of all edges along the boundary, with arc length and part of each."""
     following = dict(zip(along.nodes[:, 0].tolist(), range(len(along.nodes)), strict=True))
     entered = set(along.nodes[:, 1].tolist())
-    order: list[int] = []
-    arc: list[float] = []
     heads = [start for start in following if start not in entered]
-    for head in sorted(heads, key=lambda k: tuple(positions[:, k])) + list(following):
+    heads.sort(key=lambda k: tuple(positions[:, k]))
+    chains: list[list[tuple[int, float]]] = []
+    for head in heads + list(following):  # what no head leads to is a closed loop
         if head in following:
-            _walk(head, following, along, order, arc)
-    return np.array(order, dtype=np.intp), np.array(arc)
+            start = chains[-1][-1][1] if chains else 0.0
+            chains.append(_chain(head, start, following, along))
+    nodes, arc = zip(*(pair for chain in chains for pair in chain), strict=True)
+    part = np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
+    return np.array(nodes, dtype=np.intp), np.array(arc), part
 
 
-def _walk(
-    node: int, following: dict[int, int], along: Edges, order: list[int], arc: list[float]
-) -> None:
-    """Append a chain of nodes; each edge is used up."""
-    first, length = node, arc[-1] if arc else 0.0
-    order.append(node)
-    arc.append(length)
+def _chain(
+    node: int, length: float, following: dict[int, int], along: Edges
+) -> list[tuple[int, float]]:
+    """Return a chain of nodes with their arc lengths; its edges are used up."""
+    chain, first = [(node, length)], node
     while node in following:
         edge = following.pop(node)
         step = float(along.lengths[edge].sum())
-        node = int(along.nodes[edge, 1])
-        middle = along.nodes[edge, 2:].tolist()
-        order.extend(middle)
-        arc.extend([length + 0.5 * step] * len(middle))
-        length += step
+        chain += [(int(middle), length + 0.5 * step) for middle in along.nodes[edge, 2:]]
+        node, length = int(along.nodes[edge, 1]), length + step
         if node != first:
-            order.append(node)
-            arc.append(length)
+            chain.append((node, length))
+    return chain
 
 
 def _per_node(name: str, given: PerNode, x: Array) -> Array:

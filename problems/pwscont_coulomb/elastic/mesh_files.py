@@ -55,7 +55,7 @@ def _refuse_other_cells(path: Path, read: Any) -> None:
 
 
 def _as_scikit_fem_expects(read: Any) -> Any:
-    """Number corners before middle nodes, and give quadratic facets by their ends.
+    """Put corners before middle nodes, and give quadratic facets by their ends.
 
     scikit-fem numbers the corners of quadratic elements anew, by rank, and finds facets by the
     numbers of their ends: that fits only if the corners come first.

@@ -19,8 +19,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pwscont.foundation.arrays import Array
+from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.contact_boundary import ContactNodes
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.recovery import BodyState
 from pwscont_coulomb.modes import Mode
@@ -128,7 +129,9 @@ def draw_body(
     elements.set_array(largest_shear(state.stresses))
     ax.add_collection(elements)
     obstacle = contact.positions + factor * contact.gap * contact.normals
-    _draw_obstacle(ax, obstacle, contact.normals, 0.02 * float(np.ptp(body.positions)))
+    for nodes in _parts(contact):
+        depth = 0.02 * float(np.ptp(body.positions))
+        _draw_obstacle(ax, obstacle[:, nodes], contact.normals[:, nodes], depth)
     held = body.held // 2
     clamped = np.intersect1d(held[body.held % 2 == 0], held[body.held % 2 == 1])
     ax.plot(*moved[:, clamped], "s", color="0.35", markersize=2.5)
@@ -136,6 +139,11 @@ def draw_body(
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.set_axis_off()
+
+
+def _parts(contact: ContactNodes) -> list[Indices]:
+    """Return the nodes of each connected part of the contact boundary."""
+    return [np.flatnonzero(contact.part == part) for part in np.unique(contact.part)]
 
 
 def _draw_obstacle(ax: Axes, line: Array, normals: Array, depth: float) -> None:
@@ -172,13 +180,15 @@ def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState) -> None:
     """Draw pressure, shear and friction bound along the boundary."""
     contact = body.contact
     bound = contact.friction * state.pressure
-    line: dict[str, Any] = {"linestyle": "--", "color": "0.4", "linewidth": 1.0}
-    if contact.count == 1:
-        line |= {"marker": "_"}
-    ax.plot(contact.arc, state.pressure, "-o", color="tab:blue", markersize=3, label="pressure")
-    ax.plot(contact.arc, state.shear, "-s", color=SHEAR, markersize=3, label="shear")
-    ax.plot(contact.arc, bound, label="friction bound", **line)
-    ax.plot(contact.arc, -bound, **line)
+    for i, nodes in enumerate(_parts(contact)):
+        names = ("pressure", "shear", "friction bound") if i == 0 else ("_", "_", "_")
+        at, mark = contact.arc[nodes], "_" if len(nodes) == 1 else None
+        line: dict[str, Any] = {"color": "0.4", "linewidth": 1.0, "marker": mark}
+        pressure, shear = state.pressure[nodes], state.shear[nodes]
+        ax.plot(at, pressure, "-o", color="tab:blue", markersize=3, label=names[0])
+        ax.plot(at, shear, "-s", color=SHEAR, markersize=3, label=names[1])
+        ax.plot(at, bound[nodes], "--", label=names[2], **line)
+        ax.plot(at, -bound[nodes], "--", **line)
     ax.set_xlabel("length along the boundary")
     ax.set_ylabel("force per area")
     ax.grid(alpha=0.25)
