@@ -1,0 +1,110 @@
+"""A moving picture of the body along a branch. Imported only where one is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.graph import Piece
+from pwscont_coulomb.elastic.pictures import (
+    draw_body,
+    draw_boundary,
+    largest_shear,
+    magnification,
+    summary,
+)
+from pwscont_coulomb.elastic.problem import ElasticProblem
+from pwscont_coulomb.elastic.recovery import BodyState, state_at
+
+
+def along(problem: ElasticProblem, pieces: Sequence[Piece], frames: int) -> list[BodyState]:
+    """Return states at equal distances along pieces that follow each other.
+
+    Distance is measured in z and alpha, each by its largest magnitude on the pieces; between the
+    stored points of a piece states are interpolated, which is exact on straight pieces.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+    pieces : sequence of Piece
+        Such as one of ``graph.components()``.
+    frames : int
+        At least 2.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no piece, or fewer than 2 frames.
+    """
+    if frames < 2 or not pieces:
+        raise InvalidInputError(f"need pieces and 2 frames, got {len(pieces)} and {frames}")
+    points = np.vstack([piece.points for piece in pieces])
+    owner = np.repeat(np.arange(len(pieces)), [len(piece.points) for piece in pieces])
+    scale = _scale(points, problem.body.n)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0) / scale, axis=1)))
+    states = []
+    for wanted in np.linspace(0.0, length[-1], frames):
+        i = min(int(np.searchsorted(length, wanted, side="right")), len(length) - 1)
+        t = (wanted - length[i - 1]) / ((length[i] - length[i - 1]) or 1.0)
+        point = (1.0 - t) * points[i - 1] + t * points[i]
+        character = pieces[owner[i]].character
+        states.append(state_at(problem, point[:-1], float(point[-1]), character))
+    return states
+
+
+def _scale(points: Array, n: int) -> Array:
+    """Return one scale for displacements, one for forces, one for alpha."""
+    sizes = [np.abs(part).max(initial=0.0) for part in (points[:, :n], points[:, n:-1])]
+    sizes.append(np.ptp(points[:, -1]))
+    counts = [n, points.shape[1] - 1 - n, 1]
+    return np.repeat([float(size) or 1.0 for size in sizes], counts)
+
+
+def animate(
+    problem: ElasticProblem, pieces: Sequence[Piece], path: Path, frames: int = 60, fps: int = 12
+) -> Path:
+    """Write an animated GIF of the body along pieces that follow each other.
+
+    Parameters
+    ----------
+    problem, pieces, frames
+        As for :func:`along`.
+    path : path
+        Ending in ``.gif``.
+    fps : int
+        Frames per second.
+    """
+    states, body = along(problem, pieces, frames), problem.elastic
+    factor = magnification(body, states)
+    strongest = max(float(largest_shear(state.stresses).max()) for state in states) or 1.0
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    axes = figure.subplots(2, 1)
+    box = _box(body.positions, factor, states)
+    forces = np.array([[state.pressure, state.shear] for state in states])
+    writer = PillowWriter(fps=fps)
+    with writer.saving(figure, str(path), dpi=80):
+        for state in states:
+            axes[0].clear()
+            axes[1].clear()
+            draw_body(axes[0], body, state, factor, Normalize(0.0, strongest))
+            draw_boundary(axes[1], body, state)
+            axes[0].set(xlim=box[0], ylim=box[1], title=summary(state))
+            axes[1].set_ylim(1.1 * min(forces.min(), 0.0), 1.1 * max(forces.max(), 0.0) or 1.0)
+            writer.grab_frame()
+    return path
+
+
+def _box(positions: Array, factor: float, states: Sequence[BodyState]) -> Array:
+    """Return the limits (2, 2) that hold the body in every state."""
+    corners = [positions + factor * state.displacements.T for state in states]
+    lo = np.min([x.min(axis=1) for x in corners], axis=0)
+    hi = np.max([x.max(axis=1) for x in corners], axis=0)
+    margin = 0.06 * (hi - lo).max()
+    return np.column_stack([lo - margin, hi + margin])

@@ -1,0 +1,62 @@
+"""The contact problem in the displacements of the contact nodes alone.
+
+The interior of a body never changes: it is eliminated once (F9 of the design), and the contact
+unknowns are turned into normal and tangential ones. The full field is recovered on demand.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.elimination import Elimination
+from pwscont_coulomb.elastic.multifrontal import Multifrontal
+from pwscont_coulomb.elastic.problem import ElasticProblem
+from pwscont_coulomb.load import AffineLoad
+
+
+@final
+class CondensedProblem(ElasticProblem):
+    """A dense contact problem in the 2 p unknowns (u_nu of all contact nodes, then u_t of all).
+
+    In these unknowns N = [I 0] and T = [0 I].
+
+    Parameters
+    ----------
+    elastic : ElasticBody
+    elimination : Elimination, optional
+        Default :class:`~pwscont_coulomb.elastic.Multifrontal`.
+    """
+
+    def __init__(self, elastic: ElasticBody, elimination: Elimination | None = None) -> None:
+        chosen = Multifrontal() if elimination is None else elimination
+        positions = elastic.positions[:, elastic.free // 2]
+        self.elastic = elastic
+        self._eliminated = chosen.eliminate(elastic.A, elastic.contact_unknowns, positions)
+        self._rotation = elastic.contact.rotation()
+        self.body = _body(self._turned(self._eliminated.schur), elastic.contact.gap)
+        loads = (self._rotation @ self._eliminated.reduce(f) for f in (elastic.f0, elastic.f1))
+        self.load = AffineLoad(*loads)
+        self.friction = elastic.contact.friction
+
+    def _turned(self, schur: Array) -> Array:
+        """Return the Schur complement in normal and tangential unknowns, symmetric to the bit."""
+        half = self._rotation @ schur
+        turned = self._rotation @ half.T
+        symmetric: Array = 0.5 * (turned + turned.T)
+        return symmetric
+
+    def displacements(self, z: Array, alpha: float) -> Array:
+        """Return the displacements of all nodes, shape (k, 2)."""
+        kept = self._rotation.T @ z[: self.body.n]
+        free = self._eliminated.recover(self.elastic.load(alpha), kept)
+        return self.elastic.all_displacements(free, alpha)
+
+
+def _body(stiffness: Array, gap: Array) -> ContactBody:
+    picks = np.eye(len(stiffness))
+    return ContactBody(stiffness, picks[: len(gap)], picks[len(gap) :], gap)

@@ -1,0 +1,28 @@
+// A press tool with rounded edges; "gmsh -2 press.geo" writes press.msh.
+SetFactory("Built-in");
+r = 0.4;  w = 1.0;  h = 1.4;  c = r * Sqrt(0.5);
+Point(1) = {-w + r, 0, 0, 0.16};
+Point(2) = {w - r, 0, 0, 0.16};
+Point(3) = {w - r, r, 0, 0.1};
+Point(4) = {w - r + c, r - c, 0, 0.1};
+Point(5) = {w, r, 0, 0.2};
+Point(6) = {w, h, 0, 0.35};
+Point(7) = {-w, h, 0, 0.35};
+Point(8) = {-w, r, 0, 0.2};
+Point(9) = {-w + r - c, r - c, 0, 0.1};
+Point(10) = {-w + r, r, 0, 0.1};
+Line(1) = {1, 2};
+Circle(2) = {2, 3, 4};
+Circle(3) = {4, 3, 5};
+Line(4) = {5, 6};
+Line(5) = {6, 7};
+Line(6) = {7, 8};
+Circle(7) = {8, 10, 9};
+Circle(8) = {9, 10, 1};
+Curve Loop(1) = {1, 2, 3, 4, 5, 6, 7, 8};
+Plane Surface(1) = {1};
+Physical Curve("sole") = {8, 1, 2};
+Physical Curve("top") = {5};
+Physical Surface("tool") = {1};
+Mesh.ElementOrder = 2;
+Mesh.MshFileVersion = 4.1;

@@ -1,0 +1,177 @@
+"""An elastic body from a mesh, materials, supports, loads and a contact boundary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.contact_boundary import ContactBoundary, contact_nodes
+from pwscont_coulomb.elastic.discretisation import Discretisation
+from pwscont_coulomb.elastic.loads import BodyForce, Support, Traction
+from pwscont_coulomb.elastic.material import Material, PlaneState, PlaneStrain
+from pwscont_coulomb.elastic.meshes import as_mesh
+from pwscont_coulomb.elastic.regions import elements_of, facets_of
+from pwscont_coulomb.elastic.supports import prescribed
+
+if TYPE_CHECKING:
+    from pwscont_coulomb.elastic.condensation import CondensedProblem
+    from pwscont_coulomb.elastic.elimination import Elimination
+    from pwscont_coulomb.elastic.full import FullProblem
+
+
+@final
+class ElasticBody:
+    """A plane linear elastic body that may touch a rigid obstacle.
+
+    All quantities are per unit thickness and in any consistent units.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh or path
+        Triangles or quadrilaterals; a path is read with meshio, where the physical groups of a
+        Gmsh file become boundaries and subdomains of the same names.
+    material : Material or mapping of str to Material
+        For the whole body, or by subdomain; subdomains must cover it without overlap.
+    supports : sequence of Support
+        Prescribed displacements.
+    contact : ContactBoundary
+    loads : sequence of Traction or BodyForce, optional
+    state : PlaneState, optional
+        PlaneStrain() or PlaneStress(); default plane strain.
+    order : int, optional
+        1 for P1 and Q1, 2 for P2 and Q2; default the order of the mesh's geometry.
+
+    Attributes
+    ----------
+    space : Discretisation
+    contact : ContactNodes
+    A : scipy.sparse, shape (n, n)
+        Stiffness of the free unknowns in x and y.
+    f0, f1 : ndarray, shape (n,)
+        Load at alpha = 0 and per unit of alpha; it contains what prescribed displacements do.
+    free, held : ndarray of int
+        Free and prescribed unknowns; unknown 2 k + a is component a of node k.
+
+    Raises
+    ------
+    InvalidInputError
+        If the mesh has inverted elements, a name is unknown, a boundary is empty, the contact
+        boundary overlaps a clamped one, a rigid motion is free, or a value does not fit.
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        material: Material | Mapping[str, Material],
+        *,
+        supports: Sequence[Support],
+        contact: ContactBoundary,
+        loads: Sequence[Traction | BodyForce] = (),
+        state: PlaneState | None = None,
+        order: int | None = None,
+    ) -> None:
+        self.space = Discretisation(as_mesh(mesh), order)
+        self.held, self._given = prescribed(self.space, supports)
+        self.free = np.setdiff1d(np.arange(2 * self.space.count), self.held)
+        self.contact = contact_nodes(self.space, contact, self.held)
+        self._lame = _lame(self.space, material, PlaneStrain() if state is None else state)
+        forces = _forces(self.space, loads)
+        stiffness = self.space.stiffness(*self._lame)[self.free]
+        self.A = stiffness[:, self.free].tocsr()
+        self.f0, self.f1 = forces[:, self.free] - (stiffness[:, self.held] @ self._given.T).T
+
+    @property
+    def positions(self) -> Array:
+        """The nodes, shape (2, k)."""
+        return self.space.positions
+
+    @cached_property
+    def contact_unknowns(self) -> Indices:
+        """Where u_x, u_y of each contact node stand among the free unknowns, shape (2 p,)."""
+        both = (2 * self.contact.nodes[:, np.newaxis] + np.arange(2)).ravel()
+        return np.searchsorted(self.free, both)
+
+    def full(self) -> FullProblem:
+        """Return the contact problem with all free unknowns, sparse."""
+        from pwscont_coulomb.elastic.full import FullProblem  # noqa: PLC0415  it needs us
+
+        return FullProblem(self)
+
+    def condensed(self, elimination: Elimination | None = None) -> CondensedProblem:
+        """Return the contact problem with the interior eliminated, dense of size 2 p.
+
+        Parameters
+        ----------
+        elimination : Elimination, optional
+            How; default :class:`~pwscont_coulomb.elastic.Multifrontal`.
+        """
+        from pwscont_coulomb.elastic.condensation import CondensedProblem  # noqa: PLC0415
+
+        return CondensedProblem(self, elimination)
+
+    def load(self, alpha: float) -> Array:
+        """Return the load on the free unknowns, shape (n,)."""
+        load: Array = self.f0 + alpha * self.f1
+        return load
+
+    def all_displacements(self, free: Array, alpha: float) -> Array:
+        """Return the displacements of all nodes, shape (k, 2), from those of the free unknowns."""
+        u = np.empty(2 * self.space.count)
+        u[self.free] = free
+        u[self.held] = self._given[0] + alpha * self._given[1]
+        return u.reshape(-1, 2)
+
+    def stresses(self, displacements: Array) -> Array:
+        """Return the mean stress of each element, shape (3, elements): s_xx, s_yy, s_xy."""
+        xx, yy, xy = self.space.strains(displacements)
+        lam, mu = self._lame
+        mean = lam * (xx + yy)
+        return np.stack([mean + 2.0 * mu * xx, mean + 2.0 * mu * yy, mu * xy])
+
+
+def _lame(
+    space: Discretisation, material: Material | Mapping[str, Material], state: PlaneState
+) -> tuple[Array, Array]:
+    """Return lambda and mu of each element in the plane, each of shape (elements,)."""
+    count = space.mesh.nelements
+    if isinstance(material, Material):
+        lam, mu = state.in_plane(*material.lame)
+        return np.full(count, lam), np.full(count, mu)
+    values, times = np.zeros((2, count)), np.zeros(count, dtype=int)
+    for name, part in material.items():
+        elements = elements_of(space.mesh, "a material", name)
+        values[:, elements] = np.array(state.in_plane(*part.lame))[:, np.newaxis]
+        times[elements] += 1
+    for wrong, words in ((times == 0, "no material"), (times > 1, "more than one material")):
+        if wrong.any():
+            x, y = space.mesh.p[:, space.mesh.t[:, np.argmax(wrong)]].mean(axis=1)
+            raise InvalidInputError(
+                f"{np.count_nonzero(wrong)} of {count} elements have {words}, the first at "
+                f"({x:.6g}, {y:.6g}); materials are given for {', '.join(map(repr, material))}"
+            )
+    return values[0], values[1]
+
+
+def _forces(space: Discretisation, loads: Sequence[Traction | BodyForce]) -> Array:
+    """Return constant and growing nodal forces, shape (2, 2 k)."""
+    forces = np.zeros((2, 2 * space.count))
+    for number, load in enumerate(loads):
+        name = f"load {number + 1}"
+        for part, field in enumerate((load.constant, load.growing)):
+            if isinstance(load, Traction):
+                facets = facets_of(space.mesh, f"the boundary of {name}", load.boundary)
+                forces[part] += space.traction(name, field, facets)
+            else:
+                forces[part] += space.body_force(name, field, _elements(space, name, load))
+    return forces
+
+
+def _elements(space: Discretisation, name: str, load: BodyForce) -> Indices:
+    if load.subdomain is None:
+        return np.arange(space.mesh.nelements)
+    return elements_of(space.mesh, f"the subdomain of {name}", load.subdomain)

@@ -1,0 +1,134 @@
+"""Meshes, their elements, and the check that no element is inverted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.mesh_files import read_mesh
+
+#: An element whose Jacobian falls below this part of its own size is degenerate.
+FLAT = 1e-12
+
+
+def library() -> Any:
+    """Return scikit-fem, which is loaded only here.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not installed.
+    """
+    try:
+        import skfem  # noqa: PLC0415  loaded only where a finite element body is made
+    except ImportError as error:
+        raise InvalidInputError(
+            "finite element bodies need scikit-fem and meshio: pip install 'pwscont[fem]'"
+        ) from error
+    return skfem
+
+
+def as_mesh(mesh: Any) -> Any:
+    """Return a scikit-fem mesh, read with meshio where a path is given.
+
+    Physical groups of a Gmsh file become boundaries and subdomains of the same names.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read or holds no plane mesh of triangles or quadrilaterals.
+    """
+    skfem = library()
+    found = read_mesh(Path(mesh)) if isinstance(mesh, (str, Path)) else mesh
+    if not isinstance(found, (skfem.MeshTri1, skfem.MeshQuad1)):
+        raise InvalidInputError(
+            f"mesh must be a plane mesh of triangles or quadrilaterals, got {type(found).__name__}"
+        )
+    return _without_loose_points(found)
+
+
+def _without_loose_points(mesh: Any) -> Any:
+    """Return the mesh without points of no element, such as centres of circles in Gmsh files."""
+    loose = mesh.doflocs.shape[1] - len(np.unique(mesh.dofs.element_dofs))
+    return mesh.remove_unused_nodes() if loose else mesh
+
+
+def element_for(mesh: Any, order: int | None) -> Any:
+    """Return P1, P2, Q1 or Q2; the default order is that of the mesh's geometry.
+
+    Raises
+    ------
+    InvalidInputError
+        If the order is neither 1 nor 2.
+    """
+    skfem = library()
+    curved = isinstance(mesh, (skfem.MeshTri2, skfem.MeshQuad2))
+    chosen = (2 if curved else 1) if order is None else order
+    if chosen not in (1, 2):
+        raise InvalidInputError(f"order must be 1 or 2, got {order}")
+    if isinstance(mesh, skfem.MeshTri1):
+        return skfem.ElementTriP1() if chosen == 1 else skfem.ElementTriP2()
+    return skfem.ElementQuad1() if chosen == 1 else skfem.ElementQuad2()
+
+
+def check_elements(mesh: Any) -> None:
+    """Refuse inverted and degenerate elements, and elements that overlap across a facet.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the elements and where the first of them lies.
+    """
+    _refuse(mesh, _turned(mesh), "inverted or degenerate")
+    _refuse(mesh, _folded(mesh), "inverted: they overlap a neighbour")
+
+
+def _refuse(mesh: Any, elements: Indices, words: str) -> None:
+    if len(elements):
+        x, y = mesh.p[:, mesh.t[:, elements[0]]].mean(axis=1)
+        listed = ", ".join(map(str, elements[:5])) + (", ..." if len(elements) > 5 else "")
+        raise InvalidInputError(
+            f"{len(elements)} of {mesh.nelements} elements are {words}: {listed} "
+            f"(counted from 0; the first lies at ({x:.6g}, {y:.6g})); mend the mesh"
+        )
+
+
+def _turned(mesh: Any) -> Indices:
+    """Return the elements in which the map from the reference element turns over or collapses."""
+    determinants = _jacobians(mesh)
+    size = np.ptp(mesh.p[:, mesh.t], axis=1).max(axis=0) ** 2
+    upright = determinants * np.sign(determinants.sum(axis=1))[:, np.newaxis]
+    return np.flatnonzero(~(upright.min(axis=1) > FLAT * size))
+
+
+def _jacobians(mesh: Any) -> Array:
+    """Return det of the map at the nodes of each element, shape (elements, nodes)."""
+    element, corners = mesh.elem(), mesh.doflocs[:, mesh.dofs.element_dofs]
+    points = np.array(element.doflocs, dtype=float).T
+    slopes = [
+        np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(corners[0]))
+    ]
+    J = np.einsum("aie,ibq->abeq", corners, np.array(slopes))
+    found: Array = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    return found
+
+
+def _folded(mesh: Any) -> Indices:
+    """Return the elements that lie on the same side of a facet as their neighbour."""
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    start, end = mesh.p[:, mesh.facets[0, inner]], mesh.p[:, mesh.facets[1, inner]]
+    middles = mesh.p[:, mesh.t].mean(axis=1)
+    sides = [_cross(end - start, middles[:, mesh.f2t[k, inner]] - start) for k in (0, 1)]
+    bad = mesh.f2t[:, inner[sides[0] * sides[1] >= 0.0]]
+    votes = np.bincount(bad.ravel(), minlength=mesh.nelements)
+    # an inverted element disagrees with all its neighbours, they only with it
+    return np.flatnonzero((votes == votes.max()) & (votes > 0))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    found: Array = a[0] * b[1] - a[1] * b[0]
+    return found

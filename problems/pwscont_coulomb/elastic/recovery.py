@@ -1,0 +1,94 @@
+"""What a solution means on the whole body: displacements, stresses, pressure, contact states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont import Character
+from pwscont.foundation.arrays import Array, Indices
+from pwscont.graph import Solution
+from pwscont_coulomb.elastic.problem import ElasticProblem
+from pwscont_coulomb.modes import modes
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyState:
+    """One solution on the whole body.
+
+    Attributes
+    ----------
+    alpha : float
+        Parameter of the solution.
+    displacements : ndarray, shape (k, 2)
+        Of all nodes of the mesh.
+    stresses : ndarray, shape (3, elements)
+        Mean s_xx, s_yy, s_xy of each element.
+    normal_force, tangential_force : ndarray, shape (p,)
+        Contact force on the body along normal and tangent of each contact node (force per
+        thickness); the normal one is negative where the node presses.
+    pressure, shear : ndarray, shape (p,)
+        The same by the area of each node: minus the normal, and the tangential, force per area.
+    distance, slip : ndarray, shape (p,)
+        Distance that is left to the obstacle, and tangential displacement.
+    modes : ndarray of int, shape (p,)
+        :class:`~pwscont_coulomb.modes.Mode` of each contact node.
+    """
+
+    alpha: float
+    displacements: Array
+    stresses: Array
+    normal_force: Array
+    tangential_force: Array
+    pressure: Array
+    shear: Array
+    distance: Array
+    slip: Array
+    modes: Indices
+
+
+def recover(
+    problem: ElasticProblem, solution: Solution, load_alpha: float | None = None
+) -> BodyState:
+    """Return what a solution means on the whole body.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+        The problem whose system was solved.
+    solution : Solution
+        From ``graph.solutions(alpha)``.
+    load_alpha : float, optional
+        Parameter of the loads where the system's parameter is the friction coefficient; default
+        the parameter of the solution.
+    """
+    return state_at(problem, solution.z, solution.alpha, solution.character, load_alpha)
+
+
+def state_at(
+    problem: ElasticProblem,
+    z: Array,
+    alpha: float,
+    character: Character,
+    load_alpha: float | None = None,
+) -> BodyState:
+    """Return what a point of a piece means on the whole body; see :func:`recover`."""
+    contact, body = problem.elastic.contact, problem.body
+    normal, tangential = problem.multipliers(z)
+    moved = problem.displacements(z, alpha if load_alpha is None else load_alpha)
+    u = z[: body.n]
+    return BodyState(
+        alpha,
+        moved,
+        problem.elastic.stresses(moved),
+        normal,
+        tangential,
+        -normal / contact.areas,
+        tangential / contact.areas,
+        np.asarray(body.gap - body.N @ u),
+        np.asarray(body.T @ u),
+        modes(character),
+    )

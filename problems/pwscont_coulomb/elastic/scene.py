@@ -1,0 +1,136 @@
+"""A scene whose system comes from an elastic body, built and condensed when it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, final
+
+from pwscont import Character, Scene
+from pwscont.continuation.preparation import Report
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.interface.answer import Answer, Runnable
+from pwscont.interface.graph_answer import GraphAnswer
+from pwscont.interface.scene import Panel
+from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.problem import ElasticProblem
+from pwscont_coulomb.elastic.recovery import recover
+from pwscont_coulomb.modes import Mode, modes
+
+STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ElasticScene(Runnable):
+    """An elastic body under a load path, and where its solutions are listed and drawn.
+
+    Attributes
+    ----------
+    name, title : str
+    build : callable
+        () -> ElasticBody; called when the scene runs.
+    interval : tuple of float
+    at : tuple of float
+        Parameter values whose solutions are listed and drawn unless the user asks for others.
+    parameter : str
+    """
+
+    name: str
+    title: str
+    build: Callable[[], ElasticBody]
+    interval: tuple[float, float]
+    at: tuple[float, ...] = ()
+    parameter: str = "alpha"
+
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return the values of alpha whose solutions are listed.
+
+        Raises
+        ------
+        InvalidInputError
+            If one lies outside the interval.
+        """
+        lo, hi = self.interval
+        for alpha in wanted or ():
+            if not lo <= alpha <= hi:
+                raise InvalidInputError(
+                    f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
+                )
+        return self.at if wanted is None else tuple(wanted)
+
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Build and condense the body, explore the interval, list solutions."""
+        problem = self.build().condensed()
+        scene = self.scene(problem)
+        return ElasticAnswer(GraphAnswer(scene, scene.run(report), tuple(at)), problem)
+
+    def scene(self, problem: ElasticProblem) -> Scene:
+        """Return the scene of the condensed body."""
+        return Scene(
+            self.name,
+            self.title,
+            problem.along_load(),
+            self.interval,
+            parameter=self.parameter,
+            at=self.at,
+            panels=_panels(problem),
+            styles=STYLES,
+        )
+
+
+def _panels(problem: ElasticProblem) -> tuple[Panel, ...]:
+    """Return slip and normal force of the first, the middle and the last contact node."""
+    n, p = problem.body.n, problem.body.p
+    return tuple(
+        Panel(component, partial(_word, node), f"contact node {node + 1}" if p > 1 else "")
+        for node in sorted({0, p // 2, p - 1})
+        for component in (p + node, n + node)
+    )
+
+
+def _word(node: int, character: Character) -> str:
+    return Mode(modes(character)[node]).word.rstrip("+-")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ElasticAnswer(Answer):
+    """The answer of a graph, with pictures and VTU files of the listed solutions."""
+
+    graph: GraphAnswer
+    problem: ElasticProblem
+
+    def as_text(self) -> str:
+        """Return what the graph says."""
+        return self.graph.as_text()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what the graph says, as plain lists and numbers."""
+        return self.graph.as_dict()
+
+    def write(self, directory: Path) -> list[Path]:
+        """Write the branch diagrams, and picture and VTU files for each listed parameter value."""
+        files = self.graph.write(directory)
+        for alpha in self.graph.at:
+            files += self._write_bodies(directory, alpha)
+        return files
+
+    def _write_bodies(self, directory: Path, alpha: float) -> list[Path]:
+        from pwscont_coulomb.elastic.pictures import draw_states  # noqa: PLC0415  where asked for
+        from pwscont_coulomb.elastic.vtu import write_vtu  # noqa: PLC0415
+
+        elastic, found = self.problem.elastic, self.graph.graph.solutions(alpha)
+        states = [recover(self.problem, solution) for solution in found]
+        name = f"{self.graph.scene.name}-{alpha:.10g}"
+        files = [
+            write_vtu(directory / f"{name}-{number}.vtu", elastic, state)
+            for number, state in enumerate(states, start=1)
+        ]
+        if states:
+            picture = directory / f"{name}.png"
+            draw_states(elastic, states).savefig(picture, dpi=150)
+            files.insert(0, picture)
+        return files

@@ -1,0 +1,52 @@
+"""The manual's page on elastic bodies runs and says what is true."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pwscont_coulomb.elastic import recover
+from pwscont_coulomb.elastic.scenes import block
+from pwscont_coulomb.modes import Mode
+
+from pwscont.continuation.preparation import silent
+
+PAGE = (Path(__file__).parents[1] / "docs" / "elastic.rst").read_text(encoding="utf-8")
+
+
+def python_blocks():
+    """Return the code of all Python blocks, without their indentation."""
+    found = re.findall(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", PAGE, re.MULTILINE)
+    return [re.sub(r"^   ", "", code, flags=re.MULTILINE) for code in found]
+
+
+def test_the_code_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace = {}
+    blocks = python_blocks()
+    assert len(blocks) == 2
+    for code in blocks:
+        exec(compile(code, "elastic.rst", "exec"), namespace)
+    problem, body = namespace["problem"], namespace["body"]
+    assert (problem.body.n, len(body.free)) == (42, 420)
+    assert "42 unknowns instead of 420" in PAGE
+    files = {file.name for file in tmp_path.iterdir()}
+    assert files == {"states.png", "state.vtu", "branch.gif"}
+
+
+def test_the_block_is_in_the_state_that_its_picture_shows():
+    answer = block().solve((0.7,), silent)
+    (solution,) = answer.graph.graph.solutions(0.7)
+    state = recover(answer.problem, solution)
+    assert np.count_nonzero(state.modes == Mode.STICK) == 10
+    assert np.count_nonzero(state.modes == Mode.SLIP_PLUS) == 9
+    assert state.modes[0] == Mode.SLIP_MINUS
+    text = " ".join(PAGE.split())
+    assert "ten nodes stick, nine slip to the right, the first one has slipped to the left" in text
+
+
+@pytest.mark.parametrize("row", re.findall(r'^   ("[\d,]+", .*)$', PAGE, re.MULTILINE))
+def test_the_table_agrees_with_itself(row):
+    """Unknowns are those of the block with that many contact nodes."""
+    unknowns, nodes = (int(cell.replace(",", "")) for cell in re.findall(r'"([\d,]+)"', row)[:2])
+    assert unknowns == 2 * nodes * max(1, nodes // 2)
