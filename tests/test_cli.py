@@ -20,6 +20,7 @@ from pwscont.interface.progress import EVERY, FIRST, Progress
 from pwscont.interface.registry import load_scene, scene_names
 
 NAMES = scene_names()
+ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
 PLANES = ("fig4", "fig5", "fig6", "example1-critical-friction")
 CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
 EVERY_SCENE = pytest.mark.parametrize("name", NAMES)
@@ -151,7 +152,9 @@ def test_output_writes_readable_files(capsys, tmp_path, name):
     assert picture.read_bytes().startswith(PNG)
     assert picture.stat().st_size > 10_000
     assert f"written: {picture}, {data}" in err
-    assert sorted(directory.iterdir()) == sorted([picture, data])
+    bodies = [file for file in directory.iterdir() if file.stem.startswith(f"{name}-")]
+    assert sorted(directory.iterdir()) == sorted([picture, data, *bodies])
+    assert {file.suffix for file in bodies} == ({".png", ".vtu"} if name in ELASTIC else set())
 
 
 @pytest.mark.parametrize("name", PLANES)

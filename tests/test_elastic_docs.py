@@ -9,7 +9,7 @@ from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.scenes import block
 from pwscont_coulomb.modes import Mode
 
-from pwscont.continuation.preparation import silent
+from pwscont.continuation.plan import silent
 
 PAGE = (Path(__file__).parents[1] / "docs" / "elastic.rst").read_text(encoding="utf-8")
 

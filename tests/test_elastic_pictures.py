@@ -16,7 +16,7 @@ from pwscont_coulomb.elastic.vtu import write_vtu
 from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
-from pwscont.continuation.preparation import silent
+from pwscont.continuation.plan import silent
 from pwscont.foundation.errors import InvalidInputError
 
 

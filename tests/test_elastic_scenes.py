@@ -6,7 +6,7 @@ from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.scenes import PRESS_MESH, press, press_body, wedge, wedge_body
 
 from pwscont import explore
-from pwscont.continuation.preparation import silent
+from pwscont.continuation.plan import silent
 
 
 def jam(nodes):

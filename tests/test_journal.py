@@ -200,7 +200,7 @@ def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypa
     [
         (["fig7"], "needs -o DIR"),
         (["fig7", "-o", "."], "nothing to resume"),
-        (["fig5", "-o", "."], "has two"),
+        (["fig5", "-o", "."], "keeps no journal"),
     ],
 )
 def test_what_cannot_be_resumed(arguments, message, capsys, monkeypatch, tmp_path):

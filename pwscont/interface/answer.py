@@ -5,8 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
 
@@ -43,6 +44,13 @@ class Runnable(ABC):
     name: str
     title: str
     parameter: str
+
+    #: Whether an interrupted run can go on: then there is with_journal.
+    resumable: ClassVar[bool] = False
+
+    def with_journal(self, journal: Journal) -> Runnable:
+        """Return the same scene with a journal of its finished pieces."""
+        raise NotImplementedError
 
     @abstractmethod
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:

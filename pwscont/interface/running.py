@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from pwscont.continuation.journal import Journal
@@ -17,7 +16,6 @@ from pwscont.foundation.errors import InvalidInputError
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.progress import Progress
 from pwscont.interface.registry import load_scene
-from pwscont.interface.scene import Scene
 
 
 def run_scene(options: argparse.Namespace) -> int:
@@ -58,16 +56,14 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
     InvalidInputError
         If there is an unfinished run that the user may not want to lose, or none to resume.
     """
-    if not isinstance(scene, Scene) or output is None:
-        if resume:
-            raise InvalidInputError(f"--resume {_why_not(scene)}")
+    path = output / f"{scene.name}.journal" if output and scene.resumable else None
+    _check_unfinished(scene, path, resume)
+    if path is None:
         yield scene
         return
-    path = output / f"{scene.name}.journal"
-    _check_unfinished(path, resume)
     journal = Journal(path)
     try:
-        yield replace(scene, journal=journal)
+        yield scene.with_journal(journal)
     except KeyboardInterrupt:
         kept = f"{len(journal)} pieces are kept in {path}; --resume goes on from there"
         print(f"pwscont: {kept}", file=sys.stderr)  # noqa: T201
@@ -79,18 +75,17 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
     journal.remove()
 
 
-def _why_not(scene: Runnable) -> str:
-    if isinstance(scene, Scene):
-        return "needs -o DIR, the directory of the interrupted run"
-    return f"is for scenes with one parameter; {scene.name} has two"
-
-
-def _check_unfinished(path: Path, resume: bool) -> None:
-    if path.exists() and not resume:
+def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
+    if path is None:
+        if resume and not scene.resumable:
+            raise InvalidInputError(f"the scene {scene.name} keeps no journal to resume from")
+        if resume:
+            raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
+    elif path.exists() and not resume:
         raise InvalidInputError(
             f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
         )
-    if resume and not path.exists():
+    elif resume and not path.exists():
         raise InvalidInputError(f"nothing to resume: there is no {path}")
 
 

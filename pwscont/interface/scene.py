@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, final
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, final
 
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
@@ -97,6 +97,12 @@ class Scene(Runnable):
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
     journal: Journal | None = None
+
+    resumable: ClassVar[bool] = True
+
+    def with_journal(self, journal: Journal) -> Scene:
+        """Return the same scene with a journal."""
+        return replace(self, journal=journal)
 
     def run(self, report: Report = silent) -> BranchGraph:
         """Explore the scene's interval."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, final
 
-from pwscont import Character, Scene
-from pwscont.continuation.preparation import Report
+from pwscont import Character, Journal, Scene
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.graph_answer import GraphAnswer
@@ -36,6 +37,8 @@ class ElasticScene(Runnable):
     at : tuple of float
         Parameter values whose solutions are listed and drawn unless the user asks for others.
     parameter : str
+    journal : Journal, optional
+        As for :class:`pwscont.Scene`.
     """
 
     name: str
@@ -44,6 +47,20 @@ class ElasticScene(Runnable):
     interval: tuple[float, float]
     at: tuple[float, ...] = ()
     parameter: str = "alpha"
+    journal: Journal | None = None
+
+    resumable: ClassVar[bool] = True
+
+    def with_journal(self, journal: Journal) -> ElasticScene:
+        """Return the same scene with a journal."""
+        return replace(self, journal=journal)
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what is left out, and why; the rest is known when the body has been built."""
+        return (
+            Omission("displacements inside the body", "they follow from those in contact"),
+            Omission("their recovery", "only made for solutions that are drawn or written"),
+        )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
         """Return the values of alpha whose solutions are listed.
@@ -78,6 +95,7 @@ class ElasticScene(Runnable):
             at=self.at,
             panels=_panels(problem),
             styles=STYLES,
+            journal=self.journal,
         )
 
 
