@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from functools import lru_cache
+from itertools import groupby
 from typing import final
 
 import numpy as np
@@ -77,7 +78,7 @@ TRIPLES = {
 
 
 def label(character: Character) -> str:
-    """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
+    """Return the modes of all nodes: ``node 1 slip-, nodes 2 to 5 stick``."""
     return _listed([Mode(mode).word for mode in modes(character)])
 
 
@@ -88,9 +89,21 @@ def describe(character: Character) -> str:
 
 
 def _listed(words: list[str]) -> str:
+    """Return the word of each node; three or more alike in a row are named together."""
     if len(words) == 1:
         return words[0]
-    return ", ".join(f"node {i} {word}" for i, word in enumerate(words, start=1))
+    runs, first = [], 1
+    for word, group in groupby(words):
+        last = first + len(list(group)) - 1
+        runs += _run(first, last, word)
+        first = last + 1
+    return ", ".join(runs)
+
+
+def _run(first: int, last: int, word: str) -> list[str]:
+    if last - first >= 2:
+        return [f"nodes {first} to {last} {word}"]
+    return [f"node {i} {word}" for i in range(first, last + 1)]
 
 
 def describe_change(before: Character, after: Character) -> str:
