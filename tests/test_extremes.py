@@ -222,7 +222,7 @@ def assert_right_over_friction(body, force, hi=15.0, r=None):
 FIVE = np.array([0.4, -1.4, 1.5, -1.5])  # up to five solutions on the paper's two nodes
 
 
-@pytest.mark.parametrize(("stiffness", "force"), list(product(SCALES, SCALES)))
+@pytest.mark.parametrize(("stiffness", "force"), list(product([1e-12, 1.0, 1e12], repeat=2)))
 def test_friction_as_parameter_in_any_unit(stiffness, force):
     body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
     assert_right_over_friction(body, force * FIVE)
@@ -384,7 +384,7 @@ def away_from(ends):
     return [0.5 * (a + b) for a, b in pairwise(ends) if b - a > 1e-9]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_nodes_that_differ_by_rounding(seed):
     """Their transitions are 1e-15 to 1e-12 apart: one corner or two points, balanced anyway."""
     path = nearly_identical_nodes(seed)
