@@ -7,7 +7,7 @@ import pytest
 from paper_systems import CASES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
-from pwscont import Scene
+from pwscont import Scene, explore
 
 
 def answer(system, interval, at):
@@ -63,3 +63,23 @@ def test_few_digits_are_said():
     assert line.endswith(few)
     alarmed = [node for node in data["nodes"] if node["digits"] < 6.0]
     assert len([line for line in points_of(text) if "digits known" in line]) == len(alarmed) > 0
+
+
+def test_no_graph_with_few_digits_is_called_complete():
+    """Friction of one node 1e13 times its neighbour's leaves one digit, and a piece is missing."""
+    body = ContactBody(
+        [
+            [2.0, -1.0, -0.3, 0.0],
+            [-1.0, 2.0, 0.0, -0.3],
+            [-0.3, 0.0, 2.0, -1.0],
+            [0.0, -0.3, -1.0, 2.0],
+        ],
+        N=[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        T=[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+    )
+    load = AffineLoad([0.25, 0.05, 0.25, 0.15], [0.1, 1.0, 0.1, 1.0])
+    for contrast, promises in ((1.0, True), (1e12, True), (1e13, False)):
+        graph = explore(CoulombLoad(body, load, [4.0 * contrast, 4.0]), (-2.0, 2.0))
+        few = any(point.digits < 6.0 for point in graph.special_points())
+        assert few != promises
+        assert (graph.guarantee == "complete") == promises

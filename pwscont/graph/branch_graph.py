@@ -17,7 +17,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
+from pwscont.foundation.records import FEW_DIGITS, Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.refinement import refine
@@ -386,13 +386,15 @@ class BranchGraph:
         """What is known about the completeness of the graph, in words.
 
         "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
-        branch missing in (lo, hi)". Balance is necessary for completeness, not sufficient, and
-        says nothing of stretches shorter than the uncertainty of their ends, see :meth:`sums`.
+        branch missing in (lo, hi)". No graph is called complete with a special point that is
+        stopped, searched in part, or known to less than six digits. Balance is necessary for
+        completeness, not sufficient, and says nothing of stretches shorter than the uncertainty
+        of their ends, see :meth:`sums`.
         """
         if gaps := self._unbalanced():
             where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
             return f"not balanced: at least one branch missing in {where}"
-        if any(point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) for point in self._points):
+        if any(_leaves_doubt(point) for point in self._points):
             return "balanced"
         if not self.pieces and self.searched.promise == Promise.NOTHING:
             return "nothing found"
@@ -448,3 +450,9 @@ class BranchGraph:
 
     def _repr_html_(self) -> str:
         return presentation.as_html(self)
+
+
+def _leaves_doubt(point: SpecialPoint) -> bool:
+    """Tell whether a search cannot keep its promise, because of what was found at this point."""
+    partial = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER)
+    return partial or point.digits < FEW_DIGITS
