@@ -38,6 +38,8 @@ class Mode(IntEnum):
         return ("no contact", "contact-stick", "contact-slip", "contact-slip")[self]
 
 
+WORDS = tuple(mode.word for mode in Mode)
+
 #: Signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of one character for each mode.
 SIGNS = {
     Mode.NO_CONTACT: (True, True, True),
@@ -78,7 +80,7 @@ TRIPLES = {
 
 def label(character: Character) -> str:
     """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
-    return _listed([Mode(mode).word for mode in modes(character)])
+    return _listed([WORDS[mode] for mode in modes(character).tolist()])
 
 
 def describe(character: Character) -> str:
