@@ -236,6 +236,34 @@ class Coulomb(SlicewiseLinearSystem):
             ),
         )
 
+    def essential(self, character: Character) -> Indices | None:
+        """Return two unknowns per node: displacements where it may move, else multipliers."""
+        if self.algebra is None:
+            return None
+        return self._free_unknowns(contact.modes(character))
+
+    def _free_unknowns(self, mode: Indices) -> Indices:
+        a, n, p = self.algebra, self.body.n, self.body.p
+        assert a is not None
+        chosen = np.arange(n)
+        node = np.arange(p)
+        chosen[a.normal] = np.where(mode == contact.Mode.NO_CONTACT, a.normal, n + node)
+        chosen[a.tangential] = np.where(mode == contact.Mode.STICK, n + p + node, a.tangential)
+        return chosen
+
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z from what is free in these modes."""
+        if self.algebra is None:
+            return values
+        mode, n, p = contact.modes(character), self.body.n, self.body.p
+        a, touches = self.algebra, mode != contact.Mode.NO_CONTACT
+        z = np.zeros(self.size)
+        z[a.normal[touches]] = self.body.gap[touches]
+        z[self._free_unknowns(mode)] = values
+        slips = -SLIPS[mode] * self.friction_at(alpha)
+        z[n + p :] += slips * z[n : n + p]
+        return z
+
     def searches(self) -> tuple[Search, ...]:
         """Return the homotopy from the frictionless problem, which works for any p."""
         from pwscont_coulomb.frictionless import FromFrictionless  # noqa: PLC0415  it traces us

@@ -61,7 +61,7 @@ def modes(character: Character) -> Indices:
     Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
     and slip- overlap; there the sign of kappa2 decides.
     """
-    signs = np.array(character.signs, dtype=bool).reshape(-1, 3)
+    signs = np.frombuffer(bytes(character), dtype=bool).reshape(-1, 3)
     contact, above, below = ~signs[:, 0], signs[:, 1], ~signs[:, 2]
     slip = np.where(above, Mode.SLIP_MINUS, Mode.SLIP_PLUS)
     found = np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)

@@ -32,6 +32,26 @@ WORDS = {
 
 
 @final
+class _OfNode(dict[str, Any]):
+    """What networkx knows of a node; the state ``z`` is taken from the point when asked for."""
+
+    def __missing__(self, key: str) -> Any:
+        if key != "z":
+            raise KeyError(key)
+        return self["point"].z
+
+
+@final
+class _OfEdge(dict[str, Any]):
+    """What networkx knows of an edge; the ``label`` is taken from the piece when asked for."""
+
+    def __missing__(self, key: str) -> Any:
+        if key != "label":
+            raise KeyError(key)
+        return self["piece"].label
+
+
+@final
 class BranchGraph:
     """All that was found of the solutions of a system in an interval of its parameter.
 
@@ -69,12 +89,11 @@ class BranchGraph:
         self.system = system
         self.parameter = parameter
         self._nx = nx.MultiGraph()
+        self._nx.node_attr_dict_factory, self._nx.edge_attr_dict_factory = _OfNode, _OfEdge
         for point in points:
-            self._nx.add_node(
-                point.id, point=point, kind=str(point.kind), alpha=point.alpha, z=point.z
-            )
+            self._nx.add_node(point.id, point=point, kind=str(point.kind), alpha=point.alpha)
         for piece in pieces:
-            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece, label=piece.label)
+            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece)
 
     @property
     def nx(self) -> nx.MultiGraph:

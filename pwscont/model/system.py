@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.differences import central_differences, exact_differences
@@ -125,6 +125,20 @@ class PiecewiseSystem(ABC):
                 seen.add(key)
                 yield character
 
+    def essential(self, character: Character) -> Indices | None:
+        """Return which components of z determine the others on this selection, None for all.
+
+        Only these are stored of special points; default None.
+        """
+        return None
+
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z, shape (n,), from the components that :meth:`essential` names.
+
+        Affine in them, each other component a multiple of one of them and a constant.
+        """
+        return values
+
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Return a smaller system with the same solutions for alpha in [lo, hi], if there is one.
 
@@ -154,10 +168,11 @@ class PiecewiseSystem(ABC):
 
         One byte per test function: 0 for a test that does not bound the cell, else its sign.
         """
-        signs = bytearray(len(character.signs))
+        signs = character.signs
+        cell = bytearray(len(signs))
         for i in self.bounding_tests(character):
-            signs[i] = 2 if character.signs[i] else 1
-        return bytes(signs)
+            cell[i] = 2 if signs[i] else 1
+        return bytes(cell)
 
 
 @final
