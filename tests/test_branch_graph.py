@@ -16,7 +16,8 @@ from reference_enumeration import solve_modes
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.foundation.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import Piece, SpecialPoint
+from pwscont.foundation.place import Stored
+from pwscont.foundation.records import Piece, SpecialPoint, Track
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -439,11 +440,11 @@ def graph_with_a_thin_stretch(error):
     """Return two pieces that meet, but for a stretch of 1e-12 on which there is none."""
     ends = [0.0, 0.5, 0.5 + 1e-12, 1.0]
     points = [
-        SpecialPoint(i, Kind.TRANSITION, np.zeros(1), alpha, "", "", error=np.full(2, error))
+        SpecialPoint(i, Kind.TRANSITION, Stored(np.array([0.0, alpha]), np.full(2, error)), "", "")
         for i, alpha in enumerate(ends)
     ]
     pieces = [
-        Piece(i, a, b, Character(()), "", np.array([[0.0, ends[a]], [0.0, ends[b]]]), 1)
+        Piece(i, a, b, Character(()), str, Track.of(np.array([[0.0, ends[a]], [0.0, ends[b]]])), 1)
         for i, (a, b) in enumerate([(0, 1), (2, 3)])
     ]
     return BranchGraph(points, pieces, (0.0, 1.0))

@@ -80,6 +80,6 @@ def test_no_graph_with_few_digits_is_called_complete():
     load = AffineLoad([0.25, 0.05, 0.25, 0.15], [0.1, 1.0, 0.1, 1.0])
     for contrast, promises in ((1.0, True), (1e12, True), (1e13, False)):
         graph = explore(CoulombLoad(body, load, [4.0 * contrast, 4.0]), (-2.0, 2.0))
-        few = any(point.digits < 6.0 for point in graph.special_points())
+        few = any(point.digits < 2.0 for point in graph.special_points())
         assert few != promises
         assert (graph.guarantee == "complete") == promises

@@ -18,6 +18,7 @@ rows are forces.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -25,12 +26,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Block, Character, SlicewiseLinearSystem
-from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
+from pwscont.foundation.arrays import Array, Indices, Matrix, dense, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.model.reduction import Reduction
+from pwscont.numerics.row_replacement import Updating
 from pwscont.search import Search
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
 from pwscont_coulomb.modes import BOUNDS, SIGNS
 
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
@@ -38,6 +41,8 @@ STICKS = np.array([0.0, 1.0, 0.0, 0.0])
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
 
 
+#: From this many contact nodes on, elimination by hand pays for itself.
+MANY_NODES = 32
 #: Rounding in the bound by which nodes are left out is far below this part of it.
 REACH_MARGIN = 1e-6
 
@@ -62,28 +67,35 @@ class Coulomb(SlicewiseLinearSystem):
         self.r = _positive("r", body.stiffness if r is None else r, body.p)
         self._offset = self.r * body.gap
         self._has_gap = bool(body.gap.any())
-        self._free = self._free_matrix()
+        many = body.p >= MANY_NODES and ContactAlgebra.fits(body)
+        #: How dH/dz is factorised where there are many contact nodes; None for a general LU.
+        self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = self._test_rows()
         self._known: tuple[Any, Matrix] | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
-    def _free_matrix(self) -> Matrix:
+    @cached_property
+    def _free(self) -> Matrix:
         """Return dH/dz without any contact: equilibrium, lam_nu = 0, lam_t = 0."""
         n, body = self.body.n, self.body
         if not body.is_sparse:
             matrix = np.eye(self.size)
-            matrix[:n] = np.hstack([body.A, -body.N.T, -body.T.T])
+            matrix[:n] = np.hstack([body.A, -dense(body.N).T, -dense(body.T).T])
             return matrix
         one, N, T = sp.identity(body.p), sp.csr_matrix(body.N), sp.csr_matrix(body.T)
         blocks = [[body.A, -N.T, -T.T], [None, one, None], [None, None, one]]
         return sp.bmat(blocks, format="csr")
 
+    @property
+    def _has_sparse_tests(self) -> bool:
+        return self.body.is_sparse or self.algebra is not None
+
     def _test_rows(self) -> tuple[Matrix, Matrix]:
         """Return the gradients by z of kappa1 and x, each of shape (p, n + 2 p)."""
         body, r = self.body, self.r
-        if not body.is_sparse:
+        if not self._has_sparse_tests:
             one, none = np.eye(body.p), np.zeros((body.p, body.p))
-            N, T = -r[:, np.newaxis] * body.N, -r[:, np.newaxis] * body.T
+            N, T = -r[:, np.newaxis] * dense(body.N), -r[:, np.newaxis] * dense(body.T)
             return np.hstack([N, one, none]), np.hstack([T, none, one])
         one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
         N, T = -sp.diags(r) @ sp.csr_matrix(body.N), -sp.diags(r) @ sp.csr_matrix(body.T)
@@ -224,6 +236,34 @@ class Coulomb(SlicewiseLinearSystem):
             ),
         )
 
+    def essential(self, character: Character) -> Indices | None:
+        """Return two unknowns per node: displacements where it may move, else multipliers."""
+        if self.algebra is None:
+            return None
+        return self._free_unknowns(contact.modes(character))
+
+    def _free_unknowns(self, mode: Indices) -> Indices:
+        a, n, p = self.algebra, self.body.n, self.body.p
+        assert a is not None
+        chosen = np.arange(n)
+        node = np.arange(p)
+        chosen[a.normal] = np.where(mode == contact.Mode.NO_CONTACT, a.normal, n + node)
+        chosen[a.tangential] = np.where(mode == contact.Mode.STICK, n + p + node, a.tangential)
+        return chosen
+
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z from what is free in these modes."""
+        if self.algebra is None:
+            return values
+        mode, n, p = contact.modes(character), self.body.n, self.body.p
+        a, touches = self.algebra, mode != contact.Mode.NO_CONTACT
+        z = np.zeros(self.size)
+        z[a.normal[touches]] = self.body.gap[touches]
+        z[self._free_unknowns(mode)] = values
+        slips = -SLIPS[mode] * self.friction_at(alpha)
+        z[n + p :] += slips * z[n : n + p]
+        return z
+
     def searches(self) -> tuple[Search, ...]:
         """Return the homotopy from the frictionless problem, which works for any p."""
         from pwscont_coulomb.frictionless import FromFrictionless  # noqa: PLC0415  it traces us
@@ -255,11 +295,16 @@ class Coulomb(SlicewiseLinearSystem):
         """
         key = (mode.tobytes(), friction.tobytes())
         if self._known is None or self._known[0] != key:
-            normal = _scaled(IN_CONTACT[mode], self._kappa1_rows)
-            slip = _scaled(SLIPS[mode] * friction, self._kappa1_rows)
-            tangential = _scaled(STICKS[mode], self._x_rows) - slip
-            self._known = (key, self._less_contact(normal, tangential))
+            self._known = (key, self._state_matrix(mode, friction))
         return self._known[1]
+
+    def _state_matrix(self, mode: Indices, friction: Array) -> Matrix:
+        if self.algebra is not None:
+            return ContactMatrix(self.algebra, mode, friction)
+        normal = _scaled(IN_CONTACT[mode], self._kappa1_rows)
+        slip = _scaled(SLIPS[mode] * friction, self._kappa1_rows)
+        tangential = _scaled(STICKS[mode], self._x_rows) - slip
+        return self._less_contact(normal, tangential)
 
     def _less_contact(self, normal: Matrix, tangential: Matrix) -> Matrix:
         """Return the matrix of the body without contact, less rows of the contact nodes."""
@@ -281,7 +326,7 @@ class Coulomb(SlicewiseLinearSystem):
         by_alpha : ndarray, shape (3 p,)
             Derivatives by alpha, the last column.
         """
-        if self.body.is_sparse:
+        if self._has_sparse_tests:
             bound = sp.diags(friction) @ self._kappa1_rows
             rows = sp.vstack([self._kappa1_rows, self._x_rows - bound, self._x_rows + bound])
             by_node = np.arange(3 * self.body.p).reshape(3, self.body.p).T.ravel()
@@ -293,7 +338,9 @@ class Coulomb(SlicewiseLinearSystem):
         return gradients
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
-        """Return [matrix | column], dense or sparse as the body is."""
+        """Return [matrix | column], dense, sparse or structured as the matrix is."""
+        if isinstance(matrix, ContactMatrix):
+            return matrix.with_column(column)
         if self.body.is_sparse:
             return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
         jacobian = np.empty((self.size, self.size + 1))

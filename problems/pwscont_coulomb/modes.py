@@ -39,6 +39,8 @@ class Mode(IntEnum):
         return ("no contact", "contact-stick", "contact-slip", "contact-slip")[self]
 
 
+WORDS = tuple(mode.word for mode in Mode)
+
 #: Signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of one character for each mode.
 SIGNS = {
     Mode.NO_CONTACT: (True, True, True),
@@ -60,7 +62,7 @@ def modes(character: Character) -> Indices:
     Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
     and slip- overlap; there the sign of kappa2 decides.
     """
-    signs = np.array(character.signs, dtype=bool).reshape(-1, 3)
+    signs = np.frombuffer(bytes(character), dtype=bool).reshape(-1, 3)
     contact, above, below = ~signs[:, 0], signs[:, 1], ~signs[:, 2]
     slip = np.where(above, Mode.SLIP_MINUS, Mode.SLIP_PLUS)
     found = np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)
@@ -79,7 +81,7 @@ TRIPLES = {
 
 def label(character: Character) -> str:
     """Return the modes of all nodes: ``node 1 slip-, nodes 2 to 5 stick``."""
-    return _listed([Mode(mode).word for mode in modes(character)])
+    return _listed([WORDS[mode] for mode in modes(character).tolist()])
 
 
 def describe(character: Character) -> str:

@@ -14,13 +14,14 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import significant
+from pwscont.foundation.place import Place, Stored
+from pwscont.foundation.records import Track, significant
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.model.packing import Lifted
 from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import magnitude
 
 
 def assemble(
@@ -74,9 +75,16 @@ class Lift:
     reduction: Reduction | None
     scale: Array
 
-    def points(self, points: Array) -> Array:
-        """Return points, or one, with all unknowns."""
-        return self.reduction.points(points, self.system.size) if self.reduction else points
+    def place(self, place: Place) -> Place:
+        """Return a place with all unknowns."""
+        return Lifted(place, self.reduction, self.system.size) if self.reduction else place
+
+    def track(self, track: Track) -> Track:
+        """Return the points of a piece with all unknowns."""
+        if self.reduction is None:
+            return track
+        inner = self.reduction.points(track.inner, self.system.size)
+        return Track(self.place(track.start), inner, self.place(track.end))
 
     def character(self, character: Character) -> Character:
         """Return the character with all signs."""
@@ -87,22 +95,21 @@ class _Directed:
     """An edge turned so that it follows the positive orientation."""
 
     def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
-        self.edge = edge
-        forward = edge.ray.state.orientation > 0
+        self.edge, trail = edge, edge.trail
+        forward = trail.orientation > 0
         self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
-        self.points: Array = lift.points(edge.points if forward else edge.points[::-1])
-        self.character = lift.character(edge.ray.curve.selection.character)
-        self.label = lift.system.label(self.character)
-        ray = edge.ray
-        self.det_sign = ray.index if ray.shared else self._direction(width)
+        self.track = lift.track(edge.track if forward else edge.track.reversed())
+        self.character = lift.character(trail.character)
+        self.naming = lift.system.label
+        self.det_sign = trail.index if trail.is_shared else self._direction(width)
 
     def _direction(self, width: float) -> int:
         """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
-        rise = float(self.points[-1, -1] - self.points[0, -1])
+        rise = self.track.end.alpha - self.track.start.alpha
         if abs(rise) > SAME_ALPHA * width:
             return 1 if rise > 0.0 else -1
-        ray = self.edge.ray
-        return int(np.sign(ray.curve.slope(ray.state))) * ray.state.orientation
+        trail = self.edge.trail
+        return int(np.sign(trail.slope)) * trail.orientation
 
     def piece(self, number: int, numbers: dict[int, int]) -> Piece:
         return Piece(
@@ -110,8 +117,8 @@ class _Directed:
             start=numbers[self.start],
             end=numbers[self.end],
             character=self.character,
-            label=self.label,
-            points=self.points,
+            naming=self.naming,
+            track=self.track,
             det_sign=self.det_sign,
         )
 
@@ -149,39 +156,34 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 
 
 def _special_point(
-    number: int, node: Node, messages: tuple[str, str], ends: list[Array], lift: Lift
+    number: int, node: Node, messages: tuple[str, str], ends: list[Place], lift: Lift
 ) -> SpecialPoint:
-    x = lift.points(node.x)
-    error = _error(x, lift.points(_own_error(node)), ends)
-    return SpecialPoint(
-        number,
-        node.kind,
-        x[:-1],
-        float(x[-1]),
-        *messages,
-        error=error,
-        digits=significant(error, x, lift.scale),
-    )
+    place = lift.place(_covering(node, ends))
+    digits = significant(place.error, place.x, lift.scale)
+    return SpecialPoint(number, node.kind, place, *messages, digits=digits)
 
 
-def _own_error(node: Node) -> Array:
-    """Return the error of the node's place as its least certain ray knows it."""
-    samples = [ray.state.error for ray in node.rays] or [np.zeros((1, len(node.x)))]
-    return np.asarray(np.max([magnitude(node.x, error) for error in samples], axis=0))
+def _covering(node: Node, ends: list[Place]) -> Place:
+    """Return the place of a node, with an error that covers all that were taken to be there."""
+    others = {id(one): one for one in (*ends, *(mark.place for mark in node.marks))}
+    others.pop(id(node.place), None)
+    if not others:
+        return node.place
+    x = node.place.x
+    errors = [np.maximum(one.error, np.abs(one.x - x)) for one in others.values()]
+    return Stored(x, np.max([node.place.error, *errors], axis=0))
 
 
-def _error(x: Array, own: Array, ends: list[Array]) -> Array:
-    """Return an error of ``x`` that covers the ends of all pieces that were taken to meet there."""
-    return np.asarray(np.max([own, *(np.abs(end - x) for end in ends)], axis=0))
-
-
-def _ends(edges: list[_Directed], node: int) -> list[Array]:
-    """Return the points with which edges begin or end at a node."""
+def _ends(edges: list[_Directed], node: int) -> list[Place]:
+    """Return where edges begin or end at a node, before anything left out is put back."""
     return [
-        edge.points[at]
+        place
         for edge in edges
-        for place, at in ((edge.start, 0), (edge.end, -1))
-        if place == node
+        for number, place in (
+            (edge.edge.start, edge.edge.track.start),
+            (edge.edge.end, edge.edge.track.end),
+        )
+        if number == node
     ]
 
 
@@ -190,13 +192,10 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     edge = directed.edge
     if edge.begun_at is None:
         return None
-    error = magnitude(edge.begun_at, edge.ray.state.error)
-    x, error = lift.points(edge.begun_at), lift.points(error)
-    message = f"start in {directed.label}"
-    digits = significant(error, x, lift.scale)
-    return SpecialPoint(
-        -1, Kind.START, x[:-1], float(x[-1]), message, message, piece, error, digits
-    )
+    place = lift.place(edge.begun_at)
+    message = f"start in {directed.naming(directed.character)}"
+    digits = significant(place.error, place.x, lift.scale)
+    return SpecialPoint(-1, Kind.START, place, message, message, piece, digits)
 
 
 def _messages(

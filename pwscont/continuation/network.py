@@ -7,42 +7,45 @@ opposite direction: that is how loops close and how nothing is drawn twice.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import final
 
 import numpy as np
 
+from pwscont.continuation.marks import JOIN, Mark, Trail, direction, names
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Follower, Walk
-from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.rounding import CONFIDENCE, EPS
-from pwscont.numerics.curve import State
-from pwscont.numerics.metric import Metric
+from pwscont.foundation.place import Place, Stored
+from pwscont.foundation.records import Track
+from pwscont.model.packing import place as place_of
 from pwscont.numerics.uncertainty import magnitude
 from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray
-
-#: Places closer than this times their size are one, if the rays there agree as well.
-#: Far above the accuracy of a located point, far below what separates equal transitions.
-JOIN = EPS**0.5
 
 
 @final
 @dataclass(slots=True)
 class Node:
-    """A special point under discovery."""
+    """A special point under discovery.
+
+    Of its rays, those that were followed or arrived on leave nothing but their marks.
+    """
 
     kind: Kind
-    x: Array
+    place: Place
     message: str
-    rays: list[Ray]
-    taken: list[bool] = field(init=False)
+    rays: list[Ray | None] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.taken = [False] * len(self.rays)
+    def add(self, rays: Iterable[Ray], place: Place) -> None:
+        """Let more rays leave."""
+        for ray in rays:
+            self.rays.append(ray)
+            self.marks.append(Mark.of(ray, place))
 
     def stop(self, message: str) -> None:
         """Note that a ray could not be followed; a degenerate point stays what it is."""
@@ -61,9 +64,9 @@ class Edge:
 
     start: int
     end: int
-    ray: Ray
-    points: Array
-    begun_at: Array | None = None
+    trail: Trail
+    track: Track
+    begun_at: Place | None = None
 
 
 @final
@@ -82,6 +85,7 @@ class Network:
         self._report = report
         self._queue: deque[tuple[int, int]] = deque()
         self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
+        self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
 
@@ -93,14 +97,15 @@ class Network:
         arrival = replace(arrival, rays=rays)
         known = [match for ray in rays if (match := self._match(ray))]
         if known:
-            self._absorb(known[0][0], arrival)
+            self._absorb(known[0][0], arrival, _place(arrival))
             self._follow_all(after_first=None)
         if known or self._is_isolated_twin(arrival) or (interior and self._is_known(rays[0])):
             return
-        start = self._new(arrival)
+        start = self._new(arrival, _place(arrival))
         if not interior:
-            self._register(start)
-        self._follow_all(after_first=(lambda: self._dissolve(start)) if interior else None)
+            self._register(start, arrival.rays)
+        dissolve = partial(self._dissolve, start, rays) if interior else None
+        self._follow_all(after_first=dissolve)
 
     def _follow_all(self, after_first: Callable[[], None] | None) -> None:
         """Work through the queue; both rays of an interior start come first and are joined."""
@@ -112,33 +117,35 @@ class Network:
             self._follow(*self._queue.popleft())
 
     def _follow(self, node: int, index: int) -> None:
-        if self.nodes[node].taken[index]:
-            return
-        self.nodes[node].taken[index] = True
         ray = self.nodes[node].rays[index]
+        if ray is None:
+            return
+        self.nodes[node].rays[index] = None
         walk = self._walker.walk(ray).sharing(ray)
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
-        self.edges.append(Edge(node, self._reach(walk), ray, walk.points))
+        start, end = self.nodes[node].marks[index].place, _place(walk.arrival)
+        track = Track(start, walk.points[1:-1].copy(), end)
+        self.edges.append(Edge(node, self._reach(walk, end), Trail.of(ray), track))
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
-    def _reach(self, walk: Walk) -> int:
+    def _reach(self, walk: Walk, place: Place) -> int:
         """Return the node at which a walk arrived, and take its ray there."""
         matches = [self._match(ray) for ray in walk.arrival.rays]
         near = next(filter(None, matches), None)
         if near is None:
-            node = self._new(walk.arrival)
-            self._register(node)
+            node = self._new(walk.arrival, place)
+            self._register(node, walk.arrival.rays)
         else:
             node = near[0]
-            self._absorb(node, walk.arrival)
+            self._absorb(node, walk.arrival, place)
         back = self._match(walk.arrival.rays[0])
         if back is not None:
-            self.nodes[back[0]].taken[back[1]] = True
+            self.nodes[back[0]].rays[back[1]] = None
         return node
 
-    def _absorb(self, node: int, arrival: Arrival) -> None:
+    def _absorb(self, node: int, arrival: Arrival, place: Place) -> None:
         """Add to a node the rays that only this arrival shows.
 
         Transitions apart by no more than rounding may be one corner or two special points,
@@ -149,34 +156,30 @@ class Network:
             return
         here = self.nodes[node]
         first = len(here.rays)
-        here.rays += news
-        here.taken += [False] * len(news)
+        here.add(news, place)
         here.kind, here.message = arrival.kind, arrival.message
         self._queue.extend((node, first + i) for i in range(len(news)))
-        self._register(node, first)
+        self._register(node, news, first)
 
     def _match(self, ray: Ray) -> tuple[int, int] | None:
         """Return the node and ray that ``ray`` is, if it is known.
 
         At a branch point several rays of one cell leave one place: the best aligned is it.
         """
-        metric = ray.curve.metric
-        covector = metric.covector(ray.state.tangent)
-        best, found = 0.0, None
-        candidates = chain.from_iterable(self._by_cell[cell] for cell in ray.cells)
+        best, found, towards = 0.0, None, direction(ray)
+        candidates = chain.from_iterable(self._by_cell[cell] for cell in names(ray))
         for node, index in candidates:
-            known = self.nodes[node].rays[index].state
-            cosine = float(covector.dot(known.tangent))
-            if cosine > best and _same_place(metric, known, ray.state):
+            cosine = self.nodes[node].marks[index].alignment(ray, towards)
+            if cosine > best:
                 best, found = cosine, (node, index)
         return found
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        cells, interval = set(ray.cells), self._walker.interval
+        cells, interval = set(names(ray)), self._walker.interval
         return any(
-            not cells.isdisjoint(edge.ray.cells)
-            and lies_on(edge.ray.curve, edge.points, ray.state, interval)
+            not cells.isdisjoint(edge.trail.names)
+            and lies_on(edge.trail.curve(ray.curve), edge.track.points, ray.state, interval)
             for edge in self.edges
         )
 
@@ -185,24 +188,25 @@ class Network:
         if arrival.rays:
             return False
         return any(
-            np.abs(node.x - arrival.x).max() <= JOIN * (1.0 + np.abs(arrival.x).max())
+            np.abs(node.place.x - arrival.x).max() <= JOIN * (1.0 + np.abs(arrival.x).max())
             for node in self.nodes.values()
         )
 
-    def _new(self, arrival: Arrival) -> int:
+    def _new(self, arrival: Arrival, place: Place) -> int:
         """Add a node whose rays will be followed."""
-        node = max(self.nodes, default=-1) + 1
-        self.nodes[node] = Node(arrival.kind, arrival.x, arrival.message, list(arrival.rays))
+        node, self._next = self._next, self._next + 1
+        self.nodes[node] = Node(arrival.kind, place, arrival.message)
+        self.nodes[node].add(arrival.rays, place)
         self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
 
-    def _register(self, node: int, first: int = 0) -> None:
-        """Let walks arrive at a node, by its rays from the given one on."""
-        for index, ray in enumerate(self.nodes[node].rays[first:], start=first):
-            for cell in ray.cells:
+    def _register(self, node: int, rays: Iterable[Ray], first: int = 0) -> None:
+        """Let walks arrive at a node, by these rays of it, numbered from ``first`` on."""
+        for index, ray in enumerate(rays, start=first):
+            for cell in names(ray):
                 self._by_cell[cell].append((node, index))
 
-    def _dissolve(self, start: int) -> None:
+    def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:
         """Join the two halves of the piece in whose middle tracing began."""
         halves = [edge for edge in self.edges if edge.start == start]
         if len(halves) != 2:
@@ -210,29 +214,35 @@ class Network:
         forth, back = halves
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
-            self.nodes[start].message = f"fold on {forth.ray.curve.selection.label}"
-            self._register(start)
+            self.nodes[start].message = f"fold on {rays[0].curve.selection.label}"
+            self._register(start, rays)
             return
-        straight = len(forth.points) == 2 and len(back.points) == 2
-        rest = forth.points[1:] if straight else forth.points
-        points = np.vstack([back.points[:0:-1], rest])
+        straight = not len(forth.track.inner) and not len(back.track.inner)
+        middle = forth.track.points[0 if not straight else 1 : -1]
+        inner = np.vstack([back.track.inner[::-1], middle])
         self.edges = [edge for edge in self.edges if edge not in halves]
-        begun_at = self.nodes.pop(start).x
-        self.edges.append(Edge(back.end, forth.end, forth.ray, points, begun_at))
+        begun_at = self.nodes.pop(start).place
+        track = Track(back.track.end, inner, forth.track.end)
+        self.edges.append(Edge(back.end, forth.end, forth.trail, track, begun_at))
 
 
-def _same_place(metric: Metric, a: State, b: State) -> bool:
-    """Tell whether two states are at one place, or no further apart than they are uncertain."""
-    if metric.norm(a.x - b.x) <= JOIN * (1.0 + metric.norm(b.x)):
-        return True
-    errors = magnitude(a.x, a.error) + magnitude(b.x, b.error)
-    return bool((np.abs(a.x - b.x) <= CONFIDENCE * errors).all())
+def _place(arrival: Arrival) -> Place:
+    """Return where an arrival is, as certain as its least certain ray.
+
+    It is stored as a solution of the piece that arrived.
+    """
+    x = arrival.x
+    if not arrival.rays:
+        return Stored(x, magnitude(x, np.zeros((1, len(x)))))
+    selection = arrival.rays[0].curve.selection
+    error = np.max([magnitude(x, ray.state.error) for ray in arrival.rays], axis=0)
+    return place_of(selection.system, selection.character, x, error)
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:
     """Tell whether alpha turns at the point where two halves begin: it is a fold."""
-    (first, second) = (edge.points[1, -1] - edge.points[0, -1] for edge in (forth, back))
-    return bool(first * second > 0.0)
+    first, second = (float(np.subtract(*edge.track.alpha[1::-1])) for edge in (forth, back))
+    return first * second > 0.0
 
 
 def _points_inside(ray: Ray, lo: float, hi: float) -> bool:

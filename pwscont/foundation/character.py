@@ -2,38 +2,66 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 from typing import final
 
 from pwscont.foundation.arrays import Array
 
 
 @final
-@dataclass(frozen=True, slots=True)
 class Character:
     """Name of a cell: ``signs[i]`` is True where ``kappa_i >= 0``.
 
-    Attributes
+    Parameters
     ----------
-    signs : tuple of bool, length m
+    signs : iterable of bool, length m
         One sign per test function (Janovsky and Ligursky 2012, section 3.1; there the
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    signs: tuple[bool, ...]
+    __slots__ = ("_signs",)
+    _signs: bytes
+
+    def __init__(self, signs: Iterable[bool]) -> None:
+        object.__setattr__(self, "_signs", bytes(map(bool, signs)))
+
+    @property
+    def signs(self) -> tuple[bool, ...]:
+        """One sign per test function, a new tuple: take it once where many are needed."""
+        return tuple(map(bool, self._signs))
 
     @classmethod
     def of(cls, tests: Array) -> Character:
         """Return the character of a point with test function values ``tests``, shape (m,)."""
-        return cls(tuple((tests >= 0.0).tolist()))
+        return cls((tests >= 0.0).tolist())
 
     def flip(self, i: int) -> Character:
         """Return the character on the other side of ``kappa_i = 0``."""
-        return self.with_sign(i, not self.signs[i])
+        return self.with_sign(i, not self._signs[i])
 
     def with_sign(self, i: int, sign: bool) -> Character:
         """Return the character in which test function ``i`` has the given sign."""
-        return Character((*self.signs[:i], sign, *self.signs[i + 1 :]))
+        signs = bytearray(self._signs)
+        signs[i] = sign
+        return Character(map(bool, signs))
+
+    def __bytes__(self) -> bytes:
+        return self._signs
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{name}: a Character does not change; use flip or with_sign")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Character) and self._signs == other._signs
+
+    def __hash__(self) -> int:
+        return hash(self._signs)
+
+    def __repr__(self) -> str:
+        return f"Character(signs={self.signs})"
+
+    def __reduce__(self) -> tuple[type[Character], tuple[tuple[bool, ...]]]:
+        return Character, (self.signs,)
 
     def __str__(self) -> str:
-        return "".join("+" if sign else "-" for sign in self.signs)
+        return "".join("+" if sign else "-" for sign in self._signs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import final
 
@@ -10,6 +11,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.place import Place, Stored
 from pwscont.foundation.rounding import SAME_ALPHA
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -41,8 +43,8 @@ class SpecialPoint:
         The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
     kind : Kind
         Equal to its plain word, such as ``"transition"`` or ``"nonsmooth fold"``.
-    z : ndarray, shape (n,)
-    alpha : float
+    place : Place
+        The point (z, alpha) and the estimate of its error.
     message : str
         What happens there when passed in positive orientation, such as
         ``"contact-slip → contact-stick"``.
@@ -50,25 +52,72 @@ class SpecialPoint:
         The message when passed in negative orientation.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
-    error : ndarray, shape (n + 1,)
-        Estimate of the error of (z, alpha) from rounding and conditioning.
     digits : float
-        Number of significant decimal digits, by that estimate.
+        Number of significant decimal digits, by the estimate of the error.
     """
 
     id: int
     kind: Kind
-    z: Array
-    alpha: float
+    place: Place
     message: str
     backward: str
     piece: int | None = None
-    error: Array = field(default_factory=_no_error)
     digits: float = 16.0
+
+    @property
+    def z(self) -> Array:
+        """The state, shape (n,)."""
+        return self.place.x[:-1]
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return self.place.alpha
+
+    @property
+    def error(self) -> Array:
+        """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
+        return self.place.error
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
         return self.message if orientation > 0 else self.backward
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """The points of a piece: both ends, which it shares with special points, and those between.
+
+    Attributes
+    ----------
+    start, end : Place
+    inner : ndarray, shape (k - 2, n + 1)
+    """
+
+    start: Place
+    inner: Array
+    end: Place
+
+    @classmethod
+    def of(cls, points: Array) -> Track:
+        """Return the track through points, shape (k, n + 1)."""
+        zero = np.zeros(points.shape[1])
+        return cls(Stored(points[0], zero), points[1:-1], Stored(points[-1], zero))
+
+    @property
+    def points(self) -> Array:
+        """All points, shape (k, n + 1), a new array."""
+        return np.vstack([self.start.x, self.inner, self.end.x])
+
+    @property
+    def alpha(self) -> Array:
+        """The parameter at all points, shape (k,)."""
+        return np.concatenate([[self.start.alpha], self.inner[:, -1], [self.end.alpha]])
+
+    def reversed(self) -> Track:
+        """Return the points in opposite order."""
+        return Track(self.end, self.inner[::-1], self.start)
 
 
 @final
@@ -84,9 +133,9 @@ class Piece:
         Nodes at both ends, in the direction of positive orientation.
     character : Character
         The frozen character of the selection that the piece solves.
-    label : str
-        The system's name for it.
-    points : ndarray, shape (k, n + 1)
+    naming : callable
+        Returns the system's name for a character; names are long where there are many parts.
+    track : Track
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
         Sign of det(dH/dz) inside the piece; 0 where the piece is vertical, or runs along an
@@ -97,9 +146,19 @@ class Piece:
     start: int
     end: int
     character: Character
-    label: str
-    points: Array
+    naming: Callable[[Character], str]
+    track: Track
     det_sign: int
+
+    @property
+    def label(self) -> str:
+        """The system's name for the character."""
+        return self.naming(self.character)
+
+    @property
+    def points(self) -> Array:
+        """Points (z, alpha) from start to end, shape (k, n + 1)."""
+        return self.track.points
 
     @property
     def z(self) -> Array:
@@ -109,12 +168,12 @@ class Piece:
     @property
     def alpha(self) -> Array:
         """The parameter along the piece, shape (k,)."""
-        return self.points[:, -1]
+        return self.track.alpha
 
     @property
     def interval(self) -> tuple[float, float]:
         """The smallest and the largest alpha of the piece."""
-        first, last = float(self.points[0, -1]), float(self.points[-1, -1])
+        first, last = self.track.start.alpha, self.track.end.alpha
         return min(first, last), max(first, last)
 
     @property

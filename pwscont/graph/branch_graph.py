@@ -17,18 +17,40 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import FEW_DIGITS, Piece, Solution, SpecialPoint, Stretch
+from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.refinement import refine
 from pwscont.model.system import PiecewiseSystem
 
+#: A special point known to fewer digits may hide others: no promise of a search is kept then.
+TOO_FEW_DIGITS = 2.0
 NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
 WORDS = {
     Promise.NOTHING: "balanced",
     Promise.BUT_LOOPS: "complete but for closed loops",
     Promise.EVERYTHING: "complete",
 }
+
+
+@final
+class _OfNode(dict[str, Any]):
+    """What networkx knows of a node; the state ``z`` is taken from the point when asked for."""
+
+    def __missing__(self, key: str) -> Any:
+        if key != "z":
+            raise KeyError(key)
+        return self["point"].z
+
+
+@final
+class _OfEdge(dict[str, Any]):
+    """What networkx knows of an edge; the ``label`` is taken from the piece when asked for."""
+
+    def __missing__(self, key: str) -> Any:
+        if key != "label":
+            raise KeyError(key)
+        return self["piece"].label
 
 
 @final
@@ -69,12 +91,11 @@ class BranchGraph:
         self.system = system
         self.parameter = parameter
         self._nx = nx.MultiGraph()
+        self._nx.node_attr_dict_factory, self._nx.edge_attr_dict_factory = _OfNode, _OfEdge
         for point in points:
-            self._nx.add_node(
-                point.id, point=point, kind=str(point.kind), alpha=point.alpha, z=point.z
-            )
+            self._nx.add_node(point.id, point=point, kind=str(point.kind), alpha=point.alpha)
         for piece in pieces:
-            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece, label=piece.label)
+            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece)
 
     @property
     def nx(self) -> nx.MultiGraph:
@@ -387,7 +408,7 @@ class BranchGraph:
 
         "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
         branch missing in (lo, hi)". No graph is called complete with a special point that is
-        stopped, searched in part, or known to less than six digits. Balance is necessary for
+        stopped, searched in part, or known to less than two digits. Balance is necessary for
         completeness, not sufficient, and says nothing of stretches shorter than the uncertainty
         of their ends, see :meth:`sums`.
         """
@@ -455,4 +476,4 @@ class BranchGraph:
 def _leaves_doubt(point: SpecialPoint) -> bool:
     """Tell whether a search cannot keep its promise, because of what was found at this point."""
     partial = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER)
-    return partial or point.digits < FEW_DIGITS
+    return partial or point.digits < TOO_FEW_DIGITS

@@ -14,7 +14,8 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import GraphFileError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import Piece, SpecialPoint
+from pwscont.foundation.place import Stored
+from pwscont.foundation.records import Piece, SpecialPoint, Track
 
 FORMAT = "pwscont branch graph"
 VERSION = 1
@@ -137,12 +138,10 @@ def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
     return SpecialPoint(
         id=header["id"],
         kind=Kind(header["kind"]),
-        z=z,
-        alpha=header["alpha"],
+        place=Stored(np.append(z, header["alpha"]), np.array(header["error"], dtype=float)),
         message=header["message"],
         backward=header["backward"],
         piece=header["piece"],
-        error=np.array(header["error"], dtype=float),
         digits=header["digits"],
     )
 
@@ -153,7 +152,7 @@ def _piece(header: dict[str, Any], points: Any) -> Piece:
         start=header["start"],
         end=header["end"],
         character=Character(tuple(sign == "+" for sign in header["signs"])),
-        label=header["label"],
-        points=points,
+        naming=lambda _: str(header["label"]),
+        track=Track.of(points),
         det_sign=header["det_sign"],
     )

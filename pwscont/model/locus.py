@@ -22,7 +22,7 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.model.family import Family, MakeSystem
@@ -140,7 +140,7 @@ class TransitionLocus(PiecewiseSystem):
         column = self.family.by_mu(lambda other: self._equations(other, y, selection), mu)
         if sp.issparse(rows):
             return with_column(sp.vstack([rows, row]), column)
-        return with_column(np.vstack([rows, row]), column)
+        return with_column(np.vstack([dense(rows), dense(row)]), column)
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
         """Return the tests that bound the cell of either side, and the limits of alpha."""

@@ -35,8 +35,9 @@ class Selection:
         self.beside = beside
         signs: dict[int, bool] = {}
         for cell in (character, *beside):
+            known = cell.signs
             for test in system.bounding_tests(cell):
-                signs.setdefault(int(test), cell.signs[test])
+                signs.setdefault(int(test), known[test])
         self.bounding: Indices = np.array(list(signs), dtype=np.intp)
         self._side = np.where(list(signs.values()), 1.0, -1.0)
 

@@ -138,6 +138,20 @@ class PiecewiseSystem(ABC):
                 seen.add(key)
                 yield character
 
+    def essential(self, character: Character) -> Indices | None:
+        """Return which components of z determine the others on this selection, None for all.
+
+        Only these are stored of special points; default None.
+        """
+        return None
+
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z, shape (n,), from the components that :meth:`essential` names.
+
+        Affine in them, each other component a multiple of one of them and a constant.
+        """
+        return values
+
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Return a smaller system with the same solutions for alpha in [lo, hi], if there is one.
 
@@ -167,10 +181,11 @@ class PiecewiseSystem(ABC):
 
         One byte per test function: 0 for a test that does not bound the cell, else its sign.
         """
-        signs = bytearray(len(character.signs))
+        signs = character.signs
+        cell = bytearray(len(signs))
         for i in self.bounding_tests(character):
-            signs[i] = 2 if character.signs[i] else 1
-        return bytes(signs)
+            cell[i] = 2 if signs[i] else 1
+        return bytes(cell)
 
 
 @final

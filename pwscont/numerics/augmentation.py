@@ -17,8 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix
-from pwscont.numerics.bordering import BorderedFactor, split
+from pwscont.numerics.banded import BandedJacobian
+from pwscont.numerics.bordering import BorderedFactor, Interior
 from pwscont.numerics.linalg import factor
+from pwscont.numerics.sparse import split
 
 
 class Augmented(ABC):
@@ -92,18 +94,20 @@ class Nested(Augmented):
     @classmethod
     def of(cls, jacobian: Matrix, b: Array, C: Array) -> Nested | None:
         """Factorise; None where an inner matrix has no LU."""
-        core, column = split(jacobian)
+        parts = jacobian.split() if isinstance(jacobian, BandedJacobian) else split(jacobian)
+        core, column = parts
         turn = _turn(C[:, -1])
         first, second = turn @ C
         if core is None:
             return None
         n = len(b)
-        inner = BorderedFactor(core, b, np.append(first[:-1], 0.0), np.ones(n + 1), np.ones(n + 1))
+        ones, row = np.ones(n + 1), np.append(first[:-1], 0.0)
+        inner = BorderedFactor(Interior(core, b), row, ones, ones)
         if inner.is_singular():
             return None
         row = np.concatenate([second[:-1], [0.0, second[-1]]])
         ones = np.ones(n + 2)
-        return cls(BorderedFactor(inner, np.append(column, 0.0), row, ones, ones), turn)
+        return cls(BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones), turn)
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""

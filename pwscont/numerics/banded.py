@@ -21,10 +21,14 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidSystemError
+from pwscont.numerics.bordering import BorderedFactor, Interior, row_scale
+from pwscont.numerics.cores import Core, banded_core
+from pwscont.numerics.factor import Factor
+from pwscont.numerics.structured import StructuredJacobian
 
 
 @final
-class BandedJacobian:
+class BandedJacobian(StructuredJacobian):
     """A Jacobian (n, n + 1) whose part for z is banded; its last column is full.
 
     Parameters
@@ -42,8 +46,6 @@ class BandedJacobian:
     InvalidSystemError
         If the shapes do not fit each other.
     """
-
-    __array_ufunc__ = None  # array @ jacobian is for this class to compute
 
     def __init__(self, bands: Array, lower: int, upper: int, column: Array) -> None:
         n = len(column)
@@ -67,11 +69,19 @@ class BandedJacobian:
         dense: Array = self.tocsc().toarray()
         return dense
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        return np.asarray(self.toarray(), dtype=dtype)
-
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
+
+    def bordered(self, row: Array, scale: Array) -> Factor:
+        """Factorise [J; row] by an LU of the part for z."""
+        scaled, row = self.scaled(scale), row * scale
+        rows = row_scale(scaled.largest_in_rows(), row)
+        core, column = scaled.divided(rows[:-1]).split()
+        return BorderedFactor(Interior(core, column), row / rows[-1], rows, scale)
+
+    def split(self) -> tuple[Core, Array]:
+        """Return an LU of the part for z, and the column for alpha; for entries of about one."""
+        return banded_core(self.bands, self.lower, self.upper), self.column
 
     def scaled(self, columns: Array) -> BandedJacobian:
         """Return the matrix with its columns multiplied by ``columns``, shape (n + 1,)."""

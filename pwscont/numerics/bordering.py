@@ -18,13 +18,10 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.rounding import EPS
-from pwscont.numerics.banded import BandedJacobian
-from pwscont.numerics.cores import Core, SparseCore, banded_core, superlu
-from pwscont.numerics.equilibration import columns_scaled, largest_in_rows, rows_divided
+from pwscont.numerics.cores import Core
 from pwscont.numerics.factor import Factor, power_of_two
 
 #: Plain elimination loses as many digits as B^-1 b is larger than b. Up to this growth it is left
@@ -33,8 +30,8 @@ GROWTH = 1e4
 
 
 @final
-class BorderedFactor(Factor, Core):
-    """Factorisation of [[B, b], [c^T, d]] by one of B.
+class Interior:
+    """What a bordered matrix needs of [B, b], whatever the border.
 
     Parameters
     ----------
@@ -42,16 +39,51 @@ class BorderedFactor(Factor, Core):
         LU of B, shape (n, n).
     column : ndarray, shape (n,)
         b.
+    """
+
+    def __init__(self, core: Core, column: Array) -> None:
+        self.core, self.column = core, column
+
+    @classmethod
+    def at_once(cls, core: Core, column: Array) -> Interior:
+        """Return one that solves for everything together, where that costs as much as one."""
+        interior, vectors = cls(core, column), _generic(len(column) + 1)
+        right, *solved = core.solve_all(np.vstack([column, vectors[:, :-1]]))
+        interior.right = right
+        interior.generic = tuple(zip(vectors, solved, strict=True))
+        return interior
+
+    @cached_property
+    def right(self) -> Array:
+        """B^-1 b, shape (n,)."""
+        return self.core.solve(self.column)
+
+    @cached_property
+    def generic(self) -> tuple[tuple[Array, Array], ...]:
+        """Two generic vectors f, shape (n + 1,), each with B^-1 f[:-1]."""
+        vectors = _generic(len(self.column) + 1)
+        return tuple(zip(vectors, self.core.solve_all(vectors[:, :-1]), strict=True))
+
+
+@final
+class BorderedFactor(Factor, Core):
+    """Factorisation of [[B, b], [c^T, d]] by one of B.
+
+    Parameters
+    ----------
+    interior : Interior
+        B and b.
     row : ndarray, shape (n + 1,)
         (c, d).
     rows, columns : ndarray, shape (n + 1,)
         What the rows of the matrix were divided by, and its columns multiplied by.
     """
 
-    def __init__(self, core: Core, column: Array, row: Array, rows: Array, columns: Array) -> None:
-        self._core, self._column, self._row, self._corner = core, column, row[:-1], float(row[-1])
+    def __init__(self, interior: Interior, row: Array, rows: Array, columns: Array) -> None:
+        self._interior, self._core, self._column = interior, interior.core, interior.column
+        self._row, self._corner = row[:-1], float(row[-1])
         self._rows, self._columns = rows, columns
-        self._right = core.solve(column)
+        self._right = interior.right
         self._schur = self._corner - float(self._row.dot(self._right))
         self._is_ill = not np.abs(self._right).max() < GROWTH
         self.failed = self._schur == 0.0
@@ -67,14 +99,27 @@ class BorderedFactor(Factor, Core):
         """Return the solution for one right-hand side, by the algorithm BEMW."""
         return self._columns * self._solve(rhs / self._rows)
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n + 1)."""
+        if self._is_ill:
+            return super().solve_all(rhs)
+        scaled = rhs / self._rows
+        inner = self._core.solve_all(scaled[:, :-1])
+        pairs = zip(inner, scaled[:, -1], strict=True)
+        return self._columns * np.stack([self._completed(f, float(g)) for f, g in pairs])
+
     def _solve(self, rhs: Array) -> Array:
         f, g = rhs[:-1], float(rhs[-1])
         guess = self._guess(f, g) if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
         inner = self._core.solve(f) if f.any() else f  # zero for a tangent
+        return self._completed(inner, g, guess)
+
+    def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:
+        """Return the solution from B^-1 f, the entry for the border and a guess of the last."""
         correction = (g - float(self._row.dot(inner))) / self._schur
-        solution = np.empty(len(rhs))
+        solution = np.empty(len(inner) + 1)
         np.subtract(inner, correction * self._right, out=solution[:-1])
         solution[-1] = guess + correction
         return solution
@@ -90,8 +135,9 @@ class BorderedFactor(Factor, Core):
 
     @cached_property
     def _twin(self) -> BorderedFactor:
-        core, column = _Transposed(self._core), np.append(self._column, self._corner)
-        return BorderedFactor(core, self._row, column, 1.0 / self._columns, 1.0 / self._rows)
+        twin = Interior(_Transposed(self._core), self._row)
+        column = np.append(self._column, self._corner)
+        return BorderedFactor(twin, column, 1.0 / self._columns, 1.0 / self._rows)
 
     @cached_property
     def _transposed(self) -> tuple[Array, float]:
@@ -103,42 +149,24 @@ class BorderedFactor(Factor, Core):
         """Tell whether the matrix is singular to rounding, by solving for two generic vectors."""
         if self.failed:
             return True
-        size = len(self._rows)
-        angles = 1.0 + np.sqrt(2.0) * np.arange(size)
         # entries are about one, so that these are about 1 / (smallest singular value)
-        growth = [np.linalg.norm(self._solve(f)) for f in (np.cos(angles), np.sin(angles))]
-        return not max(growth) * EPS * np.sqrt(0.5 * size) < 1.0
+        growth = [np.linalg.norm(self._generic(*pair)) for pair in self._interior.generic]
+        return not max(growth) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
+
+    def _generic(self, f: Array, inner: Array) -> Array:
+        """Return the solution for a generic vector f, of which B^-1 f[:-1] is known."""
+        return self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
 
 
-def bordered_core(jacobian: Matrix, row: Array, scale: Array) -> Factor | None:
-    """Factorise [J; row] for a sparse or banded J by its part for z.
-
-    None where there is no LU of that part; ``scale`` as for :func:`~.linalg.bordered`.
-    """
-    scaled, row = columns_scaled(jacobian, scale), row * scale
-    rows = np.empty(len(row))
-    rows[:-1], rows[-1] = largest_in_rows(scaled), np.abs(row).max()
-    rows = power_of_two(rows)
-    core, column = split(rows_divided(scaled, rows[:-1]))
-    return BorderedFactor(core, column, row / rows[-1], rows, scale) if core else None
+def _generic(size: int) -> Array:
+    """Return two vectors related to no simple numbers, shape (2, size)."""
+    angles = 1.0 + np.sqrt(2.0) * np.arange(size)
+    return np.stack([np.cos(angles), np.sin(angles)])
 
 
-def split(jacobian: Matrix) -> tuple[Core | None, Array]:
-    """Return an LU of the part for z, and the column for alpha.
-
-    Parameters
-    ----------
-    jacobian : BandedJacobian or CSC matrix, shape (n, n + 1)
-        With entries of about one.
-    """
-    if isinstance(jacobian, BandedJacobian):
-        return banded_core(jacobian.bands, jacobian.lower, jacobian.upper), jacobian.column
-    n, end = jacobian.shape[0], jacobian.indptr[-2]
-    column = np.zeros(n)
-    column[jacobian.indices[end:]] = jacobian.data[end:]
-    parts = jacobian.data[:end], jacobian.indices[:end], jacobian.indptr[:-1]
-    lu = superlu(sp.csc_matrix(parts, shape=(n, n)))
-    return (SparseCore(lu) if lu is not None else None), column
+def row_scale(largest: Array, row: Array) -> Array:
+    """Return what rows and border are divided by, from the largest entries of the rows."""
+    return power_of_two(np.append(largest, np.abs(row).max()))
 
 
 @final

@@ -40,6 +40,10 @@ class Core(ABC):
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n); default one by one."""
+        return np.stack([self.solve(f) for f in rhs])
+
 
 def banded_core(bands: Array, lower: int, upper: int) -> Core:
     """Factorise a banded matrix stored as in :class:`BandedJacobian`."""
@@ -54,12 +58,12 @@ class TridiagonalCore(Core):
 
     def __init__(self, bands: Array) -> None:
         *self._lu, _ = lapack.dgttrf(bands[2, :-1], bands[1], bands[0, 1:])
-        _regularise(self._lu[1])
+        regularise(self._lu[1])
 
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
-        return _sign_of_pivots(self._lu[1], self._lu[4] - 1)
+        return sign_of_pivots(self._lu[1], self._lu[4] - 1)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
@@ -81,12 +85,12 @@ class BandCore(Core):
         room = np.zeros((2 * lower + upper + 1, bands.shape[1]), order="F")  # for fill-in
         room[lower:] = bands
         self._lu, self._pivots, _ = lapack.dgbtrf(room, lower, upper, overwrite_ab=True)
-        _regularise(self._lu[lower + upper])
+        regularise(self._lu[lower + upper])
 
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
-        return _sign_of_pivots(self._lu[sum(self._widths)], self._pivots)
+        return sign_of_pivots(self._lu[sum(self._widths)], self._pivots)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
@@ -99,7 +103,7 @@ class BandCore(Core):
         return solution
 
 
-def _regularise(pivots: Array) -> None:
+def regularise(pivots: Array) -> None:
     """Move pivots off zero by a rounding error."""
     sizes = np.abs(pivots)
     if sizes.min() < EPS:
@@ -107,7 +111,7 @@ def _regularise(pivots: Array) -> None:
         pivots[tiny] = np.copysign(EPS, pivots[tiny])
 
 
-def _sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
+def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     """Return the sign of the determinant."""
     negative = np.count_nonzero(pivots < 0.0)
     odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))

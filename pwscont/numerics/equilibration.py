@@ -15,11 +15,12 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.numerics.banded import BandedJacobian
+from pwscont.numerics.structured import StructuredJacobian
 
 
 def columns_scaled(jacobian: Matrix, scale: Array) -> Matrix:
     """Return a new matrix with columns multiplied by ``scale``: dense, CSC or banded."""
-    if isinstance(jacobian, BandedJacobian):
+    if isinstance(jacobian, StructuredJacobian):
         return jacobian.scaled(scale)
     if sp.issparse(jacobian):
         csc = _canonical(jacobian)

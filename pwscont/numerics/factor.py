@@ -29,6 +29,10 @@ class Factor(ABC):
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side, shape (k,)."""
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k); default one by one."""
+        return np.stack([self.solve(f) for f in rhs])
+
     @abstractmethod
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""

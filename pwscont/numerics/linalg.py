@@ -21,10 +21,10 @@ from scipy.linalg import lapack
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import EPS
-from pwscont.numerics.banded import BandedJacobian
-from pwscont.numerics.bordering import bordered_core
 from pwscont.numerics.cores import sign_of_superlu, superlu
 from pwscont.numerics.factor import Factor, power_of_two
+from pwscont.numerics.sparse import bordered_sparse
+from pwscont.numerics.structured import StructuredJacobian
 
 __all__ = [
     "DenseFactor",
@@ -117,8 +117,10 @@ def factor(matrix: Matrix, scale: Array) -> Factor:
 def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
     """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`."""
     row = row.toarray().ravel() if sp.issparse(row) else row
-    if isinstance(jacobian, BandedJacobian) or sp.issparse(jacobian):
-        found = bordered_core(jacobian, row, scale)
+    if isinstance(jacobian, StructuredJacobian):
+        return jacobian.bordered(row, scale) or DenseFactor(np.vstack([jacobian, row]), scale)
+    if sp.issparse(jacobian):
+        found = bordered_sparse(jacobian, row, scale)
         return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
     n = len(jacobian)
     matrix = np.empty((n + 1, n + 1))

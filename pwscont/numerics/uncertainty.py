@@ -39,7 +39,7 @@ def uncertainty(root: Root) -> Array:
     # the last correction was solved with errors of its largest parts everywhere
     size = np.abs(root.x) + (root.error / root.scale).max() * root.scale
     terms = joined(abs(root.jacobian) @ size, float((abs(root.row) @ size).sum()))
-    return np.stack([root.factor.solve(EPS * terms * sample) for sample in _samples(len(size))])
+    return root.factor.solve_all(EPS * terms * _samples(len(size)))
 
 
 def is_rounding(root: Root) -> bool:

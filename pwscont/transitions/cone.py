@@ -14,10 +14,9 @@ from math import prod
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
 from pwscont.enumeration import Point, Slice, solve_slice
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
@@ -210,9 +209,9 @@ class _Cone(SlicewiseLinearSystem):
     @cached_property
     def _gradients(self) -> Array:
         rows = self._system.test_jacobian(self._x[:-1], float(self._x[-1]))
-        dense = rows.toarray() if sp.issparse(rows) else np.array(rows)
-        dense[self._constant != 0.0] = 0.0
-        return dense
+        gradients = +dense(rows)
+        gradients[self._constant != 0.0] = 0.0
+        return gradients
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return grad(kappa_i) . d for the tests that vanish, their sign for the others."""
@@ -231,7 +230,7 @@ class _Cone(SlicewiseLinearSystem):
         """Return the constant Jacobian."""
         rows = self._rows(character)
         matrix = np.zeros((self.size, self.size + 1))
-        matrix[:-1, :-1] = rows.toarray() if sp.issparse(rows) else rows
+        matrix[:-1, :-1] = dense(rows)
         matrix[-1, :-1], matrix[-1, -1] = self._length, -1.0
         return matrix
 
