@@ -84,3 +84,18 @@ def test_the_press_presses_and_shears():
     pull = after.normal_force * contact.normals + after.tangential_force * contact.tangents
     assert pull[0].sum() < 0.0  # the table holds the tool back
     assert pull[1].sum() > 0.0
+
+
+def test_text_of_a_large_body_is_short():
+    """Neighbours in one mode are named together, solutions in sum: resultant, peak, size."""
+    answer = wedge().solve((0.07,), silent)
+    text = answer.as_text()
+    assert max(map(len, text.splitlines())) < 250
+    assert "3 solutions at alpha = 0.07" in text
+    labels = [f"{s.label}, det {s.det_sign:+d}" for s in answer.graph.graph.solutions(0.07)]
+    assert labels[2] == "nodes 1-8 no contact, node 9 slip-, nodes 10-18 no contact, det +1"
+    assert all(label in text for label in labels)
+    state = recover(answer.problem, answer.graph.graph.solutions(0.07)[2])
+    assert f"({state.normal_force[8]:.8g}, " not in text  # the left wall pushes to the right
+    assert f"({-state.normal_force[8]:.8g}, " in text
+    assert f"largest pressure {state.pressure[8]:.8g} at node 9" in text

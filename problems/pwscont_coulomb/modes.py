@@ -8,8 +8,10 @@ the selections agree on the interfaces between the cells.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
+from itertools import groupby
 from typing import final
 
 import numpy as np
@@ -87,10 +89,25 @@ def describe(character: Character) -> str:
     return _listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
 
 
+#: With more nodes, neighbours with the same words are named together.
+FEW_NODES = 8
+
+
 def _listed(words: list[str]) -> str:
     if len(words) == 1:
         return words[0]
+    if len(words) > FEW_NODES:
+        return ", ".join(_runs(words))
     return ", ".join(f"node {i} {word}" for i, word in enumerate(words, start=1))
+
+
+def _runs(words: list[str]) -> Iterator[str]:
+    """Yield ``nodes 3-7 stick`` for neighbours with the same words."""
+    first = 1
+    for word, group in groupby(words):
+        last = first + len(list(group)) - 1
+        yield f"node {first} {word}" if first == last else f"nodes {first}-{last} {word}"
+        first = last + 1
 
 
 def describe_change(before: Character, after: Character) -> str:

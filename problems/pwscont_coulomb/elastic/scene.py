@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, final
 
+import numpy as np
+
 from pwscont import Character, Scene
 from pwscont.continuation.preparation import Report
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.graph import Solution
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.graph_answer import GraphAnswer
 from pwscont.interface.scene import Panel
@@ -19,6 +22,8 @@ from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover
 from pwscont_coulomb.modes import Mode, modes
 
+#: Up to so many contact nodes all unknowns of a solution are printed.
+FEW = 3
 STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
 
 
@@ -104,8 +109,28 @@ class ElasticAnswer(Answer):
     problem: ElasticProblem
 
     def as_text(self) -> str:
-        """Return what the graph says."""
-        return self.graph.as_text()
+        """Return what the graph says; of a body with many contact nodes, solutions in sum."""
+        if self.problem.body.p <= FEW:
+            return self.graph.as_text()
+        lines = [replace(self.graph, at=()).as_text()]
+        for alpha in self.graph.at:
+            found = self.graph.graph.solutions(alpha)
+            count = f"{len(found)} solution{'' if len(found) == 1 else 's'}"
+            lines += ["", f"{count} at {self.graph.scene.parameter} = {alpha:.10g}"]
+            for i, solution in enumerate(found, start=1):
+                lines += [f"  {i}. {solution.label}, det {solution.det_sign:+d}"]
+                lines += [f"     {line}" for line in self._summary(solution)]
+        return "\n".join(lines)
+
+    def _summary(self, solution: Solution) -> Iterator[str]:
+        """Yield force, pressure and displacement of a solution in words."""
+        state, contact = recover(self.problem, solution), self.problem.elastic.contact
+        force = contact.normals @ state.normal_force + contact.tangents @ state.tangential_force
+        most = int(np.argmax(state.pressure))
+        largest = np.hypot(*state.displacements.T).max()
+        yield f"contact force on the body ({force[0]:.8g}, {force[1]:.8g}) per thickness"
+        yield f"largest pressure {state.pressure[most]:.8g} at node {most + 1}"
+        yield f"largest displacement {largest:.8g}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return what the graph says, as plain lists and numbers."""
