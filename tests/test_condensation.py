@@ -125,7 +125,7 @@ def test_dissection_separates_whatever_the_positions(place, monkeypatch):
 
 def test_dissection_of_a_grid_is_sparse():
     """Factors of a 2-d grid stay near 31/4 n log2 n entries (George), far below a band's."""
-    A, positions = grid(60, 60)
+    A, positions = grid(40, 40)
     kept = np.arange(2)
     found = Multifrontal().eliminate(A, kept, positions)
     n = A.shape[0]
@@ -137,7 +137,7 @@ def test_dissection_of_a_grid_is_sparse():
 BODIES = {
     "Q1": lambda: pressed(strip(nx=7, ny=4), friction=0.5),
     "P1": lambda: pressed(strip("tri", nx=6, ny=3), friction=0.3),
-    "Q2": lambda: pressed(strip(nx=4, ny=2), friction=0.6, order=2),
+    "Q2": lambda: pressed(strip(nx=3, ny=1), friction=0.6, order=2),
     "P2": lambda: pressed(square("tri", 3), friction=0.4, order=2),
     "gap": lambda: pressed(
         strip(nx=7, ny=3), friction=1.5, gap=lambda x: 0.004 * (x[0] - 0.9) ** 2, down=0.006
