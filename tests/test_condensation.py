@@ -1,6 +1,7 @@
 """The interior eliminated: the same graph, fields that satisfy everything, each elimination."""
 
 import importlib.util
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -254,3 +255,13 @@ def test_block_scales_with_its_argument():
         body = block_body(nodes)
         assert body.contact.count == nodes
         assert body.condensed().body.n == 2 * nodes
+
+
+def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
+    body = block_body(200)
+    positions = body.positions[:, body.free // 2]
+    tracemalloc.start()
+    found = Multifrontal().eliminate(body.A, body.contact_unknowns, positions)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.5 * 8 * found.stored
