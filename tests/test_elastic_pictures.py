@@ -134,6 +134,7 @@ def test_scenes_write_pictures_and_vtu(tmp_path):
     assert files == {
         "triangle.png",
         "triangle.npz",
+        "triangle.gif",
         "triangle--0.75.png",
         *(f"triangle--0.75-{i}.vtu" for i in (1, 2, 3)),
     }

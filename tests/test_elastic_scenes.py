@@ -3,10 +3,18 @@
 import numpy as np
 import pytest
 from pwscont_coulomb.elastic import recover
-from pwscont_coulomb.elastic.scenes import PRESS_MESH, press, press_body, wedge, wedge_body
+from pwscont_coulomb.elastic.scenes import (
+    PRESS_MESH,
+    block_body,
+    press,
+    press_body,
+    wedge,
+    wedge_body,
+)
 
 from pwscont import explore
 from pwscont.continuation.preparation import silent
+from pwscont.foundation.errors import InvalidInputError
 
 
 def jam(nodes):
@@ -99,3 +107,9 @@ def test_text_of_a_large_body_is_short():
     assert f"({state.normal_force[8]:.8g}, " not in text  # the left wall pushes to the right
     assert f"({-state.normal_force[8]:.8g}, " in text
     assert f"largest pressure {state.pressure[8]:.8g} at node 9" in text
+
+
+@pytest.mark.parametrize("make", [block_body, wedge_body])
+def test_a_body_needs_two_nodes(make):
+    with pytest.raises(InvalidInputError, match="nodes must be at least 2, got 1"):
+        make(1)

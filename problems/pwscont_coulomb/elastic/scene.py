@@ -24,6 +24,8 @@ from pwscont_coulomb.modes import Mode, modes
 
 #: Up to so many contact nodes all unknowns of a solution are printed.
 FEW = 3
+#: Frames of the animation that a scene writes.
+FRAMES = 24
 STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
 
 
@@ -137,10 +139,16 @@ class ElasticAnswer(Answer):
         return self.graph.as_dict()
 
     def write(self, directory: Path) -> list[Path]:
-        """Write the branch diagrams, and picture and VTU files for each listed parameter value."""
+        """Write diagrams, an animation of branch 1, and picture and VTU files of each solution."""
+        from pwscont_coulomb.elastic.animation import animate  # noqa: PLC0415  where asked for
+
         files = self.graph.write(directory)
         for alpha in self.graph.at:
             files += self._write_bodies(directory, alpha)
+        branches = self.graph.graph.components()
+        if branches and branches[0]:
+            file = directory / f"{self.graph.scene.name}.gif"
+            files.append(animate(self.problem, branches[0], file, FRAMES))
         return files
 
     def _write_bodies(self, directory: Path, alpha: float) -> list[Path]:
