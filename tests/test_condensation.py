@@ -265,3 +265,17 @@ def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1.5 * 8 * found.stored
+
+
+def test_friction_as_the_parameter():
+    """At the friction coefficient of the contact boundary both systems have the same solution."""
+    problem = BODIES["Q1"]().condensed()
+    by_load = explore(problem.along_load(), (0.0, 2.5)).solutions(1.3)
+    by_friction = explore(problem.along_friction(1.3), (0.1, 1.0)).solutions(0.5)
+    assert len(by_load) == len(by_friction) == 1
+    first = recover(problem, by_load[0])
+    second = recover(problem, by_friction[0], load_alpha=1.3)
+    assert (first.modes == second.modes).all()
+    np.testing.assert_allclose(second.displacements, first.displacements, atol=1e-12)
+    np.testing.assert_allclose(second.pressure, first.pressure, rtol=1e-9, atol=1e-12)
+    assert (first.alpha, second.alpha) == (1.3, 0.5)
