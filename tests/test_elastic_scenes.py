@@ -13,6 +13,8 @@ from pwscont_coulomb.elastic.scenes import (
 )
 
 from pwscont import explore
+from pwscont.bench.cases import case_of
+from pwscont.bench.truth import UnknownAnswerError
 from pwscont.continuation.preparation import silent
 from pwscont.foundation.errors import InvalidInputError
 
@@ -113,3 +115,17 @@ def test_text_of_a_large_body_is_short():
 def test_a_body_needs_two_nodes(make):
     with pytest.raises(InvalidInputError, match="nodes must be at least 2, got 1"):
         make(1)
+
+
+def test_the_bench_knows_the_answer_of_the_triangle():
+    """A body of one node is solved in rational arithmetic; more nodes are too many cells."""
+    case = case_of(triangle())
+    assert case.is_straight
+    assert len(case.truth.pieces) == 4
+    with pytest.raises(UnknownAnswerError, match="1099511627776 cells, more than 64"):
+        case_of(block())
+
+
+def test_reading_a_mesh_prints_nothing(capsys):
+    press_body()
+    assert capsys.readouterr().out == ""

@@ -5,9 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pwscont.continuation.preparation import Report
+
+if TYPE_CHECKING:
+    from pwscont.interface.scene import Scene
 
 
 class Answer(ABC):
@@ -42,6 +45,10 @@ class Runnable(ABC):
     name: str
     title: str
     parameter: str
+
+    def curve(self) -> Scene | None:
+        """Return the scene with one parameter that runs, built; None where there is none."""
+        return None
 
     @abstractmethod
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:

@@ -93,6 +93,10 @@ class Scene(Runnable):
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
 
+    def curve(self) -> Scene:
+        """Return the scene itself."""
+        return self
+
     def run(self, report: Report = silent) -> BranchGraph:
         """Explore the scene's interval."""
         return explore(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,8 @@ def read_mesh(path: Path) -> Any:
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
     try:
-        read = meshio.read(path)
+        with redirect_stdout(StringIO()):  # meshio prints where only answers belong
+            read = meshio.read(path)
         _refuse_other_cells(path, read)
         return from_meshio(_as_scikit_fem_expects(read))
     except InvalidInputError:

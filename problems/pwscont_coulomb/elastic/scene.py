@@ -71,11 +71,14 @@ class ElasticScene(Runnable):
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Build and condense the body, explore the interval, list solutions."""
         problem = self.build().condensed()
-        scene = self.scene(problem)
+        scene = self._scene(problem)
         return ElasticAnswer(GraphAnswer(scene, scene.run(report), tuple(at)), problem)
 
-    def scene(self, problem: ElasticProblem) -> Scene:
-        """Return the scene of the condensed body."""
+    def curve(self) -> Scene:
+        """Build and condense the body, and return its scene."""
+        return self._scene(self.build().condensed())
+
+    def _scene(self, problem: ElasticProblem) -> Scene:
         return Scene(
             self.name,
             self.title,
