@@ -5,9 +5,11 @@ import pytest
 from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.scenes import (
     PRESS_MESH,
+    block,
     block_body,
     press,
     press_body,
+    triangle,
     wedge,
     wedge_body,
 )
