@@ -11,6 +11,7 @@ from elastic_bodies import KINDS, internal_forces, pressed, square, strip
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.elastic import (
     BodyForce,
+    Cholmod,
     ContactBoundary,
     ElasticBody,
     Lame,
@@ -21,7 +22,7 @@ from pwscont_coulomb.elastic import (
     Young,
     recover,
 )
-from pwscont_coulomb.elastic.scenes import triangle_body
+from pwscont_coulomb.elastic.scenes import press_body, triangle_body
 
 from pwscont import explore, trace
 from pwscont.foundation.errors import InvalidInputError
@@ -599,3 +600,17 @@ def test_a_part_that_hangs_on_nothing_is_named():
             supports=[Support(lambda x: (x[1] > 0.99) & (x[0] < 3.0))],
             contact=ContactBoundary(lambda x: x[1] < 0.01),
         )
+
+
+@pytest.mark.parametrize("missing", ["skfem", "meshio"])
+def test_a_missing_library_is_named(missing, monkeypatch):
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(InvalidInputError, match=f"{missing} cannot be imported: pip install"):
+        press_body()
+
+
+def test_cholmod_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksparse", None)
+    monkeypatch.setitem(sys.modules, "sksparse.cholmod", None)
+    with pytest.raises(InvalidInputError, match="Cholmod needs scikit-sparse"):
+        pressed(strip()).condensed(Cholmod())
