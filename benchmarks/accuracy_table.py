@@ -15,10 +15,10 @@ HEADINGS = (
     *("Problem", "Stepper", "Step", "ms, median [least; most]", "Points", "LU"),
     *("Branch", "Points off", "Transitions", "Folds"),
 )
-#: What is shown; secant, Moore-Penrose and steps by angle are in the data and the picture.
+#: What is shown; tangent, secant, Moore-Penrose and steps by angle are in the data and the picture.
 SHOWN = {
     "exact linear": (None,),
-    "arclength, tangent, Newton": (0.1, 0.01),
+    "arclength, cubic, Newton": (0.1, 0.01),
     "natural parameter": (0.01,),
 }
 KINDS = ("branch_max", "points_max", "transitions", "folds")

@@ -1,7 +1,10 @@
 """Sphinx configuration: ``sphinx-build -b html docs docs/_build/html``."""
 
 import re
+from contextlib import redirect_stdout
 from importlib import metadata
+from io import StringIO
+from pathlib import Path
 
 project = "pwscont"
 author = "the pwscont developers"
@@ -54,6 +57,15 @@ def _keep_bars(app, what, name, obj, options, lines):
     lines[:] = [outside_literals.sub(lambda m: m[1] or r"\|", line) for line in lines]
 
 
+def _draw_bench(app):
+    """Draw the picture of the page on accuracy, from the short form of the bench."""
+    from pwscont.bench.command import run  # noqa: PLC0415  it measures
+
+    with redirect_stdout(StringIO()):
+        run((), Path(app.srcdir) / "images" / "bench", quick=True)
+
+
 def setup(app):
-    """Register what docstrings need."""
+    """Register what docstrings and pictures need."""
+    app.connect("builder-inited", _draw_bench)
     app.connect("autodoc-process-docstring", _keep_bars)

@@ -3,7 +3,17 @@
 from typing import Any
 
 from pwscont.continuation import explore, trace
+from pwscont.continuation.journal import Journal
 from pwscont.foundation.character import Character
+from pwscont.foundation.errors import (
+    GraphFileError,
+    InvalidInputError,
+    InvalidSystemError,
+    PwscontError,
+    SceneNotFoundError,
+    StartNotFoundError,
+    SystemNeededError,
+)
 from pwscont.graph import BranchGraph
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 from pwscont.model.check import check_system
@@ -16,6 +26,9 @@ from pwscont.model.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.numerics.banded import BandedJacobian
+from pwscont.numerics.corrector import BorderedNewton, MoorePenrose
+from pwscont.numerics.predictor import Hermite, Secant, Tangent
+from pwscont.numerics.step_size import StepSize
 from pwscont.search import (
     AllTransitions,
     EndPoints,
@@ -33,11 +46,18 @@ __all__ = [
     "AllTransitions",
     "BandedJacobian",
     "Block",
+    "BorderedNewton",
     "BranchGraph",
     "Character",
     "EndPoints",
     "ExactLinear",
     "FoldLocus",
+    "GraphFileError",
+    "Hermite",
+    "InvalidInputError",
+    "InvalidSystemError",
+    "Journal",
+    "MoorePenrose",
     "MultiStart",
     "NaturalParameter",
     "Panel",
@@ -45,14 +65,22 @@ __all__ = [
     "PiecewiseLinearSystem",
     "PiecewiseSystem",
     "PseudoArclength",
+    "PwscontError",
     "Scene",
+    "SceneNotFoundError",
     "Search",
+    "Secant",
     "Slices",
     "SlicewiseLinearSystem",
+    "StartNotFoundError",
+    "StepSize",
     "Stepper",
+    "SystemNeededError",
+    "Tangent",
     "TransitionDetector",
     "TransitionLocus",
     "check_system",
+    "draw_counts",
     "enumerate_solutions",
     "explore",
     "plot",
@@ -66,4 +94,8 @@ def __getattr__(name: str) -> Any:
         from pwscont.interface.plotting import plot  # noqa: PLC0415
 
         return plot
+    if name == "draw_counts":
+        from pwscont.interface.counting import draw_counts  # noqa: PLC0415
+
+        return draw_counts
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

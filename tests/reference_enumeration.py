@@ -108,9 +108,15 @@ def enumerate_solutions(body, load, friction, tolerance=1e-9):
 
 
 def modes_of(label):
-    """Return the modes that a label such as ``node 1 slip-, node 2 stick`` names."""
-    parts = label.split(", ")
-    return tuple(part.split(" ", 2)[2] if part.startswith("node ") else part for part in parts)
+    """Return the modes that a label such as ``node 1 slip-, nodes 2 to 5 stick`` names."""
+    return tuple(mode for part in label.split(", ") for mode in _modes_of_part(part))
+
+
+def _modes_of_part(part):
+    if part.startswith("nodes "):
+        _, first, _, last, mode = part.split(" ", 4)
+        return [mode] * (int(last) - int(first) + 1)
+    return [part.split(" ", 2)[2] if part.startswith("node ") else part]
 
 
 # -- affine load paths in rational arithmetic: no rounding at all ------------------------------

@@ -13,8 +13,10 @@ from paper_systems import CASES, ONE_NODE, contact_body
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from reference_enumeration import solve_modes
 
-from pwscont import BranchGraph, PseudoArclength, explore, trace
+from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.foundation.errors import GraphFileError, InvalidInputError, SystemNeededError
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.records import Piece, SpecialPoint
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -431,3 +433,36 @@ def test_repr_of_a_solution(fig7):
     (solution,) = fig7.solutions(0.0)
     assert "stick" in repr(solution)
     assert "det +1" in repr(solution)
+
+
+def graph_with_a_thin_stretch(error):
+    """Return two pieces that meet, but for a stretch of 1e-12 on which there is none."""
+    ends = [0.0, 0.5, 0.5 + 1e-12, 1.0]
+    points = [
+        SpecialPoint(i, Kind.TRANSITION, np.zeros(1), alpha, "", "", error=np.full(2, error))
+        for i, alpha in enumerate(ends)
+    ]
+    pieces = [
+        Piece(i, a, b, Character(()), "", np.array([[0.0, ends[a]], [0.0, ends[b]]]), 1)
+        for i, (a, b) in enumerate([(0, 1), (2, 3)])
+    ]
+    return BranchGraph(points, pieces, (0.0, 1.0))
+
+
+def test_a_stretch_thinner_than_the_errors_of_its_ends_is_not_judged():
+    graph = graph_with_a_thin_stretch(error=1e-13)
+    assert graph.balances() == [1, 0, 1]
+    assert graph.is_balanced()
+    assert graph.sums() == [1]
+    assert graph.to_dict()["balance"] == {"value": 1, "constant": True}
+
+
+def test_a_stretch_wider_than_the_errors_of_its_ends_is_judged():
+    graph = graph_with_a_thin_stretch(error=1e-14)
+    assert not graph.is_balanced()
+    assert graph.sums() == [0, 1]
+    assert graph.guarantee.startswith("not balanced: at least one branch missing in (0.5, 0.5)")
+
+
+def test_where_every_stretch_is_blurred_the_balance_still_counts():
+    assert not graph_with_a_thin_stretch(error=1.0).is_balanced()

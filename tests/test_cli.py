@@ -9,11 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pwscont_coulomb.elastic.scene import ElasticScene
 
 from pwscont import BranchGraph, Scene
 from pwscont.foundation.errors import SceneNotFoundError
-from pwscont.interface import cli
+from pwscont.interface import running
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.cli import main
 from pwscont.interface.plane_scene import PlaneScene
@@ -21,12 +20,13 @@ from pwscont.interface.progress import EVERY, FIRST, Progress
 from pwscont.interface.registry import load_scene, scene_names
 
 NAMES = scene_names()
+ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
 PLANES = ("fig4", "fig5", "fig6", "example1-critical-friction")
 CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
 EVERY_SCENE = pytest.mark.parametrize("name", NAMES)
 PNG = b"\x89PNG\r\n"
 
-#: Every scene's keys, and their types (design, command line).
+#: Every scene's keys, and their types.
 SCHEMA = {
     "scene": str,
     "parameter": dict,
@@ -152,10 +152,11 @@ def test_output_writes_readable_files(capsys, tmp_path, name):
     assert picture.read_bytes().startswith(PNG)
     assert picture.stat().st_size > 10_000
     assert f"written: {picture}, {data}" in err
-    if isinstance(load_scene(name), ElasticScene):
-        assert {picture, data} < set(directory.iterdir())  # with pictures of the body
-    else:
-        assert sorted(directory.iterdir()) == sorted([picture, data])
+    bodies = [file for file in directory.iterdir() if file.stem.startswith(f"{name}-")]
+    assert sorted(directory.iterdir()) == sorted([picture, data, *bodies])
+    assert {file.suffix for file in bodies} == (
+        {".png", ".vtu", ".gif"} if name in ELASTIC else set()
+    )
 
 
 @pytest.mark.parametrize("name", PLANES)
@@ -309,7 +310,17 @@ def test_progress_after_a_second_is_one_line():
     clock.now += EVERY
     progress(5, 1.0 / 3.0)
     progress.close()
-    assert stream.getvalue() == "\r3 pieces, F = 0.25   \r5 pieces, F = 0.333333   \n"
+    first, second = stream.getvalue().rstrip("\n").split("\r")[1:]
+    assert first.rstrip() == "3 pieces, F = 0.25, 3 pieces/s"  # three in the first second
+    assert second.rstrip() == "5 pieces, F = 0.333333, 4.17 pieces/s"  # 5 / 1.2
+
+
+def test_the_rate_is_that_of_the_last_seconds():
+    clock, stream = Clock(), io.StringIO()
+    progress = Progress("F", stream, clock)
+    for clock.now, pieces in [(101.0, 100), (102.0, 200), (107.0, 205), (112.0, 210)]:
+        progress(pieces, 0.0)
+    assert stream.getvalue().rstrip().endswith(", 1 pieces/s")  # 10 since 102
 
 
 @pytest.mark.parametrize("name", ["fig7", "fig5"])
@@ -321,7 +332,7 @@ def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
         clock.now += 10.0
         return progress
 
-    monkeypatch.setattr(cli, "Progress", late)
+    monkeypatch.setattr(running, "Progress", late)
     status, out, err = run(capsys, "run", name, "--json")
     assert status == 0
     assert json.loads(out)["scene"] == name
@@ -400,7 +411,7 @@ def test_scenes_of_others_plug_in(capsys, monkeypatch):
             report(2, math.pi)
             return Counted()
 
-    monkeypatch.setattr(cli, "load_scene", lambda name: Count())
+    monkeypatch.setattr(running, "load_scene", lambda name: Count())
     assert run(capsys, "run", "count")[:2] == (0, "one, two\n")
     assert run_json(capsys, "count")["count"] == 2
 

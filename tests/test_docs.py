@@ -292,10 +292,13 @@ def test_main_job_writes_what_the_readme_shows(capsys):
     assert set_up == "python3 -m venv .venv && .venv/bin/pip install -q ."
     assert job == ".venv/bin/pwscont run example3 -o out"
     assert main(job.split()[1:]) == 0
-    printed = capsys.readouterr().out.splitlines()
-    (shown,) = fenced("text")
+    # the last digit of an estimate may differ from machine to machine
+    printed, shown = (
+        re.sub(r"\de-1[56]\b", "rounding", text)
+        for text in (capsys.readouterr().out, *fenced("text"))
+    )
     for line in shown.splitlines():
-        assert line == "..." or line in printed
+        assert line == "..." or line in printed.splitlines()
     for name in ("example3.png", "example3.npz"):
         assert Path("out", name).stat().st_size > 1000
 

@@ -17,7 +17,7 @@ from pwscont_coulomb.elastic.vtu import write_vtu
 from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
-from pwscont.continuation.preparation import silent
+from pwscont.continuation.plan import silent
 from pwscont.foundation.errors import InvalidInputError
 
 
@@ -136,7 +136,7 @@ def test_scenes_write_pictures_and_vtu(tmp_path, monkeypatch):
     assert files == {
         "triangle.png",
         "triangle.npz",
-        "triangle.gif",
+        "triangle-branch1.gif",
         "triangle--0.75.png",
         *(f"triangle--0.75-{i}.vtu" for i in (1, 2, 3)),
     }

@@ -17,7 +17,7 @@ from pwscont_coulomb.elastic.scenes import (
 from pwscont import explore
 from pwscont.bench.cases import case_of
 from pwscont.bench.truth import UnknownAnswerError
-from pwscont.continuation.preparation import silent
+from pwscont.continuation.plan import silent
 from pwscont.foundation.errors import InvalidInputError
 
 
@@ -105,7 +105,7 @@ def test_text_of_a_large_body_is_short():
     assert max(map(len, text.splitlines())) < 250
     assert "3 solutions at alpha = 0.07" in text
     labels = [f"{s.label}, det {s.det_sign:+d}" for s in answer.graph.graph.solutions(0.07)]
-    assert labels[2] == "nodes 1-8 no contact, node 9 slip-, nodes 10-18 no contact, det +1"
+    assert labels[2] == "nodes 1 to 8 no contact, node 9 slip-, nodes 10 to 18 no contact, det +1"
     assert all(label in text for label in labels)
     state = recover(answer.problem, answer.graph.graph.solutions(0.07)[2])
     assert f"({state.normal_force[8]:.8g}, " not in text  # the left wall pushes to the right

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,10 @@ import pytest
 from paper_systems import ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
-from reference_enumeration import Body, exact_pieces
+from reference_enumeration import Body, equations, exact_pieces, exact_solve, modes_of, per_node
 
 from pwscont import (
+    BranchGraph,
     ExactLinear,
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -189,6 +190,73 @@ def test_friction_different_per_node(friction, load):
     assert_matches(explore(path.system(), path.interval), path)
 
 
+# -- friction as the parameter, against rational arithmetic at fixed F ---------------------------
+
+
+def exact_solutions(body, force, friction):
+    """Return {modes: z} of all solutions at one load and friction, without rounding."""
+    still, tiny = np.zeros(body.n), (0.0, 1.0)
+    found = {}
+    for piece in exact_pieces(body, np.asarray(force), still, friction, tiny):
+        matrix, rhs = equations(body, per_node(friction, body.p), piece.modes)
+        rhs[: body.n] += force
+        found[piece.modes] = np.array(exact_solve(matrix, [rhs])[0][0], dtype=object)
+    return found
+
+
+def assert_right_over_friction(body, force, hi=15.0, r=None):
+    """Number and states are right at some F, and the errors cover what is not."""
+    graph = explore(CoulombFriction(contact_body(body), force, r=r), (hi * 1e-4, hi))
+    for at in hi * np.array([0.011, 0.13, 0.31, 0.57, 0.93]):
+        expected, found = exact_solutions(body, force, at), graph.solutions(at)
+        assert sorted(map(label, expected)) == sorted(s.label for s in found)
+        for solution in found:
+            exact = expected[modes_of(solution.label)]
+            pairs = zip(solution.z, exact, strict=True)
+            off = np.array([abs(float(Fraction(a) - b)) for a, b in pairs])
+            assert (off <= 10.0 * solution.error[:-1]).all()
+    assert not graph.special_points("stopped")
+    assert graph.is_balanced()
+
+
+FIVE = np.array([0.4, -1.4, 1.5, -1.5])  # up to five solutions on the paper's two nodes
+
+
+@pytest.mark.parametrize(("stiffness", "force"), list(product([1e-12, 1.0, 1e12], repeat=2)))
+def test_friction_as_parameter_in_any_unit(stiffness, force):
+    body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
+    assert_right_over_friction(body, force * FIVE)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
+@pytest.mark.parametrize("force", [(1.0, -3.0), (0.2, -1.6), (1.0, -1.0)])
+def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
+    """Displacements are known to few digits, but each branch is there once."""
+    assert_right_over_friction(one_node(nearly_incompressible(ratio)), force)
+
+
+@pytest.mark.parametrize("stiff", [1e-10, 1e-5, 1e5, 1e10])
+@pytest.mark.parametrize("coupling", [0.0, 0.3])
+@pytest.mark.parametrize("force", [FIVE, [1.0, -3.0, 1.0, -2.6]], ids=["five", "nine"])
+def test_friction_as_parameter_of_nodes_of_different_stiffness(stiff, coupling, force):
+    assert_right_over_friction(two_nodes(stiff, coupling * min(1.0, stiff)), np.array(force))
+
+
+@pytest.mark.parametrize("r", [1e-8, 1e-4, 1.0, 1e4, 1e8])
+def test_friction_as_parameter_with_any_scale_of_the_multipliers(r):
+    assert_right_over_friction(TWO_NODES, FIVE, r=r)
+
+
+@pytest.mark.parametrize("gap", [1e-300, 1e-12, 1e-6, 1e6, 1e12, 1e100])
+def test_friction_as_parameter_with_any_gap(gap):
+    assert_right_over_friction(two_nodes(gap=(gap, 0.0)), FIVE)
+
+
+@pytest.mark.parametrize("hi", [1.0, 1e3, 1e6])
+def test_friction_of_two_nodes_up_to_a_million(hi):
+    assert_right_over_friction(TWO_NODES, FIVE, hi)
+
+
 # -- friction ----------------------------------------------------------------------------------
 
 CRITICAL = 2.0  # a / b of the paper's node
@@ -294,6 +362,44 @@ def test_transitions_and_folds_a_trillionth_apart(stepper, width, c):
     assert graph.is_balanced()
 
 
+def nearly_identical_nodes(seed):
+    """Return two equal nodes, coupled or not, but for one datum in its 12th to 15th digit."""
+    rng = np.random.default_rng([2012, seed])
+    small = 10.0 ** rng.uniform(-15.5, -11.5)
+    root, turned = rng.normal(size=(4, 4)), np.eye(4)[[2, 3, 0, 1]]
+    A = root @ root.T + 0.05 * np.eye(4)
+    A = (A + turned @ A @ turned) / 2.0
+    if seed % 2:
+        A[:2, 2:] = A[2:, :2] = 0.0
+    f0, f1 = np.tile(rng.normal(size=2), 2), np.tile(rng.normal(size=2), 2)
+    gap, friction = np.zeros(2), np.full(2, rng.choice([0.5, 2.5, 4.0, 10.0]))
+    target = (f0, gap, friction)[seed % 3]
+    target[-1] += small
+    return Path(Body(A, TWO_NODES.N, TWO_NODES.T, gap), f0, f1, friction)
+
+
+def away_from(ends):
+    """Return the middles between ends of pieces that are not the same within rounding."""
+    ends = sorted(map(float, ends))
+    return [0.5 * (a + b) for a, b in pairwise(ends) if b - a > 1e-9]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_nodes_that_differ_by_rounding(seed):
+    """Their transitions are 1e-15 to 1e-12 apart: one corner or two points, balanced anyway."""
+    path = nearly_identical_nodes(seed)
+    graph, exact = explore(path.system(), path.interval), path.exact()
+    assert graph.guarantee == COMPLETE
+    assert graph.sums() == [1]
+    assert not graph.special_points("stopped")
+    for at in away_from({end for piece in exact for end in piece[1:3]}):
+        assert graph.count(at) == sum(lo < at < hi for _, lo, hi, _ in exact)
+    for piece in graph.pieces:
+        for node, x in zip((piece.start, piece.end), piece.points[[0, -1]], strict=True):
+            point = graph.point(node)
+            assert abs(x[-1] - point.alpha) <= 10.0 * point.error[-1] + 1e-15
+
+
 # -- transversality lost -----------------------------------------------------------------------
 
 
@@ -357,20 +463,53 @@ class Parabola(PiecewiseSystem):
         return np.array([[-2.0 * z[0], 1.0, 0.0], [1.0, bend, -1.0]])
 
 
-@pytest.mark.parametrize("depth", [1e-3, 1e-6])
-def test_a_curved_path_nearly_tangent_to_an_interface(depth):
-    """Both transitions are found or none: between them the path is the same to depth^2."""
-    graph = trace(Parabola(depth, 0.3), ([-0.9, 0.81], -0.9), (-1.0, 1.0))
-    alphas = sorted(point.alpha for point in graph.special_points("transition"))
-    assert len(alphas) in ((2,) if depth >= 1e-6 else (0, 2))
-    if alphas:
-        np.testing.assert_allclose(alphas, [-depth, depth], rtol=1e-6 if depth >= 1e-8 else 0.1)
-        for point in graph.special_points("transition"):
-            assert abs(abs(point.alpha) - depth) <= 10.0 * point.error[-1]
+@pytest.mark.parametrize("m", [0.3, -0.9, 5.0])
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_a_curved_path_nearly_tangent_to_an_interface(depth, m):
+    """x^2 is known to all its digits next to zero, and so are both transitions."""
+    graph = trace(Parabola(depth, m), ([-0.9, 0.81], -0.9), (-1.0, 1.0))
+    transitions = graph.special_points("transition")
+    np.testing.assert_allclose(sorted(p.alpha for p in transitions), [-depth, depth], rtol=1e-12)
+    for point in transitions:
+        assert abs(abs(point.alpha) - depth) <= 10.0 * point.error[-1] <= 1e-5 * depth
     assert not graph.special_points("stopped")
     for at in (-0.5, 0.5):
         (solution,) = graph.solutions(at)
         np.testing.assert_allclose(solution.z, [at, at**2], rtol=1e-14)
+
+
+class RaisedParabola(Parabola):
+    """The same with the interface at y = level + depth^2: rounding of y blurs where they meet."""
+
+    def __init__(self, level, depth, m):
+        super().__init__(depth, m)
+        self.level = level
+        self.interface = level + depth**2
+
+    def test_functions(self, z, alpha):
+        return np.array([z[1] - self.interface])
+
+    def residual(self, z, alpha, character):
+        bend = 0.0 if character.signs[0] else self.m * (z[1] - self.interface)
+        return np.array([z[1] - z[0] ** 2 - self.level, z[0] + bend - alpha])
+
+
+@pytest.mark.parametrize("m", [0.3, -0.9, 5.0])
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-7, 3e-8, 1e-8, 1e-10, 0.0])
+@pytest.mark.parametrize("level", [1.0, 0.3, 1e3])
+def test_a_curved_path_tangent_to_an_interface_within_rounding(level, depth, m):
+    """x^2 = d^2 within EPS is x = d within EPS / d. Where d is rounding, the message says so."""
+    system = RaisedParabola(level, depth, m)
+    true = float(Fraction(system.interface) - Fraction(level)) ** 0.5
+    graph = trace(system, ([-0.9, 0.81 + level], -0.9), (-1.0, 1.0))
+    found = [*graph.special_points("transition"), *graph.special_points("stopped")]
+    for point in found:
+        assert abs(abs(point.alpha) - true) <= 10.0 * point.error[-1]
+    if true**2 >= 4.0 * EPS * level:
+        assert [point.kind for point in found] == ["transition", "transition"]
+    elif graph.special_points("stopped"):
+        assert "tangent to the interface" in found[-1].message
+        assert graph.guarantee != COMPLETE
 
 
 # -- gaps --------------------------------------------------------------------------------------
@@ -604,6 +743,19 @@ class TestInvariance:
         self.assert_same(self.graph(seed, load), self.graph(seed, load, side=-1.0), rename=mirrored)
 
     def test_sign_of_the_parameter(self, seed, load):
-        if load:
-            other = self.graph(seed, load, turn=-1.0)
-            self.assert_same(self.graph(seed, load), other, turn=-1.0)
+        if not load:
+            pytest.skip("a coefficient of friction has no other sign")
+        other = self.graph(seed, load, turn=-1.0)
+        self.assert_same(self.graph(seed, load), other, turn=-1.0)
+
+    def test_direction_in_which_a_component_is_followed(self, seed, load):
+        system, graph = self.systems(seed, load), self.graph(seed, load)
+        lo, hi = graph.interval
+        for component in graph.components():
+            ends = {piece.start for piece in component} ^ {piece.end for piece in component}
+            traced = [
+                trace(system, (graph.point(i).z, graph.point(i).alpha), (lo, hi)) for i in ends
+            ]
+            for one in traced:
+                expected = BranchGraph(graph.special_points(), component, (lo, hi))
+                self.assert_same(expected, one)

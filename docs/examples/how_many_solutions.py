@@ -25,11 +25,11 @@ from pwscont import (
     MultiStart,
     PiecewiseLinearSystem,
     Slices,
+    draw_counts,
     enumerate_solutions,
     explore,
     plot,
 )
-from pwscont.interface.counting import draw_counts
 
 body = ContactBody(
     [[1.0, -1.0, 0.0, 0.0], [-1.0, 2.0, -1.0, 0.0], [0.0, -1.0, 2.0, -1.0], [0.0, 0.0, -1.0, 2.0]],

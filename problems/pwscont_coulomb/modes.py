@@ -8,7 +8,6 @@ the selections agree on the interfaces between the cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import IntEnum
 from functools import lru_cache
 from itertools import groupby
@@ -79,7 +78,7 @@ TRIPLES = {
 
 
 def label(character: Character) -> str:
-    """Return the modes of all nodes, such as ``node 1 slip-, node 2 stick``."""
+    """Return the modes of all nodes: ``node 1 slip-, nodes 2 to 5 stick``."""
     return _listed([Mode(mode).word for mode in modes(character)])
 
 
@@ -89,25 +88,22 @@ def describe(character: Character) -> str:
     return _listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
 
 
-#: With more nodes, neighbours with the same words are named together.
-FEW_NODES = 8
-
-
 def _listed(words: list[str]) -> str:
+    """Return the word of each node; three or more alike in a row are named together."""
     if len(words) == 1:
         return words[0]
-    if len(words) > FEW_NODES:
-        return ", ".join(_runs(words))
-    return ", ".join(f"node {i} {word}" for i, word in enumerate(words, start=1))
-
-
-def _runs(words: list[str]) -> Iterator[str]:
-    """Yield ``nodes 3-7 stick`` for neighbours with the same words."""
-    first = 1
+    runs, first = [], 1
     for word, group in groupby(words):
         last = first + len(list(group)) - 1
-        yield f"node {first} {word}" if first == last else f"nodes {first}-{last} {word}"
+        runs += _run(first, last, word)
         first = last + 1
+    return ", ".join(runs)
+
+
+def _run(first: int, last: int, word: str) -> list[str]:
+    if last - first >= 2:
+        return [f"nodes {first} to {last} {word}"]
+    return [f"node {i} {word}" for i in range(first, last + 1)]
 
 
 def describe_change(before: Character, after: Character) -> str:

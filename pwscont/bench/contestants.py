@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import final
 
 from pwscont.numerics.corrector import MoorePenrose
-from pwscont.numerics.predictor import Secant
+from pwscont.numerics.predictor import Secant, Tangent
 from pwscont.numerics.step_size import StepSize
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
 
@@ -57,6 +57,10 @@ def _newton(size: StepSize) -> Stepper:
     return PseudoArclength(step_size=size)
 
 
+def _tangent(size: StepSize) -> Stepper:
+    return PseudoArclength(predictor=Tangent(), step_size=size)
+
+
 def _secant(size: StepSize) -> Stepper:
     return PseudoArclength(predictor=Secant(), step_size=size)
 
@@ -70,13 +74,14 @@ def _natural(size: StepSize) -> Stepper:
 
 
 STEPPERS: dict[str, Callable[[StepSize], Stepper]] = {
-    "arclength, tangent, Newton": _newton,
+    "arclength, cubic, Newton": _newton,
+    "arclength, tangent, Newton": _tangent,
     "arclength, secant, Newton": _secant,
-    "arclength, tangent, Moore-Penrose": _moore_penrose,
+    "arclength, cubic, Moore-Penrose": _moore_penrose,
     "natural parameter": _natural,
 }
 EXACT = "exact linear"
-BY_ANGLE = "arclength, tangent, Newton, by angle"
+BY_ANGLE = "arclength, cubic, Newton, by angle"
 NAMES = (EXACT, *STEPPERS, BY_ANGLE)
 
 

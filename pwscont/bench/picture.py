@@ -22,7 +22,7 @@ from pwscont.bench.measure import Row
 from pwscont.bench.report import FLOOR
 
 WIDTH, HEIGHT, LEGEND, MOST_COLUMNS = 3.3, 2.7, 1.2, 4  # inches; panels in a row
-SHAPES = dict(zip(NAMES, "*osD^v", strict=True))
+SHAPES = dict(zip(NAMES, "*opsD^v", strict=True))
 Kind = Callable[[Errors], float]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pwscont.bench.cases import Case
@@ -41,28 +41,31 @@ def _about(facts: Mapping[str, Any]) -> Iterator[str]:
     where = f"{facts['system']} {facts['processor']}, {facts['cores']} cores"
     yield f"{where}, Python {facts['python']}"
     yield f"{versions}; {facts['blas']}, threads {facts['blas_threads']}"
-    yield "ms: median [least, most]. Errors as parts of the problem's scale; compare rows of one"
-    yield "run only. branch: from true solutions to the chords; points: of the stored points."
+    yield "ms: median [least, most]; ratio: to the problem's first row; compare rows of one run."
+    yield "Errors as parts of the problem's scale. branch: from true solutions to the chords;"
+    yield "points: of the stored points."
 
 
-def _problem(case: Case, rows: Iterable[Row]) -> Iterator[str]:
+def _problem(case: Case, rows: Sequence[Row]) -> Iterator[str]:
     truth = case.truth
     yield (
         f"{case.name}: {len(truth.pieces)} pieces, {len(truth.transitions)} transitions, "
         f"{len(truth.folds)} folds; answer by {truth.known_by}"
     )
     yield _heading()
+    first = next(iter(rows), None)
     for row in rows:
-        yield _line(row)
+        yield _line(row, row.median / first.median if first else 1.0)
 
 
 def _heading() -> str:
     calls = " ".join(f"{name:>6}" for name in CALLS.values())
     kinds = " ".join(f"{name:>8}" for name in ("branch", "(rms)", "points", "transit.", "folds"))
-    return f"  {'stepper':<{STEPPER}}{'setting':<{SETTING}}{'ms':>24} {'points':>6} {calls} {kinds}"
+    numbers = f"{'ms':>24} {'ratio':>6} {'points':>6} {calls} {kinds}"
+    return f"  {'stepper':<{STEPPER}}{'setting':<{SETTING}}{numbers}"
 
 
-def _line(row: Row) -> str:
+def _line(row: Row, ratio: float) -> str:
     found = row.errors
     spread = f"[{1e3 * min(row.seconds):.2f}, {1e3 * max(row.seconds):.2f}]"
     calls = " ".join(f"{row.calls[kind]:6d}" for kind in CALLS)
@@ -70,7 +73,8 @@ def _line(row: Row) -> str:
     text = " ".join(f"{_number(value):>8}" for value in values)
     time = f"{1e3 * row.median:8.2f} {spread:>15}"
     line = (
-        f"  {row.stepper:<{STEPPER}}{row.setting:<{SETTING}}{time} {row.points:6d} {calls} {text}"
+        f"  {row.stepper:<{STEPPER}}{row.setting:<{SETTING}}{time} {ratio:6.1f} "
+        f"{row.points:6d} {calls} {text}"
     )
     return f"{line}  WRONG: {row.wrong}" if row.wrong else line
 

@@ -47,6 +47,7 @@ def assemble(
             number,
             network.nodes[node],
             _messages(system, network.nodes[node], touching[node], node),
+            _ends(touching[node], node),
             lift,
         )
         for node, number in numbers.items()
@@ -147,9 +148,11 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
             yield node
 
 
-def _special_point(number: int, node: Node, messages: tuple[str, str], lift: Lift) -> SpecialPoint:
-    error = node.rays[0].state.error if node.rays else np.zeros((1, len(node.x)))
-    x, error = lift.points(node.x), lift.points(magnitude(node.x, error))
+def _special_point(
+    number: int, node: Node, messages: tuple[str, str], ends: list[Array], lift: Lift
+) -> SpecialPoint:
+    x = lift.points(node.x)
+    error = _error(x, lift.points(_own_error(node)), ends)
     return SpecialPoint(
         number,
         node.kind,
@@ -159,6 +162,27 @@ def _special_point(number: int, node: Node, messages: tuple[str, str], lift: Lif
         error=error,
         digits=significant(error, x, lift.scale),
     )
+
+
+def _own_error(node: Node) -> Array:
+    """Return the error of the node's place as its least certain ray knows it."""
+    samples = [ray.state.error for ray in node.rays] or [np.zeros((1, len(node.x)))]
+    return np.asarray(np.max([magnitude(node.x, error) for error in samples], axis=0))
+
+
+def _error(x: Array, own: Array, ends: list[Array]) -> Array:
+    """Return an error of ``x`` that covers the ends of all pieces that were taken to meet there."""
+    return np.asarray(np.max([own, *(np.abs(end - x) for end in ends)], axis=0))
+
+
+def _ends(edges: list[_Directed], node: int) -> list[Array]:
+    """Return the points with which edges begin or end at a node."""
+    return [
+        edge.points[at]
+        for edge in edges
+        for place, at in ((edge.start, 0), (edge.end, -1))
+        if place == node
+    ]
 
 
 def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:

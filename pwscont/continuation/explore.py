@@ -5,17 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.continuation.default_search import default_search
-from pwscont.continuation.preparation import (
-    Report,
-    checked_interval,
-    checked_stepper,
-    follow,
-    silent,
-)
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.plan import Plan, Report, checked_interval, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 
@@ -28,6 +22,7 @@ def explore(
     stepper: Stepper | None = None,
     parameter: str = "alpha",
     report: Report = silent,
+    journal: Journal | None = None,
 ) -> BranchGraph:
     """Find starts in an interval of alpha and follow every component through them.
 
@@ -40,7 +35,7 @@ def explore(
         Where to look for starts; searches add up with ``+``. The default depends on the size:
         complete where that takes seconds (every transition point of a piecewise-linear system,
         or all solutions at both ends), otherwise searches that promise nothing.
-    stepper, parameter, report : optional
+    stepper, parameter, report, journal : optional
         As for :func:`pwscont.trace`.
 
     Returns
@@ -55,12 +50,8 @@ def explore(
     """
     lo, hi = checked_interval(system, interval)
     check_contract(system, np.zeros(checked_size(system)), lo)
-    chosen = checked_stepper(system, stepper)
-    Metric.of(system, (lo, hi))  # refuses magnitudes that cannot be computed with
-    reduction = system.reduction(lo, hi)
-    smaller = reduction.system if reduction else system
-    metric = Metric.of(smaller, (lo, hi))
-    chosen_search = search or default_search(smaller)
-    starts = chosen_search.starts(smaller, metric, (lo, hi))
-    searched = chosen_search.searched(smaller)
-    return follow(system, reduction, metric, (lo, hi), starts, chosen, parameter, report, searched)
+    plan = Plan.of(system, (lo, hi), stepper)
+    chosen = search or default_search(plan.followed)
+    starts = chosen.starts(plan.followed, plan.metric, plan.interval)
+    searched = chosen.searched(plan.followed)
+    return plan.follow(starts, parameter, report, searched, journal)

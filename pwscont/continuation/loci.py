@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pwscont.continuation.explore import explore
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.plan import Report, silent
 from pwscont.continuation.trace import trace
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.character import Character
@@ -102,7 +102,7 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
     """Tell whether a transition is a fold: positive where alpha turns, negative where not.
 
     It is the product of the slopes of alpha along the curves that leave to both sides, each of
-    length one. They are proportional to det(dH/dz) (F3 of the design), with one sign for both
+    length one. They are proportional to det(dH/dz) (docs/theory, F3), with one sign for both
     sides (F2), so it vanishes where one of the determinants does: there the transition stops
     being a fold.
 

@@ -6,26 +6,27 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import PwscontError
-from pwscont.foundation.rounding import EPS
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.graph.refinement import solve_between
-from pwscont.numerics.curve import Curve
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.uncertainty import magnitude
 
 #: Solutions at one alpha in one cell are one when closer than this times their size.
 SAME = EPS**0.5
 
 
-def lies_on(curve: Curve, points: Array, x: Array, interval: tuple[float, float]) -> bool:
-    """Tell whether ``x`` lies on the piece with these points.
+def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, float]) -> bool:
+    """Tell whether a state lies on the piece with these points, as far as it is certain.
 
     Parameters
     ----------
     curve : Curve
-        The curve of the piece, on whose selection ``x`` lies as well.
+        The curve of the piece, on whose selection the state lies as well.
     points : ndarray, shape (k, n + 1)
-    x : ndarray, shape (n + 1,)
+    state : State
     interval : tuple of float
     """
-    metric, alpha = curve.metric, float(x[-1])
+    metric, x, alpha = curve.metric, state.x, state.alpha
     if not points[:, -1].min() <= alpha <= points[:, -1].max():
         return False
     if len(points) == 2:
@@ -37,7 +38,10 @@ def lies_on(curve: Curve, points: Array, x: Array, interval: tuple[float, float]
             nearest = solve_between(*around)[0]
         except PwscontError:  # alpha stands on an end of the piece, which is a node
             nearest = points[np.argmin(np.abs(points[:, -1] - alpha))]
-    return bool(metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)))
+    if metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)):
+        return True
+    both = 2.0 * magnitude(x, state.error)  # the piece is as uncertain as the state
+    return bool((np.abs(nearest - x) <= CONFIDENCE * both).all())
 
 
 def _nearest_on_chord(curve: Curve, points: Array, x: Array) -> Array:

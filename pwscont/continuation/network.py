@@ -15,10 +15,13 @@ from typing import final
 import numpy as np
 
 from pwscont.continuation.membership import lies_on
-from pwscont.continuation.walk import Walk, Walker
+from pwscont.continuation.walk import Follower, Walk
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.rounding import EPS
+from pwscont.foundation.rounding import CONFIDENCE, EPS
+from pwscont.numerics.curve import State
+from pwscont.numerics.metric import Metric
+from pwscont.numerics.uncertainty import magnitude
 from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray
 
@@ -69,12 +72,12 @@ class Network:
 
     Parameters
     ----------
-    walker : Walker
+    walker : Follower
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
     """
 
-    def __init__(self, walker: Walker, report: Callable[[int, float], None]) -> None:
+    def __init__(self, walker: Follower, report: Callable[[int, float], None]) -> None:
         self._walker = walker
         self._report = report
         self._queue: deque[tuple[int, int]] = deque()
@@ -159,13 +162,12 @@ class Network:
         """
         metric = ray.curve.metric
         covector = metric.covector(ray.state.tangent)
-        nearest = JOIN * (1.0 + metric.norm(ray.state.x))
         best, found = 0.0, None
         candidates = chain.from_iterable(self._by_cell[cell] for cell in ray.cells)
         for node, index in candidates:
             known = self.nodes[node].rays[index].state
             cosine = float(covector.dot(known.tangent))
-            if cosine > best and metric.norm(known.x - ray.state.x) <= nearest:
+            if cosine > best and _same_place(metric, known, ray.state):
                 best, found = cosine, (node, index)
         return found
 
@@ -174,7 +176,7 @@ class Network:
         cells, interval = set(ray.cells), self._walker.interval
         return any(
             not cells.isdisjoint(edge.ray.cells)
-            and lies_on(edge.ray.curve, edge.points, ray.state.x, interval)
+            and lies_on(edge.ray.curve, edge.points, ray.state, interval)
             for edge in self.edges
         )
 
@@ -217,6 +219,14 @@ class Network:
         self.edges = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).x
         self.edges.append(Edge(back.end, forth.end, forth.ray, points, begun_at))
+
+
+def _same_place(metric: Metric, a: State, b: State) -> bool:
+    """Tell whether two states are at one place, or no further apart than they are uncertain."""
+    if metric.norm(a.x - b.x) <= JOIN * (1.0 + metric.norm(b.x)):
+        return True
+    errors = magnitude(a.x, a.error) + magnitude(b.x, b.error)
+    return bool((np.abs(a.x - b.x) <= CONFIDENCE * errors).all())
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pwscont.continuation.preparation import (
-    Report,
-    checked_interval,
-    checked_stepper,
-    follow,
-    silent,
-)
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.plan import Plan, Report, checked_interval, silent
 from pwscont.foundation.arrays import finite_array
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
 from pwscont.foundation.outcome import Failure
@@ -18,7 +13,6 @@ from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.stepping import Stepper
 
@@ -31,6 +25,7 @@ def trace(
     stepper: Stepper | None = None,
     parameter: str = "alpha",
     report: Report = silent,
+    journal: Journal | None = None,
 ) -> BranchGraph:
     """Follow the component of H(z, alpha) = 0 through a start, in both directions.
 
@@ -47,6 +42,8 @@ def trace(
         Name of alpha in tables and on axes.
     report : callable, optional
         Called with the number of pieces and the alpha reached, after each piece.
+    journal : Journal, optional
+        Where every finished piece is kept at once, so that an interrupted run can go on.
 
     Returns
     -------
@@ -62,22 +59,17 @@ def trace(
         If no solution is found near the start.
     """
     lo, hi = checked_interval(system, interval)
-    chosen = checked_stepper(system, stepper)
     z, alpha = _checked_start(system, start, (lo, hi))
     check_contract(system, z, alpha)
-    Metric.of(system, (lo, hi))  # refuses magnitudes that cannot be computed with
-    reduction = system.reduction(lo, hi)
-    smaller, rough = (reduction.system, reduction.state(z)) if reduction else (system, z)
-    metric = Metric.of(smaller, (lo, hi))
-    found = semismooth_newton(smaller, metric, rough, alpha)
+    plan = Plan.of(system, (lo, hi), stepper)
+    rough = plan.reduction.state(z) if plan.reduction else z
+    found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near the start at alpha = {alpha} ({found.trouble.name}); start "
             "closer to a solution, or let explore() search for starts"
         )
-    return follow(
-        system, reduction, metric, (lo, hi), [found], chosen, parameter, report, NOT_SEARCHED
-    )
+    return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
 
 
 def _checked_start(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -40,9 +41,19 @@ class Walk:
         return Walk(self.points, replace(self.arrival, rays=(back, *others)))
 
 
+class Follower(ABC):
+    """Follows rays to the ends of their pieces, within an interval of alpha."""
+
+    interval: tuple[float, float]
+
+    @abstractmethod
+    def walk(self, ray: Ray) -> Walk:
+        """Return the piece that ``ray`` begins."""
+
+
 @final
 @dataclass(frozen=True, slots=True)
-class Walker:
+class Walker(Follower):
     """Follows a ray to the end of its piece; the policy is here, the step is the stepper's."""
 
     stepper: Stepper

@@ -18,7 +18,7 @@ from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
-from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.refinement import refine
 from pwscont.model.system import PiecewiseSystem
@@ -101,7 +101,7 @@ class BranchGraph:
         Parameters
         ----------
         kind : str, optional
-            One of "start", "end", "transition", "nonsmooth fold", "fold", "corner", "stopped".
+            A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold".
         """
         everything = [*self._points, *self.starts]
         if kind is not None and kind not in set(Kind):
@@ -166,6 +166,10 @@ class BranchGraph:
     @cached_property
     def _alphas(self) -> Array:
         return np.array([point.alpha for point in self._points])
+
+    @cached_property
+    def _alpha_errors(self) -> Array:
+        return np.array([point.error[-1] if len(point.error) else 0.0 for point in self._points])
 
     @cached_property
     def _verticals(self) -> list[Piece]:
@@ -327,10 +331,35 @@ class BranchGraph:
         middles = [0.5 * (a + b) for a, b in pairwise(self.breaks())]
         return [sum(piece.det_sign for piece in self._over(alpha)) for alpha in middles]
 
+    def sums(self) -> list[int]:
+        """Return the different values of the balance, ascending; one where nothing is missing.
+
+        Only stretches of alpha count that can be judged: one that is no longer than the
+        uncertainty of the special points around it may be there or not, and in either order.
+        """
+        return sorted({value for value, _ in self._judged()})
+
+    def _judged(self) -> list[tuple[int, tuple[float, float]]]:
+        """Return balance and ends of the stretches that are longer than their ends are uncertain.
+
+        Where all of them are shorter there is nothing else to go by than all of them.
+        """
+        everything = list(zip(self.balances(), pairwise(self.breaks()), strict=True))
+        return [row for row in everything if not self._is_blurred(*row[1])] or everything
+
+    def _is_blurred(self, lo: float, hi: float) -> bool:
+        """Tell whether the special points around a stretch may as well lie within it."""
+        left = self._alphas < 0.5 * (lo + hi)
+        blur = CONFIDENCE * self._alpha_errors
+        first = (self._alphas + blur)[left].max(initial=lo)
+        last = (self._alphas - blur)[~left].min(initial=hi)
+        return bool(first >= last)
+
     def is_balanced(self) -> bool:
         """Tell whether the balance is the same at every regular alpha of the interval.
 
         Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
+        Stretches too short to be judged do not count, see :meth:`sums`.
         """
         return not self._unbalanced()
 
@@ -339,13 +368,13 @@ class BranchGraph:
 
         Without a known degree, those that differ from the most frequent value.
         """
-        values, gaps = self.balances(), list(pairwise(self.breaks()))
+        judged = self._judged()
         degree = self.system.degree if self.system else None
         if degree is None:
+            values = [value for value, _ in judged]
             degree = max(values, key=values.count)
-        wrong = [gap for value, gap in zip(values, gaps, strict=True) if value != degree]
         merged: list[tuple[float, float]] = []
-        for lo, hi in wrong:
+        for lo, hi in (gap for value, gap in judged if value != degree):
             if merged and merged[-1][1] == lo:
                 merged[-1] = (merged[-1][0], hi)
             else:
@@ -357,7 +386,8 @@ class BranchGraph:
         """What is known about the completeness of the graph, in words.
 
         "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
-        branch missing in (lo, hi)". Balance is necessary for completeness, not sufficient.
+        branch missing in (lo, hi)". Balance is necessary for completeness, not sufficient, and
+        says nothing of stretches shorter than the uncertainty of their ends, see :meth:`sums`.
         """
         if gaps := self._unbalanced():
             where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)

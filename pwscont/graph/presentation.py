@@ -45,7 +45,7 @@ def as_html(graph: BranchGraph) -> str:
 
 def as_dict(graph: BranchGraph) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers."""
-    balances = graph.balances()
+    sums = graph.sums()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     return {
         "components": len(graph.components()),
@@ -70,8 +70,8 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
         ],
         "multiplicity": [list(row) for row in graph.multiplicity()],
         "balance": {
-            "value": balances[0] if len(set(balances)) == 1 else None,
-            "constant": len(set(balances)) <= 1,
+            "value": sums[0] if len(sums) == 1 else None,
+            "constant": len(sums) <= 1,
         },
         "searched": graph.searched.what,
         "guarantee": graph.guarantee,

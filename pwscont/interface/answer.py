@@ -5,9 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from pwscont.continuation.preparation import Report
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report
 
 if TYPE_CHECKING:
     from pwscont.interface.scene import Scene
@@ -46,6 +48,13 @@ class Runnable(ABC):
     title: str
     parameter: str
 
+    #: Whether an interrupted run can go on: then there is with_journal.
+    resumable: ClassVar[bool] = False
+
+    def with_journal(self, journal: Journal) -> Runnable:
+        """Return the same scene with a journal of its finished pieces."""
+        raise NotImplementedError
+
     def curve(self) -> Scene | None:
         """Return the scene with one parameter that runs, built; None where there is none."""
         return None
@@ -64,6 +73,10 @@ class Runnable(ABC):
         InvalidInputError
             If the scene cannot list solutions there.
         """
+
+    def omissions(self) -> Sequence[Omission]:
+        """Return what the scene leaves out, and why; default nothing."""
+        return ()
 
     @abstractmethod
     def solve(self, at: Sequence[float], report: Report) -> Answer:

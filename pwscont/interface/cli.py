@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
-import time
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from pwscont.foundation.errors import InvalidInputError, PwscontError
-from pwscont.interface.progress import Progress
+from pwscont.foundation.errors import PwscontError
 from pwscont.interface.registry import load_scene, scene_names
+from pwscont.interface.running import run_scene
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     scenes = commands.add_parser("scenes", help="list the scenes")
     scenes.set_defaults(command=_scenes)
     run = commands.add_parser("run", help="compute a scene and print what was found")
-    run.set_defaults(command=_run)
+    run.set_defaults(command=run_scene)
     run.add_argument("scene", metavar="SCENE", help="a name from 'pwscont scenes'")
     run.add_argument(
         "--at",
@@ -69,6 +67,12 @@ def _parser() -> argparse.ArgumentParser:
         help="write picture and data there",
     )
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    run.add_argument(
+        "--explain", action="store_true", help="say what the scene leaves out, and why"
+    )
+    run.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
+    )
     import_module("pwscont.bench.arguments").add_to(commands)  # by name: it stands above us
     return parser
 
@@ -76,33 +80,4 @@ def _parser() -> argparse.ArgumentParser:
 def _scenes(options: argparse.Namespace) -> int:
     for name in scene_names():
         print(f"{name:<26} {load_scene(name).title}")  # noqa: T201
-    return 0
-
-
-def _make_directory(directory: Path) -> None:
-    """Make the output directory before any work."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or error
-        raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
-
-
-def _run(options: argparse.Namespace) -> int:
-    scene = load_scene(options.scene)
-    at = scene.values(options.at)
-    if options.output:
-        _make_directory(options.output)
-    begin = time.perf_counter()
-    progress = Progress(scene.parameter)
-    answer = scene.solve(at, progress)
-    progress.close()
-    seconds = time.perf_counter() - begin
-    if options.json:
-        print(json.dumps(answer.as_dict() | {"seconds": seconds}, ensure_ascii=False))  # noqa: T201
-    else:
-        print(answer.as_text())  # noqa: T201
-    if options.output:
-        written = answer.write(options.output)
-        print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
     return 0

@@ -24,7 +24,8 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The same axes. Dots are the counts at single values of alpha, such as folds.
+        The same axes. Dots are the counts at single values of alpha, such as folds; dotted lines
+        mark vertical pieces, where there are infinitely many.
     """
     edges = [graph.interval[0], *(hi for _, hi, _ in graph.multiplicity())]
     counts = [count for _, _, count in graph.multiplicity()]
@@ -33,7 +34,9 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     ax.plot(single, [graph.count(alpha) for alpha in single], "o", color="black", markersize=4)
     breaks = graph.breaks()
     ax.stairs(graph.balances(), breaks, baseline=None, color="C3", linestyle="--", label="balance")
-    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    for alpha in {piece.interval[0] for piece in graph.pieces if piece.is_vertical}:
+        ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_ylabel("number")
     ax.legend(fontsize="small")
     ax.grid(alpha=0.25)

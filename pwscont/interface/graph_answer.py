@@ -50,4 +50,6 @@ def _solution(solution: Solution) -> dict[str, Any]:
         "z": solution.z.tolist(),
         "label": solution.label,
         "det_sign": solution.det_sign,
+        "error": solution.error.tolist(),
+        "digits": solution.digits,
     }

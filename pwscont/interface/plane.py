@@ -18,7 +18,7 @@ from pwscont.continuation.loci import (
     follow_transitions,
     parts_of,
 )
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.plan import Report, silent
 from pwscont.enumeration import solve_slice
 from pwscont.foundation.arrays import Array
 from pwscont.interface.regions import Region, area_and_centre, regions

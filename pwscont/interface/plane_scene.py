@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report, silent
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.plane import Plane, Sector
@@ -97,6 +98,13 @@ class PlaneScene(Runnable):
                 "solutions of every region"
             )
         return ()
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what following the loci leaves out, and why."""
+        return (
+            Omission("branches between the loci", "modes stay what they are within a region"),
+            Omission("solutions but for one point per region", "so does their number"),
+        )
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Run the scene."""

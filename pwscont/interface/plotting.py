@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.interface.counting import draw_counts
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 
 #: How each kind of special point is drawn; ends need no mark.
@@ -36,7 +37,7 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
-ROW_HEIGHT, COLUMN_WIDTH, LEGEND_HEIGHT = 2.9, 3.9, 0.7  # inches
+ROW_HEIGHT, COUNTS_HEIGHT, COLUMN_WIDTH = 2.9, 1.9, 3.9  # inches
 
 
 def plot(graph: BranchGraph, component: int = 0, *, ax: Axes | None = None) -> Axes:
@@ -64,26 +65,47 @@ def plot(graph: BranchGraph, component: int = 0, *, ax: Axes | None = None) -> A
 
 
 def draw_scene(scene: Scene, graph: BranchGraph) -> Figure:
-    """Draw all panels of a scene, a row per title, with its parameter paths beside them."""
+    """Draw all panels of a scene, a row per title, with its parameter paths beside them.
+
+    Below them stands how many solutions there are, and their balance.
+    """
     titles = list(dict.fromkeys(panel.title for panel in scene.panels))
     rows: list[list[Panel | ParameterPath]] = [
         [panel for panel in scene.panels if panel.title == title] for title in titles
     ]
     for row, path in zip(cycle(rows), scene.paths, strict=False):
         row.append(path)
-    width, height = max(map(len, rows)), len(rows)
-    figure = Figure(
-        figsize=(COLUMN_WIDTH * width, ROW_HEIGHT * height + LEGEND_HEIGHT), layout="constrained"
-    )
     styles = _styles(graph, scene.panels, scene.styles)
-    grid = figure.subplots(height, width, squeeze=False)
+    figure, grid = _cells(max(map(len, rows)), len(rows))
     for i, row in enumerate(rows):
-        for j in range(width):
+        for j in range(grid.shape[1]):
             _draw_cell(grid[i, j], graph, row[j] if j < len(row) else None, styles)
+    _draw_counts(grid[-1, 0], graph, grid[0, 0].get_xlim())
+    _draw_legend(grid[-1, 1:], _legend(graph, styles))
     figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
-    handles = _legend(graph, styles)
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
     return figure
+
+
+def _cells(width: int, height: int) -> tuple[Figure, Any]:
+    """Return a figure and its axes: rows for panels, and a low one for counts and legend."""
+    width = max(width, 2)
+    size = COLUMN_WIDTH * width, ROW_HEIGHT * height + COUNTS_HEIGHT
+    figure = Figure(figsize=size, layout="constrained")
+    ratios = [ROW_HEIGHT] * height + [COUNTS_HEIGHT]
+    return figure, figure.subplots(height + 1, width, squeeze=False, height_ratios=ratios)
+
+
+def _draw_counts(ax: Axes, graph: BranchGraph, extent: tuple[float, float]) -> None:
+    draw_counts(graph, ax)
+    ax.set_xlim(extent)
+    ax.set_xlabel(symbol(graph.parameter))
+    ax.margins(y=0.15)
+
+
+def _draw_legend(free: Sequence[Axes], handles: Sequence[Line2D]) -> None:
+    for ax in free:
+        ax.set_axis_off()
+    free[0].legend(handles=handles, loc="center left", ncols=1 + len(handles) // 6, frameon=False)
 
 
 def _draw_cell(

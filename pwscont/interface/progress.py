@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import TextIO, final
 
 FIRST = 1.0  # seconds before anything is shown
 EVERY = 0.2  # seconds between two updates
+WINDOW = 10.0  # seconds over which the rate is taken
 
 
 @final
 class Progress:
-    """Shows how many pieces are done; silent for short runs.
+    """Shows how many pieces are done, and how many per second lately; silent for short runs.
+
+    How long it will take is not said: nobody knows how many pieces there are.
 
     Parameters
     ----------
@@ -35,6 +39,7 @@ class Progress:
         self._stream = sys.stderr if stream is None else stream
         self._clock = clock
         self._next = clock() + FIRST
+        self._recent = deque([(clock(), 0)])
         self._shown = False
 
     def __call__(self, pieces: int, alpha: float) -> None:
@@ -42,8 +47,17 @@ class Progress:
         now = self._clock()
         if now >= self._next:
             self._next, self._shown = now + EVERY, True
-            self._stream.write(f"\r{pieces} pieces, {self._parameter} = {alpha:.6g}   ")
+            line = f"{pieces} pieces, {self._parameter} = {alpha:.6g}{self._rate(now, pieces)}"
+            self._stream.write(f"\r{line:<60}")
             self._stream.flush()
+
+    def _rate(self, now: float, pieces: int) -> str:
+        """Return pieces per second of the last seconds, not of the whole run."""
+        self._recent.append((now, pieces))
+        while len(self._recent) > 2 and self._recent[1][0] <= now - WINDOW:
+            self._recent.popleft()
+        since, before = self._recent[0]
+        return f", {(pieces - before) / (now - since):.3g} pieces/s"
 
     def close(self) -> None:
         """End the line, if one was begun."""

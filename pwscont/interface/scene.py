@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, final
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, final
 
 from pwscont.continuation import explore
-from pwscont.continuation.preparation import Report, silent
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission, omissions
+from pwscont.continuation.plan import Report, silent
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import BranchGraph
@@ -78,6 +80,8 @@ class Scene(Runnable):
         As for :func:`pwscont.explore`.
     panels, paths, styles
         The pictures, and the line style for each mode.
+    journal : Journal, optional
+        Where every finished piece is kept at once.
     """
 
     name: str
@@ -92,6 +96,13 @@ class Scene(Runnable):
     panels: tuple[Panel, ...] = (Panel(0),)
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
+    journal: Journal | None = None
+
+    resumable: ClassVar[bool] = True
+
+    def with_journal(self, journal: Journal) -> Scene:
+        """Return the same scene with a journal."""
+        return replace(self, journal=journal)
 
     def curve(self) -> Scene:
         """Return the scene itself."""
@@ -106,6 +117,7 @@ class Scene(Runnable):
             stepper=self.stepper,
             parameter=self.parameter,
             report=report,
+            journal=self.journal,
         )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
@@ -123,6 +135,10 @@ class Scene(Runnable):
                     f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
                 )
         return self.at if wanted is None else tuple(wanted)
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what exploring the interval leaves out, and why."""
+        return omissions(self.system, self.interval, self.search, self.stepper)
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Explore the interval and list the solutions at some values of alpha."""

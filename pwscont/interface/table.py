@@ -1,4 +1,8 @@
-"""The answer as text."""
+"""The answer as text.
+
+Each special point has the estimated error of its parameter behind a plus-minus sign, each solution
+that of its state relative to typical magnitudes; where fewer than six digits are known, it says so.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from math import isinf
 
 import numpy as np
 
+from pwscont.foundation.records import FEW_DIGITS, SpecialPoint
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.presentation import number
 from pwscont.interface.scene import Scene
@@ -54,9 +59,18 @@ def _branch(graph: BranchGraph, component: Sequence[Piece], orientation: int) ->
 
 def _point(graph: BranchGraph, node: int, orientation: int) -> str:
     point = graph.point(node)
-    where = f"{graph.parameter} = {number(point.alpha)}"
+    where = f"{graph.parameter} = {number(point.alpha)}{_plus_minus(point)}"
     message = "" if point.kind in ("start", "end") else point.passed(orientation)
-    return f"  {point.kind:<15} {where:<22} {message}".rstrip()
+    notes = "; ".join(filter(None, [message, _few(point.digits)]))
+    return f"  {point.kind:<15} {where:<30} {notes}".rstrip()
+
+
+def _plus_minus(point: SpecialPoint) -> str:
+    return f" ± {point.error[-1]:.0e}" if len(point.error) else ""
+
+
+def _few(digits: float) -> str:
+    return f"only {_plural(int(digits), 'digit')} known" if digits < FEW_DIGITS else ""
 
 
 def _counts(graph: BranchGraph) -> Iterator[str]:
@@ -85,7 +99,7 @@ def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
 
 def _balance(graph: BranchGraph) -> str:
     """Return the sum of signs, which is necessary for completeness but not sufficient."""
-    values = sorted(set(graph.balances()))
+    values = graph.sums()
     if len(values) == 1:
         return f"the signs of det(dH/dz) sum to {values[0]:+d} throughout"
     return f"the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
@@ -95,8 +109,15 @@ def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:
     found = graph.solutions(alpha)
     yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {number(alpha)}"
     for i, solution in enumerate(found, start=1):
-        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}"
+        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}{_error(solution)}"
         yield f"     {_state(scene, solution)}"
+
+
+def _error(solution: Solution) -> str:
+    if not len(solution.error):
+        return ""
+    few = _few(solution.digits)
+    return f", error {10.0**-solution.digits:.0e}{few and f', {few}'}"
 
 
 def _state(scene: Scene, solution: Solution) -> str:

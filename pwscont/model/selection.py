@@ -32,6 +32,7 @@ class Selection:
     ) -> None:
         self.system = system
         self.character = character
+        self.beside = beside
         signs: dict[int, bool] = {}
         for cell in (character, *beside):
             for test in system.bounding_tests(cell):
@@ -59,11 +60,27 @@ class Selection:
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""
-        return self._side * self.system.test_functions(x[:-1], float(x[-1]))[self.bounding]
+        return self._side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
+
+    def test(self, x: Array, index: int) -> float:
+        """Return one of :meth:`tests`."""
+        which = self.bounding[index : index + 1]
+        values = self.system.some_tests(x[:-1], float(x[-1]), which)
+        return float(self._side[index] * values[0])
 
     def test_gradients(self, x: Array) -> Matrix:
         """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
-        rows = self.system.test_jacobian(x[:-1], float(x[-1]))[self.bounding]
-        if isinstance(rows, np.ndarray):
-            return self._side[:, np.newaxis] * rows
-        return rows.multiply(self._side[:, np.newaxis]).tocsr()
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        return _signed(rows, self._side)
+
+    def test_gradient(self, x: Array, index: int) -> Matrix:
+        """Return the gradient of one of :meth:`tests`, shape (1, n + 1)."""
+        which = slice(index, index + 1)
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding[which])
+        return _signed(rows, self._side[which])
+
+
+def _signed(rows: Matrix, side: Array) -> Matrix:
+    if isinstance(rows, np.ndarray):
+        return side[:, np.newaxis] * rows
+    return rows.multiply(side[:, np.newaxis]).tocsr()

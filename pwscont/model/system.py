@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.differences import central_differences, exact_differences
@@ -65,6 +65,19 @@ class PiecewiseSystem(ABC):
         return central_differences(
             lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
         )
+
+    def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
+        """Return only some of the test functions, shape (len(which),).
+
+        Along a piece only the tests that bound its cell are asked for. Default: all are
+        evaluated, and some taken; override it, and :meth:`some_test_gradients`, where each test
+        costs something of its own.
+        """
+        return self.test_functions(z, alpha)[which]
+
+    def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
+        """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
+        return self.test_jacobian(z, alpha)[which]
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
         """Return the indices of the tests whose zero sets bound this cell; default all.

@@ -3,7 +3,7 @@
 Failure modes and answers
 -------------------------
 - The determinant of a large matrix overflows: only its sign is formed, from the signs of the
-  pivots and the parity of the permutation (F10 of the design).
+  pivots and the parity of the permutation (docs/theory, F10).
 - The matrix is singular at a branch point or where the curve is tangent to an interface: the
   reciprocal condition number says so; a solution is never returned with nan in it.
 - Rows and columns in different units: columns are multiplied by the typical magnitudes of the

@@ -26,11 +26,11 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONFIDENCE, CONVERGED
+from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import bordered
 from pwscont.numerics.root import Root, joined
-from pwscont.numerics.uncertainty import magnitude, uncertainty
+from pwscont.numerics.uncertainty import is_rounding
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -67,11 +67,6 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             return root
         before = size
     return Failure(Trouble.NOT_CONVERGED)
-
-
-def is_rounding(root: Root) -> bool:
-    """Tell whether the last correction was nothing but rounding, as ill conditioning makes it."""
-    return bool((root.error <= CONFIDENCE * magnitude(root.x, uncertainty(root))).all())
 
 
 def contraction(size: float, before: float) -> float:

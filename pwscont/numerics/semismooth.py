@@ -10,12 +10,14 @@ Failure modes and answers
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
+- Ill conditioning: a solution can be so uncertain that its correction never converges. Where no
+  step reduces the residual any more and the correction is nothing but rounding, it is one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -24,8 +26,10 @@ from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.linalg import bordered, last_unit
+from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.root import Root
+from pwscont.numerics.uncertainty import is_rounding, uncertainty
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
@@ -53,25 +57,39 @@ def semismooth_newton(
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
-        The solution (z, alpha) and the size of the last correction; or a Failure.
+        The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
+        of its error where that is all conditioning allows; or a Failure.
     """
-    x = np.append(z, alpha)
-    for _ in range(MOST_ITERATIONS):
+    x, border = np.append(z, alpha), last_unit(len(z) + 1)
+    for iteration in range(1, MOST_ITERATIONS + 1):
         character = system.character(x[:-1], alpha)
         residual = system.residual(x[:-1], alpha, character)
         jacobian = system.jacobian(x[:-1], alpha, character)
         if not np.isfinite(residual).all():
             return Failure(Trouble.NOT_FINITE)
         rows = _row_scale(jacobian, metric)
-        step = _direction(jacobian, residual, rows, metric)
+        lu = bordered(jacobian, border, metric.binary)
+        step = _direction(lu, jacobian, residual, rows, metric)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
             return x + step, np.abs(step)[np.newaxis]
         damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
-            return Failure(Trouble.NOT_CONVERGED)
+            root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
+            return _as_good_as_it_gets(root, known)
         x = damped
     return Failure(Trouble.NOT_CONVERGED)
+
+
+def _as_good_as_it_gets(root: Root, known: Sequence[Array]) -> tuple[Array, Array] | Failure:
+    """Return a point whose residual no step reduces, if it is a solution within rounding.
+
+    So near a known solution it is that one again.
+    """
+    again = (replace(root, error=np.abs(root.x - other)) for other in known)
+    if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):
+        return Failure(Trouble.NOT_CONVERGED)
+    return root.x, uncertainty(root)
 
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
@@ -80,9 +98,8 @@ def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     return np.where(scaled > 0.0, scaled, 1.0)
 
 
-def _direction(jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
+def _direction(lu: Factor, jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
-    lu = bordered(jacobian, last_unit(len(residual) + 1), metric.binary)
     if not lu.is_singular():
         return -lu.solve(np.append(residual, 0.0))
     scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]

@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
-from pwscont.foundation.rounding import EPS
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.numerics.root import Root, joined
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
@@ -40,6 +40,16 @@ def uncertainty(root: Root) -> Array:
     size = np.abs(root.x) + (root.error / root.scale).max() * root.scale
     terms = joined(abs(root.jacobian) @ size, float((abs(root.row) @ size).sum()))
     return np.stack([root.factor.solve(EPS * terms * sample) for sample in _samples(len(size))])
+
+
+def is_rounding(root: Root) -> bool:
+    """Tell whether the last correction was nothing but rounding, as ill conditioning makes it."""
+    return is_within(root, uncertainty(root))
+
+
+def is_within(root: Root, error: Array) -> bool:
+    """Tell whether the last correction is no more than an error, as from :func:`uncertainty`."""
+    return bool((root.error <= CONFIDENCE * magnitude(root.x, error)).all())
 
 
 def magnitude(x: Array, error: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Pieces of an affine selection: no step size, no corrector (F6 of the design)."""
+"""Pieces of an affine selection: no step size, no corrector (docs/theory, F6)."""
 
 from __future__ import annotations
 

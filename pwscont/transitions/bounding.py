@@ -51,7 +51,7 @@ class BoundingTests(TransitionDetector):
         test = int(selection.bounding[index])
 
         def function(x: Array) -> tuple[float, Matrix]:
-            return float(selection.tests(x)[index]), gradient_of(selection, x, test)
+            return selection.test(x, index), gradient_of(selection, x, test)
 
         return locate_zero(segment, function, bracket)
 
@@ -65,12 +65,23 @@ class BoundingTests(TransitionDetector):
             return Arrival(Kind.END, x, end, (back,))
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
-            return corner(curve, x, state.error, zero, back)
+            met = corner(curve, x, state.error, zero, back)
+            forth = across(curve, state, test) if _is_apart(met, zero) else None
+            if forth is None:
+                return met
         message = system.describe_transition(
             curve.selection.character, forth.curve.selection.character
         )
         kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
         return Arrival(kind, x, message, (back, forth))
+
+
+def _is_apart(met: Arrival, zero: frozenset[int]) -> bool:
+    """Tell whether tests that vanish within rounding still vanish one after the other.
+
+    The piece that was followed ends at their corner and is none of its rays: it lies between.
+    """
+    return met.kind == Kind.STOPPED and len(zero) > 1
 
 
 def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:

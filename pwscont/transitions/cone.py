@@ -1,4 +1,4 @@
-"""All rays at a corner: the cone problem H'(x; d) = 0 (F8 of the design).
+"""All rays at a corner: the cone problem H'(x; d) = 0 (docs/theory, F8).
 
 Where several test functions vanish at x, the zero set near x is the set of directions d with
 J_chi d = 0 and grad(kappa_i) . d of the sign that chi demands, over all cells chi that meet at
@@ -31,11 +31,10 @@ from pwscont.model.system import (
 )
 from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.numerics.uncertainty import magnitude_of_values
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Ray, state_on
 
 #: All cells at a corner are tried up to this number: twelve tests.
 MANY_CELLS = 2**12
@@ -140,19 +139,16 @@ def _ray(
     direction, characters = found
     tangent = metric.normalised(direction)
     curves = [Curve(Selection(system, character), metric) for character in characters]
-    signs = [
-        bordered(curve.selection.jacobian(x), metric.covector(tangent), metric.binary).sign
-        for curve in curves
-    ]
-    state = State(x, tangent, error, signs[0])
+    states = [state_on(curve, x, tangent, error) for curve in curves]
+    state, signs = states[0], {state.orientation for state in states}
     if len(characters) == 1:
         return Ray(curves[0], state)
     if not isinstance(system, PiecewiseLinearSystem):
-        for curve, sign in zip(curves, signs, strict=True):
-            if _bends_into(curve, state):
-                return Ray(curve, State(x, tangent, error, sign))
+        for curve, own in zip(curves, states, strict=True):
+            if _bends_into(curve, own):
+                return Ray(curve, own)
     slope = curves[0].slope(state)
-    index = signs[0] * int(np.sign(slope)) if len(set(signs)) == 1 else 0
+    index = state.orientation * int(np.sign(slope)) if len(signs) == 1 else 0
     riding = Curve(Selection(system, characters[0], characters), metric)
     return Ray(riding, state, characters, index)
 

@@ -10,7 +10,7 @@ from pwscont.foundation.outcome import Trouble
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered, last_unit
+from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.root import Root
 from pwscont.numerics.uncertainty import uncertainty
@@ -41,22 +41,24 @@ def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
-    tangent = _null_vector(curve, x)
-    if tangent is None:
+    fixed = _regular_border(curve, x)
+    if fixed is None:
         stopped = Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
-    jacobian, row = curve.selection.jacobian(x), curve.metric.covector(tangent)
-    factor = bordered(jacobian, row, curve.metric.binary)
+    row, factor = fixed
+    jacobian, tangent = curve.selection.jacobian(x), factor.solve(last_unit(len(x)))
+    tangent = curve.metric.normalised(tangent)
     known = np.abs(error).max(axis=0)
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
-    forth = Ray(curve, State(x, tangent, error, factor.sign))
+    oriented = bordered(jacobian, curve.metric.covector(tangent), curve.metric.binary)
+    forth = Ray(curve, State(x, tangent, error, oriented.sign))
     return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
 
 
-def _null_vector(curve: Curve, x: Array) -> Array | None:
-    """Return the unit tangent, by bordering with each unit vector until one is regular.
+def _regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
+    """Return the unit row e_j that borders J to a regular matrix, and its factorisation.
 
-    The border e_alpha fails exactly at a fold, another one at most at a branch point.
+    It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):
@@ -64,7 +66,7 @@ def _null_vector(curve: Curve, x: Array) -> Array | None:
         row[j] = 1.0
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
-            return curve.metric.normalised(factor.solve(last_unit(size)))
+            return row, factor
     return None
 
 

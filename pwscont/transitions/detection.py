@@ -3,7 +3,7 @@
 Failure modes and answers
 -------------------------
 - A cell thinner than the step: the character is frozen, so the far end of the step lies
-  outside the cell whatever is beyond it (F7 of the design).
+  outside the cell whatever is beyond it (docs/theory, F7).
 - A test that dips below zero and comes back within one step: its slopes at both ends differ in
   sign, and where the tangent lines at both ends cross below zero, the dip is searched.
 - The test that was just crossed starts at zero, with a sign that is rounding: its slope says

@@ -1,4 +1,4 @@
-"""Smooth folds: alpha turns within one selection (F3 of the design)."""
+"""Smooth folds: alpha turns within one selection (docs/theory, F3)."""
 
 from __future__ import annotations
 

@@ -6,6 +6,9 @@ Failure modes and answers
   otherwise halved on the curve itself.
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
   :class:`~pwscont.foundation.outcome.Failure`, not a point.
+- The curve is nearly tangent: at the angle d, the correction after one of size c is about
+  c^2 / d, which is not rounding when c is small by itself. Newton goes on until its corrections
+  are rounding; where they never are, the last one counts as an error.
 - A straight segment needs no bracket: its prediction is exact and one correction removes the
   rounding that a long ray has gathered.
 """
@@ -17,14 +20,15 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.model.system import PiecewiseLinearSystem
-from pwscont.numerics.curve import State
+from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.newton import Border, newton
 from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import uncertainty
+from pwscont.numerics.uncertainty import is_within, uncertainty
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
 MOST_NEWTON = 8
@@ -78,13 +82,23 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
         return root
     if root.factor.is_singular():
         return Failure(Trouble.SINGULAR)
-    if not isinstance(segment.curve.selection.system, PiecewiseLinearSystem):
-        # nearly tangent curves leave more than rounding after the last accepted correction
-        again = newton(segment.curve, border, root.x, MOST_NEWTON)
-        root = again if isinstance(again, Root) else root
+    straight = isinstance(segment.curve.selection.system, PiecewiseLinearSystem)
+    root, error = (root, uncertainty(root)) if straight else _polished(segment.curve, border, root)
     tangent = -root.factor.solve(last_unit(len(root.x)))
     along = segment.curve.metric.normalised(tangent)
-    return State(root.x, along, uncertainty(root), -root.factor.sign)
+    return State(root.x, along, error, -root.factor.sign)
+
+
+def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
+    """Return the root once its corrections are rounding, and its uncertainty."""
+    for _ in range(MOST_NEWTON):
+        again = newton(curve, border, root.x, MOST_NEWTON)
+        if isinstance(again, Failure):
+            break
+        root, error = again, uncertainty(again)
+        if is_within(root, error):
+            return root, error
+    return root, np.vstack([uncertainty(root), root.error])
 
 
 class _OffCurveError(Exception):

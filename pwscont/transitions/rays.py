@@ -1,4 +1,4 @@
-"""The pieces that leave a point: facts F1, F2 and F8 of the design.
+"""The pieces that leave a point: facts F1, F2 and F8 (docs/theory).
 
 At a point x of the zero set let V be the set of bounding tests that vanish there. With V
 empty, one curve passes: two rays in one cell. With V = {i}, the selections J and J' on both
@@ -11,6 +11,8 @@ Failure modes and answers
 - A test counts as zero when it is below the rounding of its own terms plus what the error of
   the point contributes: relative, so units and magnitudes do not matter.
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
+- Interfaces that meet within rounding may be apart all the same: a ray then starts where its own
+  curve is, not at the common point, or it would arrive elsewhere than its curve does.
 - The orientations differ or H jumps: the user's selections disagree on the interface, which is
   said and not drawn.
 """
@@ -30,7 +32,7 @@ from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered, last_unit
-from pwscont.numerics.uncertainty import magnitude_of_values
+from pwscont.numerics.uncertainty import magnitude, magnitude_of_values
 
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
@@ -98,8 +100,8 @@ def vanishing(
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:
     """Return the gradient of one test, positive towards the inside of the cell."""
-    row = selection.test_gradients(x)[int(np.flatnonzero(selection.bounding == test)[0])]
-    return row.toarray().ravel() if sp.issparse(row) else row
+    row = selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
+    return row.toarray().ravel() if sp.issparse(row) else row[0]
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
@@ -119,7 +121,24 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not metric.norm(defect) <= DISAGREE * (1.0 + metric.norm(x)):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
-    return Ray(curve, State(x, tangent, error, factor.sign))
+    return Ray(curve, moved(x, defect, tangent, error, factor.sign))
+
+
+def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
+    """Return the state of a curve at a common point of several, or next to it where it is apart."""
+    border = curve.metric.covector(tangent)
+    factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
+    if factor.is_singular():
+        return State(x, tangent, error, factor.sign)
+    defect = factor.solve(np.append(curve.selection.residual(x), 0.0))
+    return moved(x, defect, tangent, error, factor.sign)
+
+
+def moved(x: Array, defect: Array, tangent: Array, error: Array, orientation: int) -> State:
+    """Return the state at ``x``, or at ``x - defect`` if that is further away than rounding."""
+    if (np.abs(defect) <= CONFIDENCE * magnitude(x, error)).all():
+        return State(x, tangent, error, orientation)
+    return State(x - defect, tangent, np.vstack([error, defect]), orientation)
 
 
 def beyond(selection: Selection, x: Array, test: int) -> Character:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ def read_mesh(path: Path) -> Any:
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
     try:
-        with redirect_stdout(StringIO()):  # meshio prints where only answers belong
+        with redirect_stdout(sys.stderr):  # some readers print, and ours is for the answer
             read = meshio.read(path)
         _refuse_other_cells(path, read)
         return bridge.from_meshio(_as_scikit_fem_expects(read))

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
-from pwscont import Character, Scene
-from pwscont.continuation.preparation import Report
+from pwscont import Character, Journal, Scene
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import Solution
 from pwscont.interface.answer import Answer, Runnable
@@ -43,6 +44,8 @@ class ElasticScene(Runnable):
     at : tuple of float
         Parameter values whose solutions are listed and drawn unless the user asks for others.
     parameter : str
+    journal : Journal, optional
+        As for :class:`pwscont.Scene`.
     """
 
     name: str
@@ -51,6 +54,20 @@ class ElasticScene(Runnable):
     interval: tuple[float, float]
     at: tuple[float, ...] = ()
     parameter: str = "alpha"
+    journal: Journal | None = None
+
+    resumable: ClassVar[bool] = True
+
+    def with_journal(self, journal: Journal) -> ElasticScene:
+        """Return the same scene with a journal."""
+        return replace(self, journal=journal)
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what is left out, and why; the rest is known when the body has been built."""
+        return (
+            Omission("displacements inside the body", "they follow from those in contact"),
+            Omission("their recovery", "only made for solutions that are drawn or written"),
+        )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
         """Return the values of alpha whose solutions are listed.
@@ -88,6 +105,7 @@ class ElasticScene(Runnable):
             at=self.at,
             panels=_panels(problem),
             styles=STYLES,
+            journal=self.journal,
         )
 
 
@@ -150,7 +168,7 @@ class ElasticAnswer(Answer):
             files += self._write_bodies(directory, alpha)
         branches = self.graph.graph.components()
         if branches and branches[0]:
-            file = directory / f"{self.graph.scene.name}.gif"
+            file = directory / f"{self.graph.scene.name}-branch1.gif"
             files.append(animate(self.problem, branches[0], file, FRAMES))
         return files
 

@@ -1,0 +1,171 @@
+"""What trace and explore do alike: check the input, choose the parts, follow, assemble.
+
+What is chosen here and what is left out, :mod:`pwscont.continuation.omissions` says in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.continuation.assembly import assemble
+from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.network import Network
+from pwscont.continuation.walk import Follower, Walker
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.guarantee import Searched
+from pwscont.graph import BranchGraph
+from pwscont.model.reduction import Reduction
+from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.numerics.metric import Metric
+from pwscont.search.enumeration import Found
+from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
+from pwscont.transitions import (
+    BoundingTests,
+    IntervalEnds,
+    SmoothBranchPoints,
+    SmoothFolds,
+    TransitionDetector,
+)
+from pwscont.transitions.departures import departures
+from pwscont.transitions.detection import Watch
+
+Report = Callable[[int, float], None]
+
+
+def silent(pieces: int, alpha: float) -> None:
+    """Report nothing."""
+
+
+def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the interval as two floats, or say what is wrong with it."""
+    try:
+        lo, hi = (float(end) for end in interval)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"interval must be two numbers, got {interval!r}") from error
+    if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
+        raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
+    low, high = system.domain
+    if lo < low or hi > high:
+        raise InvalidInputError(
+            f"interval ({lo}, {hi}) leaves the domain [{low}, {high}] of {type(system).__name__}"
+        )
+    return lo, hi
+
+
+def default_stepper(system: PiecewiseSystem) -> Stepper:
+    """Return the exact stepper where pieces are straight, pseudo-arclength elsewhere."""
+    return ExactLinear() if isinstance(system, PiecewiseLinearSystem) else PseudoArclength()
+
+
+def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper:
+    """Return the stepper to use."""
+    if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
+        raise InvalidInputError(
+            f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
+            "use PseudoArclength"
+        )
+    return stepper if stepper is not None else default_stepper(system)
+
+
+def default_detectors(
+    stepper: Stepper, interval: tuple[float, float]
+) -> tuple[TransitionDetector, ...]:
+    """Return what must be watched: straight pieces neither fold nor branch within a cell.
+
+    Branch points come before folds, for alpha may turn at one.
+    """
+    always = (IntervalEnds(*interval), BoundingTests())
+    if isinstance(stepper, ExactLinear):
+        return always
+    return (*always, SmoothBranchPoints(), SmoothFolds())
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The parts of a run.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+    interval : tuple of float
+    reduction : Reduction or None
+        What remains of the system where parts of it provably stay in one mode.
+    followed : PiecewiseSystem
+        The reduced system, or the system itself.
+    metric : Metric
+        That of the followed system.
+    stepper : Stepper
+    detectors : tuple of TransitionDetector
+    """
+
+    system: PiecewiseSystem
+    interval: tuple[float, float]
+    reduction: Reduction | None
+    followed: PiecewiseSystem
+    metric: Metric
+    stepper: Stepper
+    detectors: tuple[TransitionDetector, ...]
+
+    @classmethod
+    def of(
+        cls, system: PiecewiseSystem, interval: tuple[float, float], stepper: Stepper | None
+    ) -> Plan:
+        """Choose the parts for a system on an interval that was checked."""
+        chosen = checked_stepper(system, stepper)
+        Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
+        reduction = system.reduction(*interval)
+        followed = reduction.system if reduction else system
+        metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
+        return cls(system, interval, reduction, followed, metric, chosen, detectors)
+
+    def follow(
+        self,
+        starts: Iterable[Found],
+        parameter: str,
+        report: Report,
+        searched: Searched,
+        journal: Journal | None = None,
+    ) -> BranchGraph:
+        """Return the graph of everything that is reached from starts of the followed system."""
+        walker: Follower = Walker(self.stepper, Watch(self.detectors), self.interval)
+        if journal is not None:
+            self._check(journal)
+            walker, starts = Recorded(walker, journal), journal.starts(starts)
+        network = Network(walker, report)
+        for x, error in starts:
+            network.add(departures(self.followed, self.metric, x, error))
+        return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+
+    def _check(self, journal: Journal) -> None:
+        """Refuse a journal of another run."""
+        facts = {
+            "system": type(self.system).__name__,
+            "number of unknowns": str(self.followed.size),
+            "interval": str(list(self.interval)),
+            "stepper": repr(self.stepper),
+        }
+        journal.check(facts, _probes(self.followed, self.metric, self.interval))
+
+
+def _probes(system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]) -> list[float]:
+    """Return sums of H and of the tests at generic points, which other problems do not share."""
+    sums = []
+    for shift, alpha in enumerate((interval[0], 0.5 * sum(interval), interval[1])):
+        z = metric.scale[:-1] * _generic(system.size, shift)
+        tests = system.test_functions(z, alpha)
+        residual = system.residual(z, alpha, Character.of(tests))
+        sums += [float(_generic(len(v), shift) @ v) for v in (tests, residual)]
+    return sums
+
+
+def _generic(size: int, shift: int) -> Array:
+    """Return numbers related to no simple ones."""
+    numbers: Array = np.cos(1.0 + shift + np.sqrt(2.0) * np.arange(size))
+    return numbers

@@ -1,0 +1,91 @@
+"""A finished piece as text and bytes, and back, bit by bit.
+
+All arrays of a walk are rows of n + 1 numbers. Many are the same: the end of the piece is also
+where its rays start, and the rays share the samples of its error. Each row is written once.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NamedTuple, final
+
+import numpy as np
+
+from pwscont.continuation.walk import Walk
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
+from pwscont.foundation.kind import Kind
+from pwscont.model.selection import Selection
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.metric import Metric
+from pwscont.transitions.detector import Arrival
+from pwscont.transitions.rays import Ray
+
+
+class Transcript(NamedTuple):
+    """A walk in writing: a JSON object, and rows of doubles."""
+
+    header: str
+    rows: bytes
+
+
+def written(walk: Walk) -> Transcript:
+    """Write a walk down."""
+    rows, arrival = _Rows(), walk.arrival
+    header = {
+        "kind": str(arrival.kind),
+        "message": arrival.message,
+        "points": rows.add(walk.points),
+        "x": rows.add(arrival.x[np.newaxis]),
+        "rays": [_ray(ray, rows) for ray in arrival.rays],
+    }
+    return Transcript(json.dumps(header), b"".join(rows.numbers))
+
+
+def walk_of(transcript: Transcript, ray: Ray) -> Walk:
+    """Read a walk; its system and metric are those of the ray that began it."""
+    header = json.loads(transcript.header)
+    rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
+    system, metric = ray.curve.selection.system, ray.curve.metric
+    rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
+    x = rows[header["x"][0]]
+    arrival = Arrival(Kind(header["kind"]), x, header["message"], rays)
+    return Walk(rows[header["points"]], arrival)
+
+
+@final
+class _Rows:
+    """Rows that were written, each once."""
+
+    def __init__(self) -> None:
+        self.numbers: dict[bytes, int] = {}
+
+    def add(self, rows: Array) -> list[int]:
+        """Return the numbers of these rows."""
+        return [self.numbers.setdefault(row.tobytes(), len(self.numbers)) for row in rows]
+
+
+def _ray(ray: Ray, rows: _Rows) -> dict[str, Any]:
+    state, selection = ray.state, ray.curve.selection
+    return {
+        "signs": str(selection.character),
+        "beside": [str(cell) for cell in selection.beside],
+        "shared": [str(cell) for cell in ray.shared],
+        "index": int(ray.index),
+        "state": rows.add(np.stack([state.x, state.tangent])),
+        "error": rows.add(state.error),
+        "orientation": int(state.orientation),
+    }
+
+
+def _ray_of(data: dict[str, Any], rows: Array, system: PiecewiseSystem, metric: Metric) -> Ray:
+    beside = tuple(map(_character, data["beside"]))
+    curve = Curve(Selection(system, _character(data["signs"]), beside), metric)
+    x, tangent = rows[data["state"]]
+    state = State(x, tangent, rows[data["error"]], data["orientation"])
+    return Ray(curve, state, tuple(map(_character, data["shared"])), data["index"])
+
+
+def _character(signs: str) -> Character:
+    return Character(tuple(sign == "+" for sign in signs))

@@ -1,0 +1,117 @@
+"""What ``pwscont run`` does: solve a scene, print the answer, write files, keep a journal."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.interface.answer import Answer, Runnable
+from pwscont.interface.progress import Progress
+from pwscont.interface.registry import load_scene
+
+
+def run_scene(options: argparse.Namespace) -> int:
+    """Run a scene as the command line says; returns the exit status."""
+    scene = load_scene(options.scene)
+    at = scene.values(options.at)
+    if options.output:
+        _make_directory(options.output)
+    with _journalled(scene, options.output, options.resume) as kept:
+        begin = time.perf_counter()
+        answer = _solved(kept, at)
+        seconds = time.perf_counter() - begin
+        left_out = _omissions(scene, options) if options.explain else None
+        if options.json:
+            print(_as_json(answer, left_out, seconds))  # noqa: T201
+        else:
+            print(_as_text(answer, left_out))  # noqa: T201
+        if options.output:
+            written = answer.write(options.output)
+            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
+    return 0
+
+
+def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
+    progress = Progress(scene.parameter)
+    try:
+        return scene.solve(at, progress)
+    finally:
+        progress.close()
+
+
+@contextmanager
+def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[Runnable]:
+    """Give a scene that writes files a journal, which goes away when they are written.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is an unfinished run that the user may not want to lose, or none to resume.
+    """
+    path = output / f"{scene.name}.journal" if output and scene.resumable else None
+    _check_unfinished(scene, path, resume)
+    if path is None:
+        yield scene
+        return
+    journal = Journal(path)
+    try:
+        yield scene.with_journal(journal)
+    except KeyboardInterrupt:
+        kept = f"{len(journal)} pieces are kept in {path}; --resume goes on from there"
+        print(f"pwscont: {kept}", file=sys.stderr)  # noqa: T201
+        journal.close()
+        raise
+    except BaseException:
+        journal.close()
+        raise
+    journal.remove()
+
+
+def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
+    if path is None:
+        if resume and not scene.resumable:
+            raise InvalidInputError(f"the scene {scene.name} keeps no journal to resume from")
+        if resume:
+            raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
+    elif path.exists() and not resume:
+        raise InvalidInputError(
+            f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
+        )
+    elif resume and not path.exists():
+        raise InvalidInputError(f"nothing to resume: there is no {path}")
+
+
+def _make_directory(directory: Path) -> None:
+    """Make the output directory before any work."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
+
+
+def _omissions(scene: Runnable, options: argparse.Namespace) -> list[Omission]:
+    """Return what the scene and the command leave out."""
+    if options.output:
+        return list(scene.omissions())
+    return [*scene.omissions(), Omission("pictures and files", "no -o: matplotlib is not loaded")]
+
+
+def _as_text(answer: Answer, left_out: Sequence[Omission] | None) -> str:
+    lines = [f"  {omission.what}: {omission.why}" for omission in left_out or ()]
+    return "\n".join([answer.as_text(), *(["", "Left out, and why"] if lines else []), *lines])
+
+
+def _as_json(answer: Answer, left_out: Sequence[Omission] | None, seconds: float) -> str:
+    data = answer.as_dict() | {"seconds": seconds}
+    if left_out is not None:
+        data["left_out"] = [omission._asdict() for omission in left_out]
+    return json.dumps(data, ensure_ascii=False)

@@ -1,0 +1,218 @@
+"""Interrupted runs go on where they stopped, and end with the same graph, bit by bit."""
+
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import long_run
+import numpy as np
+import pytest
+from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb.scenes import example1, example3, fig7, one_node
+
+from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
+from pwscont.continuation.transcript import walk_of, written
+from pwscont.continuation.walk import Walker
+from pwscont.interface.cli import main
+from pwscont.interface.scene import Scene
+
+
+def same(a, b):
+    assert len(a.pieces) == len(b.pieces)
+    for one, other in zip(a.pieces, b.pieces, strict=True):
+        assert (one.start, one.end, one.label) == (other.start, other.end, other.label)
+        assert one.character == other.character
+        assert one.det_sign == other.det_sign
+        np.testing.assert_array_equal(one.points, other.points)
+    for one, other in zip(a.special_points(), b.special_points(), strict=True):
+        assert (one.kind, one.alpha, one.message) == (other.kind, other.alpha, other.message)
+        np.testing.assert_array_equal(one.z, other.z)
+        np.testing.assert_array_equal(one.error, other.error)
+
+
+def test_killed_at_ten_random_moments_and_resumed(tmp_path):
+    """kill -9 in the middle of whatever it does; each time what is finished is kept."""
+    journal, graph = tmp_path / "run.journal", tmp_path / "run.npz"
+    rng, known, kills = np.random.default_rng(3), [], 0
+    command = [sys.executable, long_run.__file__, str(journal), str(graph)]
+    while kills < 10:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        process.stdout.readline()
+        time.sleep(rng.uniform(0.0, 0.3))
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        kills += process.returncode == -signal.SIGKILL
+        if graph.exists():  # it was faster: begin again
+            graph.unlink()
+            journal.unlink()
+            known = []
+            continue
+        known.append(finished(journal))
+    assert known == sorted(known)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    same(BranchGraph.load(graph), long_run.run())
+
+
+def finished(path):
+    if not path.exists():
+        return 0
+    journal = Journal(path)
+    pieces = len(journal)
+    journal.close()
+    return pieces
+
+
+@pytest.mark.parametrize("scene", [fig7, example1, example3])
+def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
+    made, walk, left = scene(), Walker.walk, [0]
+
+    def until_interrupted(self, ray):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return walk(self, ray)
+
+    monkeypatch.setattr(Walker, "walk", until_interrupted)
+    pieces = 0
+    while True:
+        left[0] = 1  # one walk more each time
+        journal = Journal(tmp_path / "journal")
+        assert len(journal) == pieces
+        try:
+            graph = explore(made.system, made.interval, journal=journal)
+            break
+        except KeyboardInterrupt:
+            pieces += 1
+        finally:
+            journal.close()
+    assert pieces >= 3
+    monkeypatch.undo()
+    same(graph, explore(made.system, made.interval))
+
+
+def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
+    made = example3()
+    journal = Journal(tmp_path / "journal")
+    first = explore(made.system, made.interval, search=MultiStart(), journal=journal)
+
+    def nothing(self, *_):
+        yield from ()
+        pytest.fail("searched again")
+
+    monkeypatch.setattr(MultiStart, "starts", nothing)
+    same(first, explore(made.system, made.interval, search=MultiStart(), journal=journal))
+    journal.close()
+
+
+def along_a_boundary():
+    """Follow a load on the boundary of stick to slip, where rays belong to two cells."""
+    on_it = AffineLoad([0.0, 0.0], [0.25, 4.0 * 0.25])  # u = 0: lam_t = -f_t, lam_nu = -f_nu
+    explore(CoulombLoad(one_node(), on_it, 4.0), (1.0, 2.0))
+
+
+@pytest.mark.parametrize("run", [lambda: long_run.run(interval=(-5.0, -2.0)), along_a_boundary])
+def test_a_walk_reads_as_it_was_written(run, monkeypatch):
+    walks, walk = [], Walker.walk
+
+    def kept(self, ray):
+        found = walk(self, ray)
+        walks.append((ray, found))
+        return found
+
+    monkeypatch.setattr(Walker, "walk", kept)
+    run()
+    assert any(ray.shared for ray, _ in walks) == (run is along_a_boundary)
+    for ray, found in walks:
+        read = walk_of(written(found), ray)
+        np.testing.assert_array_equal(read.points, found.points)
+        assert (read.arrival.kind, read.arrival.message) == (
+            found.arrival.kind,
+            found.arrival.message,
+        )
+        for a, b in zip(read.arrival.rays, found.arrival.rays, strict=True):
+            assert a.cells == b.cells
+            assert a.curve.selection.bounding.tolist() == b.curve.selection.bounding.tolist()
+            assert (a.index, a.state.orientation) == (b.index, b.state.orientation)
+            for name in ("x", "tangent", "error"):
+                np.testing.assert_array_equal(getattr(a.state, name), getattr(b.state, name))
+
+
+def test_a_journal_of_another_run_is_refused(tmp_path):
+    journal = Journal(tmp_path / "journal")
+    made = fig7()
+    explore(made.system, made.interval, journal=journal)
+    with pytest.raises(InvalidInputError, match=r"interval was \[-2.0, 2.0\], is \[-1.0, 2.0\]"):
+        explore(made.system, (-1.0, 2.0), journal=journal)
+    other = type(made.system)(made.system.body, made.system.load, 3.0)
+    with pytest.raises(InvalidInputError, match="values of its functions have changed"):
+        explore(other, made.interval, journal=journal)  # it begins with the same piece
+    same(explore(made.system, made.interval, journal=journal), made.run())
+    journal.close()
+    with pytest.raises(InvalidInputError, match="is no journal"):
+        Journal(Path(__file__))
+
+
+def test_the_journal_is_valid_after_each_piece(tmp_path):
+    """Another process reads it while the run goes on."""
+    journal, seen = Journal(tmp_path / "journal"), []
+
+    def look(pieces, alpha):
+        other = sqlite3.connect(tmp_path / "journal")
+        seen.append(other.execute("select count(*) from walks").fetchone()[0])
+        other.close()
+
+    made = fig7()
+    explore(made.system, made.interval, journal=journal, report=look)
+    journal.close()
+    assert seen == sorted(seen)
+    assert seen[0] >= 1
+
+
+# -- the command line -----------------------------------------------------------------------------
+
+
+def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypatch, capsys):
+    walk, left = Walker.walk, [3]
+
+    def interrupted(self, ray):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return walk(self, ray)
+
+    monkeypatch.setattr(Walker, "walk", interrupted)
+    out = str(tmp_path)
+    assert main(["run", "example1", "-o", out]) == 130
+    assert "3 pieces are kept in" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert main(["run", "example1", "-o", out]) == 2
+    assert "--resume goes on with it" in capsys.readouterr().err
+    assert main(["run", "example1", "-o", out, "--resume"]) == 0
+    assert not list(tmp_path.glob("*.journal*"))
+    same(BranchGraph.load(tmp_path / "example1.npz"), example1().run())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fig7"], "needs -o DIR"),
+        (["fig7", "-o", "."], "nothing to resume"),
+        (["fig5", "-o", "."], "keeps no journal"),
+    ],
+)
+def test_what_cannot_be_resumed(arguments, message, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", *arguments, "--resume"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_run_that_fails_keeps_its_journal(tmp_path, monkeypatch, capsys):
+    def fails(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Scene, "solve", fails)
+    assert main(["run", "fig7", "-o", str(tmp_path)]) == 2
+    assert (tmp_path / "fig7.journal").exists()

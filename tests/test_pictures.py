@@ -1,0 +1,47 @@
+"""Pictures show what the graph says."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import StepPatch
+
+from pwscont import draw_counts
+from pwscont.interface.plotting import draw_scene
+from pwscont.interface.registry import load_scene
+
+
+def steps(ax):
+    """Return the step lines by their labels: values and edges."""
+    patches = [patch for patch in ax.patches if isinstance(patch, StepPatch)]
+    return {patch.get_label(): patch.get_data() for patch in patches}
+
+
+def test_counts_and_balance_of_the_papers_curve():
+    """One solution below alpha = -1 and above -0.5, three between, two at both folds."""
+    graph = load_scene("fig7").run()
+    ax = draw_counts(graph, Figure().subplots())
+    drawn = steps(ax)
+    np.testing.assert_allclose(drawn["solutions"].values, [1, 3, 1])
+    np.testing.assert_allclose(drawn["solutions"].edges, [-2, -1, -0.5, 2], atol=1e-12)
+    np.testing.assert_allclose(drawn["balance"].values, 1)
+    dots = next(line for line in ax.lines if line.get_marker() == "o")
+    np.testing.assert_allclose(dots.get_xydata(), [[-1, 2], [-0.5, 2]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fig7", "example3"])
+def test_counts_stand_below_the_branch_diagram_with_the_same_axis(name):
+    scene = load_scene(name)
+    axes = draw_scene(scene, scene.run()).axes
+    counted = [ax for ax in axes if "solutions" in steps(ax)]
+    assert len(counted) == 1
+    assert counted[0].get_xlim() == axes[0].get_xlim()
+    assert counted[0].get_position().y1 < axes[0].get_position().y0
+
+
+def test_vertical_pieces_are_marked_where_solutions_are_infinitely_many():
+    graph = load_scene("fig12").run()
+    vertical = {piece.interval[0] for piece in graph.pieces if piece.is_vertical}
+    ax = draw_counts(graph, Figure().subplots())
+    dotted = {line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == ":"}
+    assert len(vertical) == 2
+    assert dotted == vertical
