@@ -160,14 +160,18 @@ class ElasticAnswer(Answer):
         return self.graph.as_dict()
 
     def write(self, directory: Path) -> list[Path]:
-        """Write diagrams, an animation of branch 1, and picture and VTU files of each solution."""
+        """Write diagrams and, where solutions are listed, what shows them on the body.
+
+        These are a picture for each value of alpha, a VTU file for each solution, and an
+        animation along branch 1.
+        """
         from pwscont_coulomb.elastic.animation import animate  # noqa: PLC0415  where asked for
 
         files = self.graph.write(directory)
         for alpha in self.graph.at:
             files += self._write_bodies(directory, alpha)
         branches = self.graph.graph.components()
-        if branches and branches[0]:
+        if self.graph.at and branches and branches[0]:
             file = directory / f"{self.graph.scene.name}-branch1.gif"
             files.append(animate(self.problem, branches[0], file, FRAMES))
         return files
