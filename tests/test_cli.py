@@ -154,7 +154,9 @@ def test_output_writes_readable_files(capsys, tmp_path, name):
     assert f"written: {picture}, {data}" in err
     bodies = [file for file in directory.iterdir() if file.stem.startswith(f"{name}-")]
     assert sorted(directory.iterdir()) == sorted([picture, data, *bodies])
-    assert {file.suffix for file in bodies} == ({".png", ".vtu"} if name in ELASTIC else set())
+    assert {file.suffix for file in bodies} == (
+        {".png", ".vtu", ".gif"} if name in ELASTIC else set()
+    )
 
 
 @pytest.mark.parametrize("name", PLANES)

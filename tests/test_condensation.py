@@ -1,6 +1,7 @@
 """The interior eliminated: the same graph, fields that satisfy everything, each elimination."""
 
 import importlib.util
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def test_dissection_separates_whatever_the_positions(place, monkeypatch):
 
 def test_dissection_of_a_grid_is_sparse():
     """Factors of a 2-d grid stay near 31/4 n log2 n entries (George), far below a band's."""
-    A, positions = grid(60, 60)
+    A, positions = grid(40, 40)
     kept = np.arange(2)
     found = Multifrontal().eliminate(A, kept, positions)
     n = A.shape[0]
@@ -137,7 +138,7 @@ def test_dissection_of_a_grid_is_sparse():
 BODIES = {
     "Q1": lambda: pressed(strip(nx=7, ny=4), friction=0.5),
     "P1": lambda: pressed(strip("tri", nx=6, ny=3), friction=0.3),
-    "Q2": lambda: pressed(strip(nx=4, ny=2), friction=0.6, order=2),
+    "Q2": lambda: pressed(strip(nx=3, ny=1), friction=0.6, order=2),
     "P2": lambda: pressed(square("tri", 3), friction=0.4, order=2),
     "gap": lambda: pressed(
         strip(nx=7, ny=3), friction=1.5, gap=lambda x: 0.004 * (x[0] - 0.9) ** 2, down=0.006
@@ -254,3 +255,27 @@ def test_block_scales_with_its_argument():
         body = block_body(nodes)
         assert body.contact.count == nodes
         assert body.condensed().body.n == 2 * nodes
+
+
+def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
+    body = block_body(200)
+    positions = body.positions[:, body.free // 2]
+    tracemalloc.start()
+    found = Multifrontal().eliminate(body.A, body.contact_unknowns, positions)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.5 * 8 * found.stored
+
+
+def test_friction_as_the_parameter():
+    """At the friction coefficient of the contact boundary both systems have the same solution."""
+    problem = BODIES["Q1"]().condensed()
+    by_load = explore(problem.along_load(), (0.0, 2.5)).solutions(1.3)
+    by_friction = explore(problem.along_friction(1.3), (0.1, 1.0)).solutions(0.5)
+    assert len(by_load) == len(by_friction) == 1
+    first = recover(problem, by_load[0])
+    second = recover(problem, by_friction[0], load_alpha=1.3)
+    assert (first.modes == second.modes).all()
+    np.testing.assert_allclose(second.displacements, first.displacements, atol=1e-12)
+    np.testing.assert_allclose(second.pressure, first.pressure, rtol=1e-9, atol=1e-12)
+    assert (first.alpha, second.alpha) == (1.3, 0.5)

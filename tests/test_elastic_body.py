@@ -11,6 +11,7 @@ from elastic_bodies import KINDS, internal_forces, pressed, square, strip
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.elastic import (
     BodyForce,
+    Cholmod,
     ContactBoundary,
     ElasticBody,
     Lame,
@@ -21,7 +22,7 @@ from pwscont_coulomb.elastic import (
     Young,
     recover,
 )
-from pwscont_coulomb.elastic.scenes import triangle_body
+from pwscont_coulomb.elastic.scenes import press_body, triangle_body
 
 from pwscont import explore, trace
 from pwscont.foundation.errors import InvalidInputError
@@ -147,21 +148,21 @@ def _held_share(body):
 def manufactured(kind, k):
     """Return the relative error in the pressure of a smooth solution with a known one.
 
-    u = (d cos(pi x) + b y^2, -c y (1 + a sin(pi x))) has no shear stress and no normal
+    u = (d cos(w x) + b y^2, -c y (1 + a sin(w x))) has no shear stress and no normal
     displacement on y = 0; its body force follows from the equations of equilibrium.
     """
     family, order = KINDS[kind]
-    a, b, c, d, pi = 0.4, 0.02, 0.03, 0.01, np.pi
+    a, b, c, d, w = 0.4, 0.02, 0.03, 0.01, 2.5
 
     def exact(x):
         return np.stack(
-            [d * np.cos(pi * x[0]) + b * x[1] ** 2, -c * x[1] * (1 + a * np.sin(pi * x[0]))]
+            [d * np.cos(w * x[0]) + b * x[1] ** 2, -c * x[1] * (1 + a * np.sin(w * x[0]))]
         )
 
     def force(x):  # lam = mu = 1: -(3 u1_xx + u1_yy + 2 u2_xy), -(3 u2_yy + u2_xx + 2 u1_xy)
-        cos, sin = np.cos(pi * x[0]), np.sin(pi * x[0])
-        first = 3 * d * pi**2 * cos - 2 * b + 2 * c * a * pi * cos
-        return np.stack([first, -c * x[1] * a * pi**2 * sin])
+        cos, sin = np.cos(w * x[0]), np.sin(w * x[0])
+        first = 3 * d * w**2 * cos - 2 * b + 2 * c * a * w * cos
+        return np.stack([first, -c * x[1] * a * w**2 * sin])
 
     body = ElasticBody(
         square(family, k, distort=0.0),
@@ -171,8 +172,8 @@ def manufactured(kind, k):
         loads=[BodyForce(force)],
         order=order,
     )
-    sin = np.sin(pi * body.contact.positions[0])
-    pressure = 3 * c * (1 + a * sin) + d * pi * sin
+    sin = np.sin(w * body.contact.positions[0])
+    pressure = 3 * c * (1 + a * sin) + d * w * sin
     error = only_state(body).pressure - pressure
     area = body.contact.areas
     return np.sqrt(area @ error**2 / (area @ pressure**2))
@@ -599,3 +600,17 @@ def test_a_part_that_hangs_on_nothing_is_named():
             supports=[Support(lambda x: (x[1] > 0.99) & (x[0] < 3.0))],
             contact=ContactBoundary(lambda x: x[1] < 0.01),
         )
+
+
+@pytest.mark.parametrize("missing", ["skfem", "meshio"])
+def test_a_missing_library_is_named(missing, monkeypatch):
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(InvalidInputError, match=f"{missing} cannot be imported: pip install"):
+        press_body()
+
+
+def test_cholmod_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksparse", None)
+    monkeypatch.setitem(sys.modules, "sksparse.cholmod", None)
+    with pytest.raises(InvalidInputError, match="Cholmod needs scikit-sparse"):
+        pressed(strip()).condensed(Cholmod())

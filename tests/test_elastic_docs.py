@@ -6,12 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pwscont_coulomb.elastic import recover
-from pwscont_coulomb.elastic.scenes import block
+from pwscont_coulomb.elastic.scenes import block, wedge_body
 from pwscont_coulomb.modes import Mode
 
+from pwscont import explore
 from pwscont.continuation.plan import silent
 
 PAGE = (Path(__file__).parents[1] / "docs" / "elastic.rst").read_text(encoding="utf-8")
+
+
+CONDENSED = re.findall(r'^   ("[\d,]+"(?:, "[\d.,]+"){7})$', PAGE, re.MULTILINE)
+WEDGE = re.findall(r'^   "(\d+)", "(\d+)", "(\d+)", "([\d.]+)", "([\d.]+)"$', PAGE, re.MULTILINE)
 
 
 def python_blocks():
@@ -45,8 +50,21 @@ def test_the_block_is_in_the_state_that_its_picture_shows():
     assert "ten nodes stick, nine slip to the right, the first one has slipped to the left" in text
 
 
-@pytest.mark.parametrize("row", re.findall(r'^   ("[\d,]+", .*)$', PAGE, re.MULTILINE))
+@pytest.mark.parametrize("row", CONDENSED)
 def test_the_table_agrees_with_itself(row):
     """Unknowns are those of the block with that many contact nodes."""
     unknowns, nodes = (int(cell.replace(",", "")) for cell in re.findall(r'"([\d,]+)"', row)[:2])
     assert unknowns == 2 * nodes * max(1, nodes // 2)
+
+
+@pytest.mark.parametrize("row", WEDGE[:2], ids=lambda row: row[0])
+def test_the_table_of_the_wedge(row):
+    body = wedge_body(int(row[0]))
+    graph = explore(body.condensed().along_load(), (0.0, 0.2))
+    assert (len(body.free), len(graph.pieces)) == (int(row[1]), int(row[2]))
+    ((lo, hi, count),) = [s for s in graph.multiplicity() if s[2] > 1]
+    assert (f"{lo:.6f}", f"{hi:.6f}", count) == (row[3], row[4], 3)
+
+
+def test_both_tables_are_found():
+    assert (len(CONDENSED), len(WEDGE)) == (5, 4)

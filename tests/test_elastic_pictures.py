@@ -9,6 +9,7 @@ from elastic_bodies import KINDS, pressed, square
 from matplotlib.quiver import Quiver
 from PIL import Image
 from pwscont_coulomb.elastic import recover
+from pwscont_coulomb.elastic import scene as scene_module
 from pwscont_coulomb.elastic.animation import along, animate
 from pwscont_coulomb.elastic.pictures import draw_states, magnification
 from pwscont_coulomb.elastic.scenes import block, block_body, triangle, triangle_body
@@ -124,7 +125,8 @@ def test_animation_runs_along_the_branch(triangle_case, tmp_path):
         along(problem, [], 5)
 
 
-def test_scenes_write_pictures_and_vtu(tmp_path):
+def test_scenes_write_pictures_and_vtu(tmp_path, monkeypatch):
+    monkeypatch.setattr(scene_module, "FRAMES", 3)
     scene = triangle()
     at = scene.values([-0.75])
     answer = scene.solve(at, silent)
@@ -134,6 +136,7 @@ def test_scenes_write_pictures_and_vtu(tmp_path):
     assert files == {
         "triangle.png",
         "triangle.npz",
+        "triangle-branch1.gif",
         "triangle--0.75.png",
         *(f"triangle--0.75-{i}.vtu" for i in (1, 2, 3)),
     }

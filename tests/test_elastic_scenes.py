@@ -3,10 +3,22 @@
 import numpy as np
 import pytest
 from pwscont_coulomb.elastic import recover
-from pwscont_coulomb.elastic.scenes import PRESS_MESH, press, press_body, wedge, wedge_body
+from pwscont_coulomb.elastic.scenes import (
+    PRESS_MESH,
+    block,
+    block_body,
+    press,
+    press_body,
+    triangle,
+    wedge,
+    wedge_body,
+)
 
 from pwscont import explore
+from pwscont.bench.cases import case_of
+from pwscont.bench.truth import UnknownAnswerError
 from pwscont.continuation.plan import silent
+from pwscont.foundation.errors import InvalidInputError
 
 
 def jam(nodes):
@@ -21,7 +33,7 @@ def jam(nodes):
 
 def test_the_wedge_jams_on_every_mesh():
     """The interval with three solutions does not depend on the mesh: it converges."""
-    coarse, middle, fine = jam(5), jam(9), jam(17)
+    coarse, middle, fine = jam(5), jam(9), jam(13)
     np.testing.assert_allclose(middle, [0.031658, 0.116364], atol=2e-6)
     assert (np.abs(fine - middle) < 0.012 * middle).all()
     assert np.abs(fine - middle).max() < np.abs(middle - coarse).max()
@@ -84,3 +96,38 @@ def test_the_press_presses_and_shears():
     pull = after.normal_force * contact.normals + after.tangential_force * contact.tangents
     assert pull[0].sum() < 0.0  # the table holds the tool back
     assert pull[1].sum() > 0.0
+
+
+def test_text_of_a_large_body_is_short():
+    """Neighbours in one mode are named together, solutions in sum: resultant, peak, size."""
+    answer = wedge().solve((0.07,), silent)
+    text = answer.as_text()
+    assert max(map(len, text.splitlines())) < 250
+    assert "3 solutions at alpha = 0.07" in text
+    labels = [f"{s.label}, det {s.det_sign:+d}" for s in answer.graph.graph.solutions(0.07)]
+    assert labels[2] == "nodes 1 to 8 no contact, node 9 slip-, nodes 10 to 18 no contact, det +1"
+    assert all(label in text for label in labels)
+    state = recover(answer.problem, answer.graph.graph.solutions(0.07)[2])
+    assert f"({state.normal_force[8]:.8g}, " not in text  # the left wall pushes to the right
+    assert f"({-state.normal_force[8]:.8g}, " in text
+    assert f"largest pressure {state.pressure[8]:.8g} at node 9" in text
+
+
+@pytest.mark.parametrize("make", [block_body, wedge_body])
+def test_a_body_needs_two_nodes(make):
+    with pytest.raises(InvalidInputError, match="nodes must be at least 2, got 1"):
+        make(1)
+
+
+def test_the_bench_knows_the_answer_of_the_triangle():
+    """A body of one node is solved in rational arithmetic; more nodes are too many cells."""
+    case = case_of(triangle())
+    assert case.is_straight
+    assert len(case.truth.pieces) == 4
+    with pytest.raises(UnknownAnswerError, match="1099511627776 cells, more than 64"):
+        case_of(block())
+
+
+def test_reading_a_mesh_prints_nothing(capsys):
+    press_body()
+    assert capsys.readouterr().out == ""

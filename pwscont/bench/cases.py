@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import final
 
 import numpy as np
@@ -20,8 +21,8 @@ from pwscont.bench.rational import straight_pieces
 from pwscont.bench.slicewise import cellwise_pieces
 from pwscont.bench.truth import TruePiece, Truth, UnknownAnswerError
 from pwscont.foundation.arrays import Array
+from pwscont.interface.answer import Runnable
 from pwscont.interface.registry import load_scene, scene_names
-from pwscont.interface.scene import Scene
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.metric import Metric
 from pwscont.search import enumerate_solutions
@@ -67,9 +68,10 @@ def load_case(name: str) -> Case:
     return OWN[name]() if name in OWN else case_of(load_scene(name))
 
 
-def case_of(scene: object) -> Case:
+def case_of(runnable: Runnable) -> Case:
     """Return a scene with its true answer."""
-    if not isinstance(scene, Scene):
+    scene = runnable.curve()
+    if scene is None:
         raise UnknownAnswerError("it has two parameters")
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):
@@ -85,7 +87,7 @@ def case_of(scene: object) -> Case:
 
 
 def _check_size(system: SlicewiseLinearSystem, interval: tuple[float, float]) -> None:
-    cells = np.prod([len(block.modes) for block in system.blocks()])
+    cells = prod(len(block.modes) for block in system.blocks())
     if cells > MOST_CELLS:
         raise UnknownAnswerError(f"its system has {cells} cells, more than {MOST_CELLS}")
     if system.reduction(*interval):

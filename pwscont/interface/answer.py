@@ -5,11 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
+
+if TYPE_CHECKING:
+    from pwscont.interface.scene import Scene
 
 
 class Answer(ABC):
@@ -51,6 +54,10 @@ class Runnable(ABC):
     def with_journal(self, journal: Journal) -> Runnable:
         """Return the same scene with a journal of its finished pieces."""
         raise NotImplementedError
+
+    def curve(self) -> Scene | None:
+        """Return the scene with one parameter that runs, built; None where there is none."""
+        return None
 
     @abstractmethod
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:

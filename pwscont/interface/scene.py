@@ -104,6 +104,10 @@ class Scene(Runnable):
         """Return the same scene with a journal."""
         return replace(self, journal=journal)
 
+    def curve(self) -> Scene:
+        """Return the scene itself."""
+        return self
+
     def run(self, report: Report = silent) -> BranchGraph:
         """Explore the scene's interval."""
         return explore(

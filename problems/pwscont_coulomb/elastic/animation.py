@@ -95,9 +95,11 @@ def animate(
             axes[1].clear()
             draw_body(axes[0], body, state, factor, Normalize(0.0, strongest))
             draw_boundary(axes[1], body, state)
+            axes[1].legend(fontsize="small", loc="upper right")
             axes[0].set(xlim=box[0], ylim=box[1], title=summary(state))
             axes[1].set_ylim(1.1 * min(forces.min(), 0.0), 1.1 * max(forces.max(), 0.0) or 1.0)
             writer.grab_frame()
+            figure.set_layout_engine("none")  # the layout of the first frame: nothing jumps
     return path
 
 

@@ -85,7 +85,8 @@ class Discretisation:
         return self._assembled(local)
 
     def _assembled(self, local: Array) -> Matrix:
-        unknowns = 2 * self.element_nodes[:, np.newaxis] + np.array([[0], [1]])  # (i, a, e)
+        nodes = self.element_nodes[:, np.newaxis].astype(np.int32)
+        unknowns = 2 * nodes + np.array([[0], [1]], dtype=np.int32)  # (i, a, e)
         rows = np.broadcast_to(unknowns[:, np.newaxis, :, np.newaxis], local.shape)
         columns = np.broadcast_to(unknowns[np.newaxis, :, np.newaxis], local.shape)
         entries = (local.ravel(), (rows.ravel(), columns.ravel()))

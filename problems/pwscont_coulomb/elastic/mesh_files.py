@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.libraries import loaded
 
 #: Number of corners of the elements that a body may have.
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
@@ -25,16 +26,14 @@ def read_mesh(path: Path) -> Any:
     InvalidInputError
         If the file cannot be read, or holds no plane mesh of one kind of element.
     """
-    import meshio  # noqa: PLC0415  loaded only where a file is read
-    from skfem.io.meshio import from_meshio  # noqa: PLC0415
-
+    meshio, bridge = loaded("meshio"), loaded("skfem.io.meshio")
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
     try:
         with redirect_stdout(sys.stderr):  # some readers print, and ours is for the answer
             read = meshio.read(path)
         _refuse_other_cells(path, read)
-        return from_meshio(_as_scikit_fem_expects(read))
+        return bridge.from_meshio(_as_scikit_fem_expects(read))
     except InvalidInputError:
         raise
     except (Exception, SystemExit) as error:  # whatever a reader of a foreign format trips over

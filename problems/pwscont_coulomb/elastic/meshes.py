@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.mesh_files import read_mesh
 
 #: An element whose Jacobian falls below this part of its own size is degenerate.
@@ -23,13 +24,7 @@ def library() -> Any:
     InvalidInputError
         If it is not installed.
     """
-    try:
-        import skfem  # noqa: PLC0415  loaded only where a finite element body is made
-    except ImportError as error:
-        raise InvalidInputError(
-            "finite element bodies need scikit-fem and meshio: pip install 'pwscont[fem]'"
-        ) from error
-    return skfem
+    return loaded("skfem")
 
 
 def as_mesh(mesh: Any) -> Any:

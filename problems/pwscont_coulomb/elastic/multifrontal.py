@@ -137,7 +137,8 @@ def _assembled(
     first, last = upper.indptr[start], upper.indptr[end]
     rows = np.repeat(np.arange(e), np.diff(upper.indptr[start : end + 1]))
     transposed[rows, local[upper.indices[first:last]]] = upper.data[first:last]
-    for unknowns, left in children:
+    while children:  # each is freed as soon as it is gathered
+        unknowns, left = children.pop()
         at = local[unknowns]
         transposed[at[:, np.newaxis], at] += left.T
     return transposed.T
@@ -156,13 +157,15 @@ class MultifrontalFactor(Eliminated):
     interior : int
         Number of eliminated unknowns.
     lower : ndarray, shape (k, k)
-        Lower triangle of the Schur complement.
+        Lower triangle of the Schur complement; completed in place.
     """
 
     def __init__(self, fronts: list[Front], order: Indices, interior: int, lower: Array) -> None:
         self.fronts = fronts
         self._order, self._interior = order, interior
-        self._schur = np.tril(lower) + np.tril(lower, -1).T
+        above = np.triu_indices(len(lower), 1)
+        lower[above] = lower.T[above]
+        self._schur = lower
 
     @property
     def schur(self) -> Array:

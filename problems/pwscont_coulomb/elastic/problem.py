@@ -32,9 +32,20 @@ class ElasticProblem(ABC):
         """Return the system whose parameter alpha is that of the loads."""
         return CoulombLoad(self.body, self.load, self.friction, r)
 
-    def along_friction(self, alpha: float = 0.0) -> CoulombFriction:
-        """Return the system whose parameter is F, one for all nodes, at the load of ``alpha``."""
-        return CoulombFriction(self.body, self.load(alpha))
+    def along_friction(
+        self, alpha: float = 0.0, r: Any = None, profile: Any = 1.0
+    ) -> CoulombFriction:
+        """Return the system whose parameter is the friction coefficient, at the load of ``alpha``.
+
+        Parameters
+        ----------
+        alpha : float
+            Parameter of the loads.
+        r, profile
+            As for :class:`~pwscont_coulomb.CoulombFriction`; by default all nodes have one
+            coefficient, whatever that of the contact boundary.
+        """
+        return CoulombFriction(self.body, self.load(alpha), r, profile)
 
     @abstractmethod
     def displacements(self, z: Array, alpha: float) -> Array:

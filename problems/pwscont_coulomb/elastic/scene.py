@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, final
 
+import numpy as np
+
 from pwscont import Character, Journal, Scene
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.graph import Solution
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.graph_answer import GraphAnswer
 from pwscont.interface.scene import Panel
@@ -20,6 +23,10 @@ from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover
 from pwscont_coulomb.modes import Mode, modes
 
+#: Up to so many contact nodes all unknowns of a solution are printed.
+FEW = 3
+#: Frames of the animation that a scene writes.
+FRAMES = 24
 STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
 
 
@@ -81,11 +88,14 @@ class ElasticScene(Runnable):
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Build and condense the body, explore the interval, list solutions."""
         problem = self.build().condensed()
-        scene = self.scene(problem)
+        scene = self._scene(problem)
         return ElasticAnswer(GraphAnswer(scene, scene.run(report), tuple(at)), problem)
 
-    def scene(self, problem: ElasticProblem) -> Scene:
-        """Return the scene of the condensed body."""
+    def curve(self) -> Scene:
+        """Build and condense the body, and return its scene."""
+        return self._scene(self.build().condensed())
+
+    def _scene(self, problem: ElasticProblem) -> Scene:
         return Scene(
             self.name,
             self.title,
@@ -122,18 +132,48 @@ class ElasticAnswer(Answer):
     problem: ElasticProblem
 
     def as_text(self) -> str:
-        """Return what the graph says."""
-        return self.graph.as_text()
+        """Return what the graph says; of a body with many contact nodes, solutions in sum."""
+        if self.problem.body.p <= FEW:
+            return self.graph.as_text()
+        lines = [replace(self.graph, at=()).as_text()]
+        for alpha in self.graph.at:
+            found = self.graph.graph.solutions(alpha)
+            count = f"{len(found)} solution{'' if len(found) == 1 else 's'}"
+            lines += ["", f"{count} at {self.graph.scene.parameter} = {alpha:.10g}"]
+            for i, solution in enumerate(found, start=1):
+                lines += [f"  {i}. {solution.label}, det {solution.det_sign:+d}"]
+                lines += [f"     {line}" for line in self._summary(solution)]
+        return "\n".join(lines)
+
+    def _summary(self, solution: Solution) -> Iterator[str]:
+        """Yield force, pressure and displacement of a solution in words."""
+        state, contact = recover(self.problem, solution), self.problem.elastic.contact
+        force = contact.normals @ state.normal_force + contact.tangents @ state.tangential_force
+        most = int(np.argmax(state.pressure))
+        largest = np.hypot(*state.displacements.T).max()
+        yield f"contact force on the body ({force[0]:.8g}, {force[1]:.8g}) per thickness"
+        yield f"largest pressure {state.pressure[most]:.8g} at node {most + 1}"
+        yield f"largest displacement {largest:.8g}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return what the graph says, as plain lists and numbers."""
         return self.graph.as_dict()
 
     def write(self, directory: Path) -> list[Path]:
-        """Write the branch diagrams, and picture and VTU files for each listed parameter value."""
+        """Write diagrams and, where solutions are listed, what shows them on the body.
+
+        These are a picture for each value of alpha, a VTU file for each solution, and an
+        animation along branch 1.
+        """
+        from pwscont_coulomb.elastic.animation import animate  # noqa: PLC0415  where asked for
+
         files = self.graph.write(directory)
         for alpha in self.graph.at:
             files += self._write_bodies(directory, alpha)
+        branches = self.graph.graph.components()
+        if self.graph.at and branches and branches[0]:
+            file = directory / f"{self.graph.scene.name}-branch1.gif"
+            files.append(animate(self.problem, branches[0], file, FRAMES))
         return files
 
     def _write_bodies(self, directory: Path, alpha: float) -> list[Path]:

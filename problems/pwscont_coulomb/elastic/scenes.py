@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError
 from pwscont_coulomb.elastic.contact_boundary import ContactBoundary
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.loads import BodyForce, Support
@@ -55,6 +56,7 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
         Number of contact nodes, at least 2.
     friction : float
     """
+    _checked(nodes)
     across, up = np.linspace(0.0, 2.0, nodes), np.linspace(0.0, 1.0, max(2, nodes // 2 + 1))
     mesh = library().MeshQuad.init_tensor(across, up).with_defaults()
     return ElasticBody(
@@ -63,6 +65,11 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
         supports=[Support("top", constant=(0.0, -0.01), growing=(0.01, 0.0))],
         contact=ContactBoundary("bottom", friction=friction),
     )
+
+
+def _checked(nodes: int) -> None:
+    if nodes < 2:
+        raise InvalidInputError(f"nodes must be at least 2, got {nodes}")
 
 
 @final
@@ -123,6 +130,7 @@ def wedge_body(nodes: int = 9, friction: float = 0.5) -> ElasticBody:
         Number of contact nodes of each wall, at least 2.
     friction : float
     """
+    _checked(nodes)
     slot = Slot()
     return ElasticBody(
         slot.mesh(nodes),

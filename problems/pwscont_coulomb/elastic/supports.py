@@ -16,7 +16,7 @@ from pwscont_coulomb.elastic.regions import facets_of
 
 #: A rigid motion is free where the supported unknowns feel less than this part of it.
 FREE = 1e-8
-#: Two values prescribed for one unknown agree to this part of the larger one.
+#: Two values prescribed for one unknown agree to this part of the largest on the boundary.
 AGREE = 1e-12
 
 
@@ -43,7 +43,8 @@ def _prescribe(space: Discretisation, support: Support, name: str, values: Array
         wanted = evaluate(f"the displacement of {name}", field, x)
         for a in support.components:
             old, new = values[part, 2 * nodes + a], wanted[a]
-            clash = np.abs(old - new) > AGREE * np.maximum(np.abs(old), np.abs(new))
+            largest = np.nanmax(np.abs([old, new]), initial=0.0)
+            clash = np.abs(old - new) > AGREE * largest
             if clash.any():
                 where = tuple(float(v) for v in x[:, np.argmax(clash)])
                 raise InvalidInputError(

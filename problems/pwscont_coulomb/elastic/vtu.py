@@ -8,6 +8,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.recovery import BodyState
 
 #: meshio's names by number of nodes of an element; scikit-fem orders them alike.
@@ -21,8 +22,7 @@ def write_vtu(path: Path, body: ElasticBody, state: BodyState) -> Path:
     ``contact_shear`` and ``contact_force``; ``contact_mode``: -1 no contact node, 0 open,
     1 stick, 2 slip+, 3 slip-. Cell data: ``stress_xx``, ``stress_yy``, ``stress_xy``.
     """
-    import meshio  # noqa: PLC0415  loaded only where a file is written
-
+    meshio = loaded("meshio")
     contact, k = body.contact, body.space.count
     force = state.normal_force * contact.normals + state.tangential_force * contact.tangents
     mode = np.full(k, -1)

@@ -1,0 +1,25 @@
+"""The finite element libraries, loaded where a body, a file or a picture needs them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from pwscont.foundation.errors import InvalidInputError
+
+
+def loaded(name: str) -> Any:
+    """Return a module of scikit-fem or meshio.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise InvalidInputError(
+            f"finite element bodies need scikit-fem and meshio, and {name} cannot be imported: "
+            "pip install 'pwscont[fem]'"
+        ) from error
