@@ -99,6 +99,7 @@ def test_a_start_before_the_interval_is_cut():
         (CORNERS[:3], FOLDS, "stopped at alpha = -1"),
         (CORNERS[[0, 1, 3, 4]], FOLDS, "a part of the curve is missing"),
         (CORNERS[:1], (), "no curve"),
+        (CORNERS[[0, 1, 2, 1, 0]], FOLDS, "turned back and came to its start"),
         (np.array([[]]), (), "no curve"),
         (CORNERS, FOLDS[:1], "2 folds, reported: -0.5"),
         (CORNERS, (), "2 folds, reported: none"),

@@ -64,7 +64,7 @@ def row_of(case: Case, curve: Curve) -> Row:
         points=len(curve.points) if curve.points.size else 0,
         pieces=0,
         errors=found,
-        wrong=_stopped(curve.points, case.interval) or _verdict(found, curve.folds, case.truth),
+        wrong=_stopped(curve.points, case.truth) or _verdict(found, curve.folds, case.truth),
     )
 
 
@@ -127,12 +127,17 @@ def _are_folds(folds: tuple[float, ...], truth: Truth) -> bool:
     return gaps.min(axis=1).max() <= NEAR and len(set(gaps.argmin(axis=1))) == len(true)
 
 
-def _stopped(points: Array, interval: tuple[float, float]) -> str:
+def _stopped(points: Array, truth: Truth) -> str:
+    """Return what is wrong with the end of a curve, whose start is at an end of the interval."""
     if points.size <= points.shape[-1]:
         return "no curve"
-    lo, hi = interval
+    lo, hi = truth.interval
     last = float(points[-1, -1])
-    return f"stopped at alpha = {last:.6g}" if lo < last < hi else ""
+    if lo < last < hi:
+        return f"stopped at alpha = {last:.6g}"
+    cut = within(points, truth.interval) / truth.scale
+    back = len(cut) > 1 and np.linalg.norm(cut[-1] - cut[0]) < NEAR
+    return "turned back and came to its start" if back else ""
 
 
 def _verdict(found: Errors, folds: tuple[float, ...], truth: Truth) -> str:
