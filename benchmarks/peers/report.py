@@ -4,7 +4,7 @@
 
 pwscont's bench runs on the problems that others can do, and each peer that is on this machine
 (Debian packages python3-getfem, python3-siconos, auto-07p with gfortran) runs on the same
-problems after it. What is not there is said to be not there. ``-o`` writes ``bench.json`` and
+problems beside it. What is not there is said to be not there. ``-o`` writes ``bench.json`` and
 ``bench.png``, as ``pwscont bench`` does. Compare figures of one run with each other only.
 """
 
