@@ -35,7 +35,7 @@ def table(data: dict[str, Any]) -> Iterator[str]:
 
 
 def _longest(row: dict[str, Any]) -> float | None:
-    return row["setting"]["largest"] if row["setting"] else None
+    return row["setting"].get("largest") if row["setting"] else None
 
 
 def _quoted(cells: tuple[str, ...]) -> Iterator[str]:

@@ -1,104 +1,105 @@
-"""Other programs on problems that pwscont solves, side by side in one run.
+"""Other programs beside pwscont's steppers: one table, one picture, one run.
 
-    python benchmarks/peers/report.py
+    python benchmarks/peers/report.py [PROBLEM ...] [-o DIR] [--quick]
 
-Each runs only if it is on this machine (Debian packages python3-siconos, auto-07p with gfortran);
-what is not is said to be not there. Compare figures of one run with each other only.
+pwscont's bench runs on the problems that others can do, and each peer that is on this machine
+(Debian packages python3-getfem, python3-siconos, auto-07p with gfortran) runs on the same
+problems beside it. What is not there is said to be not there. ``-o`` writes ``bench.json`` and
+``bench.png``, as ``pwscont bench`` does. Compare figures of one run with each other only.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import statistics
+import argparse
+import shutil
 import subprocess
 import sys
-import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import auto07p
-import numpy as np
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+import by_getfem
+import by_siconos
+from curve import row_of
 
-from pwscont import PiecewiseSystem, enumerate_solutions
+from pwscont.bench.cases import Case, load_case
+from pwscont.bench.command import make, measured, write
+from pwscont.bench.machine import machine
+from pwscont.bench.measure import Row
+from pwscont.bench.report import as_dict
+from pwscont.bench.table import as_text
 
-#: The Python for which the peers' packages are installed.
-PYTHON = os.environ.get("PEER_PYTHON", "/usr/bin/python3")
-HERE = Path(__file__).parent
-FRICTION, LOADS, NODES = 4.0, 20, (1, 2, 3, 4)
-
-
-def chain(p: int, seed: int = 1) -> ContactBody:
-    """Return a body whose p contact nodes hang together in a row."""
-    rng = np.random.default_rng(seed)
-    off = -0.9 * rng.uniform(size=2 * p - 1)
-    A = np.diag(np.full(2 * p, 2.0)) + np.diag(off, 1) + np.diag(off, -1)
-    picks = np.eye(2 * p)
-    return ContactBody(A, picks[0::2], picks[1::2])
+PROBLEMS = ("fig7", "example1", "bratu")
+#: Peers that follow curves.
+PEERS = (auto07p, by_getfem)
+PACKAGES = ("auto-07p", "python3-getfem", "python3-siconos")
 
 
-def siconos() -> str:
-    """Return how many solutions Siconos and pwscont find under random loads, and the time."""
-    lines = [f"Siconos, all solutions of chains under {LOADS} random loads, F = {FRICTION:g}:"]
-    for p in NODES:
-        body, loads = chain(p), np.random.default_rng(p).normal(size=(LOADS, 2 * p))
-        answer = _ask("siconos.py", _problem(body, loads))
-        if "missing" in answer:
-            return str(answer["missing"])
-        theirs = [len(run["solutions"]) for run in answer["runs"]]
-        median = statistics.median(run["seconds"] for run in answer["runs"])
-        ours, seconds = _ours(body, loads)
-        same = sum(a == b for a, b in zip(theirs, ours, strict=True))
-        lines.append(
-            f"  {p} nodes: Siconos {1e3 * median:8.3f} ms, pwscont {1e3 * seconds:8.3f} ms per "
-            f"load; same number of solutions at {same} of {LOADS} (most: {max(ours)})"
-        )
-    return "\n".join(lines)
+def peer_rows(case: Case) -> tuple[list[Row], dict[str, str]]:
+    """Return a row for each peer and setting, and why a peer has none."""
+    rows: list[Row] = []
+    missing: dict[str, str] = {}
+    for peer in PEERS:
+        print(f"{case.name}, {peer.NAME} ...", file=sys.stderr)
+        found = peer.curves(case)
+        if isinstance(found, str):
+            missing[f"{peer.NAME}, {case.name}"] = found
+        else:
+            rows += [row_of(case, curve) for curve in found]
+    return rows, missing
 
 
-def _problem(body: ContactBody, loads: Any) -> dict[str, Any]:
-    matrices = {"A": body.A, "N": body.N, "T": body.T, "loads": loads}
-    return {"F": FRICTION} | {name: array.tolist() for name, array in matrices.items()}
+def versions() -> dict[str, str]:
+    """Return the versions of the Debian packages; empty on other systems."""
+    if not shutil.which("dpkg-query"):
+        return {}
+    command = ["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *PACKAGES]
+    lines = subprocess.run(command, capture_output=True, text=True, check=False).stdout.split("\n")
+    pairs = (line.split() for line in lines)
+    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
-def _ask(program: str, problem: dict[str, Any]) -> dict[str, Any]:
-    """Run a peer's program in its own Python."""
-    missing = {"missing": f"{program.removesuffix('.py')}: not on this machine"}
-    if not Path(PYTHON).exists():
-        return missing
-    command = [PYTHON, "-I", str(HERE / program)]
-    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    run = subprocess.run(
-        command,
-        input=json.dumps(problem),
-        capture_output=True,
-        text=True,
-        check=False,
-        env=one_thread,  # for such small matrices more of them cost a hundred times the work
-    )
-    if run.returncode:
-        return {"missing": f"{program} failed: {run.stderr.strip().splitlines()[-1:]}"}
-    answer: dict[str, Any] = json.loads(run.stdout.strip().splitlines()[-1])
-    return answer
+def _summary(cases: list[Case], rows: list[Row]) -> Iterator[str]:
+    """Yield at how many settings each line was right, and what a process of AUTO's takes."""
+    for case in cases:
+        yield f"\n{case.name}, right at so many of its settings:"
+        mine = [row for row in rows if row.case == case.name]
+        for name in dict.fromkeys(row.stepper for row in mine):
+            right = [not row.wrong for row in mine if row.stepper == name]
+            yield f"  {name:<37}{sum(right)} of {len(right)}"
+    idle = auto07p.idle(cases[0])
+    if idle is not None:
+        yield f"\nAUTO-07p: {1e3 * idle:.1f} ms at least are the start and end of a process"
 
 
-def _ours(body: ContactBody, loads: Any) -> tuple[list[int], float]:
-    """Return the number of solutions at each load, and the median of the seconds."""
-    counts, seconds = [], []
-    for load in loads:
-        system: PiecewiseSystem = CoulombLoad(body, AffineLoad(load, 0.0 * load), FRICTION)
-        begin = time.perf_counter()
-        counts.append(len(enumerate_solutions(system, 0.0)))
-        seconds.append(time.perf_counter() - begin)
-    return counts, statistics.median(seconds)
+def run(names: list[str], output: Path | None, quick: bool) -> None:
+    """Measure, print the table, write picture and data."""
+    if output:
+        make(output)
+    cases, rows = [load_case(name) for name in names], []
+    left_out = {"Siconos": "solves at one load and follows no curve: figures below, no line"}
+    for case in cases:
+        found, missing = peer_rows(case)
+        rows += [*measured(case, quick), *found]
+        left_out |= missing
+    print(as_text(cases, rows, left_out, machine()))
+    print("\n".join(_summary(cases, rows)))
+    print(f"peers: {', '.join(map(' '.join, versions().items())) or 'versions not known'}")
+    if output:
+        data = as_dict(cases, rows, left_out, quick) | {"peers": versions()}
+        print(f"written: {', '.join(map(str, write(output, cases, rows, data)))}", file=sys.stderr)
 
 
 def main() -> None:
-    """Print what each peer did."""
+    """Read the arguments and run."""
+    parser = argparse.ArgumentParser(description="other programs beside pwscont's steppers")
+    parser.add_argument("problem", nargs="*", default=PROBLEMS, help="of the bench")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="picture and data there")
+    parser.add_argument("--quick", action="store_true", help="few settings of pwscont's own")
+    options = parser.parse_args()
     sys.stdout.reconfigure(line_buffering=True)
-    print(siconos())
-    print(auto07p.report())
+    run(list(options.problem), options.output, options.quick)
+    print(by_siconos.report())
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def main():
         import numpy as np  # noqa: PLC0415  the system's Python may have neither
         from siconos import numerics  # noqa: PLC0415
     except ImportError:
-        print(json.dumps({"missing": "Siconos is not on this machine"}))
+        print(json.dumps({"missing": "not on this machine"}))
         return
     given = json.load(sys.stdin)
     A, N, T = (np.array(given[name]) for name in "ANT")

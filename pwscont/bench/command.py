@@ -29,9 +29,9 @@ def run(names: Sequence[str], output: Path | None, quick: bool) -> int:
         If the answer of a problem that was asked for is not known.
     """
     if output:
-        _make(output)
+        make(output)
     cases, left_out = _load(names, quick)
-    rows = [row for case in cases for row in _measured(case, quick)]
+    rows = [row for case in cases for row in measured(case, quick)]
     print(as_text(cases, rows, left_out, machine()))  # noqa: T201
     if output:
         data = as_dict(cases, rows, left_out, quick)
@@ -61,7 +61,8 @@ def _wanted(name: str) -> Case:
         raise InvalidInputError(why) from unknown
 
 
-def _measured(case: Case, quick: bool) -> list[Row]:
+def measured(case: Case, quick: bool) -> list[Row]:
+    """Measure one problem by all steppers that apply."""
     print(f"{case.name} ...", file=sys.stderr)  # noqa: T201
     return [measure(case, one, quick) for one in contestants(case.is_straight, quick)]
 
@@ -78,7 +79,14 @@ def write(
     return [file, picture]
 
 
-def _make(directory: Path) -> None:
+def make(directory: Path) -> None:
+    """Make a directory, before work is lost.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is not possible.
+    """
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:

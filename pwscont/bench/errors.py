@@ -60,24 +60,24 @@ def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
     turning = [x for x, p in zip(places, nodes, strict=True) if p.kind in FOLDS]
     folds = [x[-1:] / truth.scale[-1] for x in truth.folds]
     return Errors(
-        *_summary(branch),
-        *_summary(points),
-        _farthest([x / truth.scale for x in truth.transitions], places),
-        _farthest(folds, [x[-1:] for x in turning]),
+        *summary(branch),
+        *summary(points),
+        farthest([x / truth.scale for x in truth.transitions], places),
+        farthest(folds, [x[-1:] for x in turning]),
     )
 
 
 FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
 
 
-def _summary(distances: Array) -> tuple[float, float]:
+def summary(distances: Array) -> tuple[float, float]:
     """Return maximum and root mean square."""
     if not len(distances):
         return np.nan, np.nan
     return float(distances.max()), float(np.sqrt(np.mean(distances**2)))
 
 
-def _farthest(true: Sequence[Array], found: Sequence[Array]) -> float:
+def farthest(true: Sequence[Array], found: Sequence[Array]) -> float:
     """Return the largest distance from a true point to the nearest one found."""
     if not true:
         return np.nan
@@ -98,11 +98,11 @@ def _from_chords(samples: Array, pieces: Iterable[Piece], scale: Array) -> Array
     nearest = np.full(len(samples), np.inf)
     for piece in pieces:
         nodes = piece.points / scale
-        nearest = np.minimum(nearest, _from_polygon(samples, nodes))
+        nearest = np.minimum(nearest, from_polygon(samples, nodes))
     return nearest
 
 
-def _from_polygon(samples: Array, nodes: Array) -> Array:
+def from_polygon(samples: Array, nodes: Array) -> Array:
     """Return the distance of each sample from a polygon, without cancelling squares."""
     chords = np.diff(nodes, axis=0)
     lengths = np.maximum((chords**2).sum(axis=1), np.finfo(float).tiny)
@@ -124,14 +124,15 @@ def _stored(graph: BranchGraph, cells: Sequence[Cell], truth: Truth) -> Array:
         (x, cell) for piece, cell in zip(graph.pieces, cells, strict=True) for x in piece.points
     ]
     every = max(1, -(-len(pairs) // MOST_POINTS))
-    return np.array([_from_true(x, _of(truth, cell), truth.scale) for x, cell in pairs[::every]])
+    return np.array([from_true(x, _of(truth, cell), truth.scale) for x, cell in pairs[::every]])
 
 
 def _of(truth: Truth, cell: Cell) -> list[TruePiece]:
     return [piece for piece in truth.pieces if piece.cell == cell]
 
 
-def _from_true(x: Array, pieces: Sequence[TruePiece], scale: Array) -> float:
+def from_true(x: Array, pieces: Sequence[TruePiece], scale: Array) -> float:
+    """Return the distance of a point from the nearest of some true pieces."""
     gaps = (np.linalg.norm((x - piece.next_to(x)) / scale) for piece in pieces)
     return float(min(gaps, default=np.inf))
 

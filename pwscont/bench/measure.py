@@ -35,12 +35,14 @@ class Row:
     Attributes
     ----------
     case, stepper, setting : str
+        The stepper is the name of a line in the picture: of another program, too, if one did this.
     step_size : mapping or None
-        First and longest step and least cosine; None where there is no step size.
+        First and longest step and least cosine; None where there is no step size. Another
+        program's setting is under its own names.
     seconds : tuple of float
         Of every timed run.
     calls : mapping
-        Number of calls by kind, see :mod:`pwscont.bench.calls`.
+        Number of calls by kind, see :mod:`pwscont.bench.calls`; empty if they are not known.
     points, pieces : int
     errors : Errors
     wrong : str

@@ -1,16 +1,20 @@
 """The work-precision picture: error over time, a panel per problem, a line per stepper.
 
-A wrong answer is a cross: its error says nothing about the stepper's accuracy.
+A wrong answer is a cross: its error says nothing about the stepper's accuracy. Rows of other
+programs are lines as well, under the names that they bear.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -21,9 +25,13 @@ from pwscont.bench.errors import Errors
 from pwscont.bench.measure import Row
 from pwscont.bench.report import FLOOR
 
-WIDTH, HEIGHT, LEGEND, MOST_COLUMNS = 3.3, 2.7, 1.2, 4  # inches; panels in a row
-SHAPES = dict(zip(NAMES, "*opsD^v", strict=True))
+WIDTH, HEIGHT, MOST_COLUMNS = 3.3, 2.7, 4  # inches; panels in a row
+LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3
+COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
+#: By the place of a name: always the same for a stepper; other programs come after all steppers.
+LOOKS = [{"color": c, "marker": m} for c, m in zip(COLOURS, "*opsD^vP<>hd8H", strict=True)]
 Kind = Callable[[Errors], float]
+Look = dict[str, Any]
 
 
 def branch(errors: Errors) -> float:
@@ -40,44 +48,51 @@ def draw(cases: Sequence[Case], rows: Sequence[Row]) -> Figure:
     """Draw errors of branches and of special points over the median time."""
     across = min(MOST_COLUMNS, len(cases))
     down = -(-len(cases) // across)
-    size = (max(WIDTH * across, 2.5 * WIDTH), HEIGHT * down + LEGEND)
+    looks, handles = _looks(rows), _legend(rows)
+    legend = LEGEND + LEGEND_ROW * -(-len(handles) // LEGEND_COLUMNS)
+    size = (max(WIDTH * across, 2.5 * WIDTH), HEIGHT * down + legend)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(down, across, squeeze=False, sharey=True)
     for ax, case in zip(grid.flat, cases, strict=False):
-        _panel(ax, case.name, [row for row in rows if row.case == case.name])
+        _panel(ax, case.name, [row for row in rows if row.case == case.name], looks)
     for ax in grid.flat[len(cases) :]:
         ax.set_axis_off()
     for ax in grid[:, 0]:
         ax.set_ylabel("error (part of scale)")
-    handles = _legend(rows)
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize="small")
+    where: dict[str, Any] = {"loc": "outside lower center", "ncols": LEGEND_COLUMNS}
+    figure.legend(handles=handles, fontsize="small", **where)
     return figure
 
 
-def _panel(ax: Axes, title: str, rows: Sequence[Row]) -> None:
-    for name in NAMES:
+def _panel(ax: Axes, title: str, rows: Sequence[Row], looks: Mapping[str, Look]) -> None:
+    for name, look in looks.items():
         mine = [row for row in rows if row.stepper == name]
-        _line(ax, mine, branch, linestyle="-", markersize=5, **_look(name))
-        _line(ax, mine, special, linestyle=":", markersize=4, markerfacecolor="w", **_look(name))
+        _line(ax, mine, branch, linestyle="-", markersize=5, **look)
+        _line(ax, mine, special, linestyle=":", markersize=4, markerfacecolor="w", **look)
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(0.2 * FLOOR, 5.0)
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.tick_params(axis="x", labelsize="small")
     ax.set_xlabel("time (ms)")
     ax.set_title(title, fontsize="medium")
     ax.grid(alpha=0.25)
 
 
-def _look(name: str) -> dict[str, Any]:
-    return {"color": f"C{NAMES.index(name)}", "marker": SHAPES[name]}
+def _looks(rows: Sequence[Row]) -> dict[str, Look]:
+    """Return colour and marker of every name that occurs, steppers first."""
+    found = dict.fromkeys(row.stepper for row in rows)
+    others = [name for name in found if name not in NAMES]
+    looks = zip((*NAMES, *others), cycle(LOOKS), strict=False)
+    return {name: look for name, look in looks if name in found}
 
 
 def _line(ax: Axes, rows: Sequence[Row], kind: Kind, **look: Any) -> None:
     """Draw right answers as a line with the spread of the time, wrong ones as crosses."""
     shown = [row for row in rows if not math.isnan(kind(row.errors))]
-    right = [row for row in shown if not row.wrong]
+    right = sorted((row for row in shown if not row.wrong), key=lambda row: row.median)
     wrong = [row for row in shown if row.wrong]
     times, low, high = _times(right)
     ax.errorbar(times, _clipped(right, kind), xerr=(low, high), elinewidth=0.7, **look)
@@ -100,8 +115,8 @@ def _clipped(rows: Sequence[Row], kind: Kind) -> list[float]:
 
 
 def _legend(rows: Sequence[Row]) -> list[Line2D]:
-    used = [name for name in NAMES if any(row.stepper == name for row in rows)]
-    lines = [Line2D([], [], label=name, markersize=5, **_look(name)) for name in used]
+    looks = _looks(rows).items()
+    lines = [Line2D([], [], label=name, markersize=5, **look) for name, look in looks]
     black: dict[str, Any] = {"color": "black", "marker": "o"}
     notes = [
         Line2D([], [], markersize=5, label="filled: branch between stored points", **black),

@@ -19,7 +19,7 @@ CALLS = {
     "solves": "solves",
     "determinant signs": "dets",
 }
-STEPPER, SETTING = 37, 25
+STEPPER, SETTING = 37, 27
 
 
 def as_text(
@@ -61,17 +61,17 @@ def _problem(case: Case, rows: Sequence[Row]) -> Iterator[str]:
 def _heading() -> str:
     calls = " ".join(f"{name:>6}" for name in CALLS.values())
     kinds = " ".join(f"{name:>8}" for name in ("branch", "(rms)", "points", "transit.", "folds"))
-    numbers = f"{'ms':>24} {'ratio':>6} {'points':>6} {calls} {kinds}"
+    numbers = f"{'ms':>27} {'ratio':>6} {'points':>6} {calls} {kinds}"
     return f"  {'stepper':<{STEPPER}}{'setting':<{SETTING}}{numbers}"
 
 
 def _line(row: Row, ratio: float) -> str:
     found = row.errors
     spread = f"[{1e3 * min(row.seconds):.2f}, {1e3 * max(row.seconds):.2f}]"
-    calls = " ".join(f"{row.calls[kind]:6d}" for kind in CALLS)
+    calls = " ".join(f"{row.calls.get(kind, '-'):>6}" for kind in CALLS)
     values = (found.branch_max, found.branch_rms, found.points_max, found.transitions, found.folds)
     text = " ".join(f"{_number(value):>8}" for value in values)
-    time = f"{1e3 * row.median:8.2f} {spread:>15}"
+    time = f"{1e3 * row.median:8.2f} {spread:>18}"
     line = (
         f"  {row.stepper:<{STEPPER}}{row.setting:<{SETTING}}{time} {ratio:6.1f} "
         f"{row.points:6d} {calls} {text}"
