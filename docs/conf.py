@@ -1,9 +1,8 @@
 """Sphinx configuration: ``sphinx-build -b html docs docs/_build/html``."""
 
 import re
-from contextlib import redirect_stdout
+import sys
 from importlib import metadata
-from io import StringIO
 from pathlib import Path
 
 project = "pwscont"
@@ -57,15 +56,15 @@ def _keep_bars(app, what, name, obj, options, lines):
     lines[:] = [outside_literals.sub(lambda m: m[1] or r"\|", line) for line in lines]
 
 
-def _draw_bench(app):
-    """Draw the picture of the page on accuracy, from the short form of the bench."""
-    from pwscont.bench.command import run  # noqa: PLC0415  it measures
+def _draw(app):
+    """Draw the pictures that no tutorial draws."""
+    sys.path.insert(0, app.srcdir)
+    from pictures import draw_all  # noqa: PLC0415  it takes seconds
 
-    with redirect_stdout(StringIO()):
-        run((), Path(app.srcdir) / "images" / "bench", quick=True)
+    draw_all(Path(app.srcdir) / "images" / "built")
 
 
 def setup(app):
     """Register what docstrings and pictures need."""
-    app.connect("builder-inited", _draw_bench)
+    app.connect("builder-inited", _draw)
     app.connect("autodoc-process-docstring", _keep_bars)

@@ -199,7 +199,7 @@ def test_a_step_that_sees_nothing_on_its_way_is_a_cross(cases, monkeypatch):
     monkeypatch.setattr(BoundingTests, "read", unwatched)
     row = measure(cases["example2"], blind, quick=True)
     assert row.wrong
-    (ax,) = draw([cases["example2"]], [row]).axes
+    (ax,) = draw(["example2"], [row]).axes
     crosses = [line for line in ax.lines if line.get_marker() == "x" and len(line.get_xdata())]
     assert len(crosses) == 1
     assert crosses[0].get_ydata()[0] <= 1.0
@@ -214,7 +214,7 @@ def test_natural_parameter_is_wrong_at_a_smooth_fold(cases):
 def test_what_is_drawn_is_clipped_and_said(cases):
     row = measure(cases["fig7"], Contestant(EXACT, None, ExactLinear()), quick=True)
     tiny = replace(row, errors=replace(row.errors, branch_max=0.0))
-    figure = draw([cases["fig7"]], [tiny])
+    figure = draw(["fig7"], [tiny])
     heights = [y for line in figure.axes[0].lines for y in line.get_ydata()]
     assert min(heights) == FLOOR
     assert branch(tiny.errors) == 0.0  # the figure itself is not changed

@@ -150,7 +150,7 @@ def joined(ends, x):
 def test_peers_are_lines_of_the_same_picture(fig7):
     rows = [row_of(fig7, made_up(CORNERS, peer=f"peer {i}")) for i in (1, 2)]
     rows.append(row_of(fig7, made_up(CORNERS[:3], peer="peer 2")))
-    figure = draw([fig7], rows)
+    figure = draw([fig7.name], rows)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels[:2] == ["peer 1", "peer 2"]
     crosses = [x for x in figure.axes[0].lines if x.get_marker() == "x" and len(x.get_xdata())]
@@ -160,7 +160,7 @@ def test_peers_are_lines_of_the_same_picture(fig7):
 def test_colours_and_markers_differ(fig7):
     row = row_of(fig7, made_up(CORNERS))
     names = ["exact linear", "natural parameter", *(f"peer {i}" for i in range(7))]
-    handles = draw([fig7], [replace(row, stepper=name) for name in names]).legends[0]
+    handles = draw([fig7.name], [replace(row, stepper=name) for name in names]).legends[0]
     looks = [(h.get_color(), h.get_marker()) for h in handles.legend_handles[: len(names)]]
     assert len({str(look) for look in looks}) == len(names)
 

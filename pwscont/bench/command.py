@@ -75,7 +75,7 @@ def write(
 
     file, picture = directory / "bench.json", directory / "bench.png"
     file.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    draw(cases, rows).savefig(picture, dpi=110)
+    draw([case.name for case in cases], rows).savefig(picture, dpi=110)
     return [file, picture]
 
 

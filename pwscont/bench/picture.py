@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from pwscont.bench.cases import Case
 from pwscont.bench.contestants import NAMES
 from pwscont.bench.errors import Errors
 from pwscont.bench.measure import Row
@@ -44,18 +43,18 @@ def special(errors: Errors) -> float:
     return float(np.fmax(errors.transitions, errors.folds))
 
 
-def draw(cases: Sequence[Case], rows: Sequence[Row]) -> Figure:
+def draw(problems: Sequence[str], rows: Sequence[Row]) -> Figure:
     """Draw errors of branches and of special points over the median time."""
-    across = min(MOST_COLUMNS, len(cases))
-    down = -(-len(cases) // across)
+    across = min(MOST_COLUMNS, len(problems))
+    down = -(-len(problems) // across)
     looks, handles = _looks(rows), _legend(rows)
     legend = LEGEND + LEGEND_ROW * -(-len(handles) // LEGEND_COLUMNS)
     size = (max(WIDTH * across, 2.5 * WIDTH), HEIGHT * down + legend)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(down, across, squeeze=False, sharey=True)
-    for ax, case in zip(grid.flat, cases, strict=False):
-        _panel(ax, case.name, [row for row in rows if row.case == case.name], looks)
-    for ax in grid.flat[len(cases) :]:
+    for ax, name in zip(grid.flat, problems, strict=False):
+        _panel(ax, name, [row for row in rows if row.case == name], looks)
+    for ax in grid.flat[len(problems) :]:
         ax.set_axis_off()
     for ax in grid[:, 0]:
         ax.set_ylabel("error (part of scale)")

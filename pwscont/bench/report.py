@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pwscont.bench.cases import Case
+from pwscont.bench.errors import Errors
 from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row
 
@@ -65,6 +66,28 @@ def row_as_dict(row: Row) -> dict[str, Any]:
         "right": not row.wrong,
         "wrong": row.wrong,
     }
+
+
+def rows_of(data: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of a report that was read from its file, such as to draw it again."""
+    return [_row_of(row) for row in data["rows"]]
+
+
+def _row_of(row: Mapping[str, Any]) -> Row:
+    seconds = row["seconds"]
+    found = {name: math.nan if e is None else e for name, e in row["errors"].items()}
+    return Row(
+        case=row["problem"],
+        stepper=row["stepper"],
+        setting="",
+        step_size=row["setting"],
+        seconds=(seconds["least"], seconds["median"], seconds["most"]),
+        calls=row["calls"],
+        points=row["points"],
+        pieces=row["pieces"],
+        errors=Errors(**found),
+        wrong=row["wrong"],
+    )
 
 
 def _finite(value: float) -> float | None:
