@@ -1,5 +1,6 @@
 """Bodies with many contact nodes: elimination by hand, updates, and memory."""
 
+import pickle
 import sys
 import tracemalloc
 from pathlib import Path
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
 
-from pwscont import PseudoArclength, check_system, trace
+from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.foundation.place import first_digits, from_first_digits
 from pwscont.numerics.linalg import DenseFactor, bordered
 from pwscont.numerics.row_replacement import Refactoring, RowMatrix, Updating, drifted
@@ -377,3 +378,21 @@ def test_ends_of_pieces_are_their_special_points(long_path):
     for piece in graph.pieces:
         assert piece.track.start is graph.point(piece.start).place
         assert piece.track.end is graph.point(piece.end).place
+
+
+@pytest.mark.parametrize("m", [0, 1, 63, 64, 65, 301])
+def test_characters_are_the_signs_they_were_made_of(m):
+    signs = tuple(bool(s) for s in np.random.default_rng(m).integers(0, 2, m))
+    character = Character(signs)
+    assert character.signs == signs
+    assert character == Character(list(signs))
+    assert hash(character) == hash(Character(list(signs)))
+    assert character == pickle.loads(pickle.dumps(character))
+    assert str(character) == "".join("+" if sign else "-" for sign in signs)
+    for i in range(m):
+        flipped = character.flip(i)
+        assert flipped != character
+        assert flipped.signs == (*signs[:i], not signs[i], *signs[i + 1 :])
+    assert character != Character((*signs, False))
+    with pytest.raises(AttributeError):
+        character.signs = ()
