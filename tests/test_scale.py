@@ -1,6 +1,8 @@
 """Bodies with many contact nodes: elimination by hand, updates, and memory."""
 
+import pickle
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,8 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
 
-from pwscont import check_system, trace
+from pwscont import Character, PseudoArclength, check_system, trace
+from pwscont.foundation.place import first_digits, from_first_digits
 from pwscont.numerics.linalg import DenseFactor, bordered
 from pwscont.numerics.row_replacement import Refactoring, RowMatrix, Updating, drifted
 
@@ -264,3 +267,132 @@ def test_signs_along_the_path(long_path):
         middle = piece.points.mean(axis=0)
         jacobian = general.jacobian(middle[:-1], middle[-1], piece.character)
         assert piece.det_sign == np.linalg.slogdet(jacobian[:, :-1])[0]
+
+
+# -- curved pieces ---------------------------------------------------------------------------------
+
+
+def assert_same_path(a, b):
+    assert [piece.character for piece in a.pieces] == [piece.character for piece in b.pieces]
+    assert [piece.det_sign for piece in a.pieces] == [piece.det_sign for piece in b.pieces]
+    for one, other in zip(a.special_points(), b.special_points(), strict=True):
+        assert one.kind == other.kind
+        size = np.abs(other.place.x).max()
+        np.testing.assert_allclose(one.place.x, other.place.x, rtol=1e-9, atol=1e-10 * size)
+
+
+def test_friction_as_parameter():
+    body, load = strip(40)
+    graphs = [
+        trace(system, (np.zeros(system.size), 0.1), (0.1, 2.0))
+        for system in (
+            CoulombFriction(body, load(0.6)),
+            plain(CoulombFriction(body, load(0.6))),
+        )
+    ]
+    assert len(graphs[0].pieces) > 25
+    assert_same_path(*graphs)
+
+
+def test_arclength_agrees_with_the_exact_path():
+    system = strip_system(32)
+    exact = traced(system)
+    start = np.zeros(system.size), 0.0
+    curved = trace(system, start, (0.0, 1.0), stepper=PseudoArclength())
+    assert len(exact.pieces) > 40
+    assert_same_path(curved, exact)
+
+
+# -- corners ----------------------------------------------------------------------------------
+
+
+def symmetric_system(p):
+    """Return a body that is its own mirror image, pressed straight down: nodes move in pairs."""
+    body, load = strip(p)
+    mirrored = body.gap[::-1]
+    flip = np.r_[np.arange(p)[::-1], p + np.arange(p)[::-1]]
+    sign = np.repeat([1.0, -1.0], p)
+    A = 0.5 * (body.A + sign[:, None] * body.A[np.ix_(flip, flip)] * sign)
+    body = ContactBody(A, body.N, body.T, 0.5 * (body.gap + mirrored))
+    down = 0.5 * (load.f0 + sign * load.f0[flip])
+    return CoulombLoad(body, AffineLoad(down, 30.0 * down), 0.3)
+
+
+@pytest.mark.parametrize("p", [20, 40])
+def test_symmetric_bodies_pass_their_corners(p):
+    system = symmetric_system(p)
+    graph = traced(system)
+    kinds = {str(point.kind) for point in graph.special_points()}
+    assert "corner" in kinds
+    assert "stopped" not in kinds
+    assert max(piece.interval[1] for piece in graph.pieces) == 1.0
+    for point in graph.special_points():
+        assert max(violations(system, point.z, point.alpha)) < 1e-9
+        pressure = point.z[2 * p : 3 * p]
+        np.testing.assert_allclose(pressure, pressure[::-1], atol=1e-9 * np.abs(pressure).max())
+
+
+# -- memory -----------------------------------------------------------------------------------
+
+
+def test_memory_of_a_long_path():
+    """Scaled up from the pieces of this path to 1,000, it stays far below 50 MB."""
+    system, reached = strip_system(200), []
+    tracemalloc.start()
+    trace(
+        system,
+        (np.zeros(system.size), 0.0),
+        (0.0, 0.4),
+        report=lambda *_: reached.append(tracemalloc.get_traced_memory()[0]),
+    )
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(reached) > 100
+    each = (reached[-1] - reached[10]) / (len(reached) - 11)
+    assert peak + 1000 * each < 50e6
+    assert each < 16 * 2 * 200 + 8e3  # two numbers per node, and what does not depend on p
+
+
+def test_places_are_packed_without_loss(long_path):
+    system, graph = long_path
+    for piece in graph.pieces[::40]:
+        middle = piece.points.mean(axis=0)
+        z, alpha = middle[:-1], float(middle[-1])
+        packed = z[system.essential(piece.character)]
+        assert len(packed) == 2 * system.body.p
+        completed = system.completed(packed, alpha, piece.character)
+        np.testing.assert_allclose(completed, z, rtol=1e-10, atol=1e-12 * np.abs(z).max())
+
+
+def test_errors_are_stored_by_their_first_digits():
+    error = np.r_[0.0, np.ldexp(np.random.default_rng(0).random(1000), np.arange(-1020, 980, 2))]
+    kept = from_first_digits(first_digits(error))
+    assert kept[0] == 0.0
+    assert (kept >= error).all()
+    assert (kept <= 1.0625 * error + 1e-300).all()
+    np.testing.assert_array_equal(from_first_digits(first_digits(kept)), kept)
+
+
+def test_ends_of_pieces_are_their_special_points(long_path):
+    graph = long_path[1]
+    for piece in graph.pieces:
+        assert piece.track.start is graph.point(piece.start).place
+        assert piece.track.end is graph.point(piece.end).place
+
+
+@pytest.mark.parametrize("m", [0, 1, 63, 64, 65, 301])
+def test_characters_are_the_signs_they_were_made_of(m):
+    signs = tuple(bool(s) for s in np.random.default_rng(m).integers(0, 2, m))
+    character = Character(signs)
+    assert character.signs == signs
+    assert character == Character(list(signs))
+    assert hash(character) == hash(Character(list(signs)))
+    assert character == pickle.loads(pickle.dumps(character))
+    assert str(character) == "".join("+" if sign else "-" for sign in signs)
+    for i in range(m):
+        flipped = character.flip(i)
+        assert flipped != character
+        assert flipped.signs == (*signs[:i], not signs[i], *signs[i + 1 :])
+    assert character != Character((*signs, False))
+    with pytest.raises(AttributeError):
+        character.signs = ()

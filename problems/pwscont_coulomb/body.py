@@ -13,6 +13,8 @@ from pwscont.foundation.errors import InvalidInputError
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
 SYMMETRIC = 1e-10
+#: Contact nodes whose flexibility is computed at a time.
+PART = 64
 
 
 @final
@@ -86,9 +88,21 @@ class ContactBody:
         energies : ndarray
             f.A^-1 f of all loads that may occur, or of those whose convex hull they fill.
         """
-        flexibility = _diagonal(self.N @ self.solve(_dense(self.N).T))
-        reach: Array = np.sqrt(flexibility * energies.max())
+        reach: Array = np.sqrt(self._flexibility() * energies.max())
         return reach
+
+    def _flexibility(self) -> Array:
+        """Return the diagonal of N A^-1 N^T, some columns at a time where they are many."""
+        if self.is_sparse or self.p <= PART:
+            return _diagonal(self.N @ self.solve(_dense(self.N).T))
+        from scipy.linalg import cho_factor, cho_solve  # noqa: PLC0415  only for large bodies
+
+        factor, flexibility = cho_factor(self.A), np.empty(self.p)
+        for first in range(0, self.p, PART):
+            rows = _dense(self.N[first : first + PART])
+            solved = cho_solve(factor, rows.T)
+            flexibility[first : first + PART] = np.einsum("ij,ji->i", rows, solved)
+        return flexibility
 
     def solve(self, forces: Array) -> Array:
         """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""

@@ -75,11 +75,22 @@ class ContactAlgebra:
         #: A is scaled to D A D, with a diagonal of about one.
         self.D = power_of_two(1.0 / np.sqrt(body.A.diagonal()))
         self.largest = np.array([np.abs(row).max() for row in body.A])
+        self._last: ContactJacobian | None = None
 
     @staticmethod
     def fits(body: ContactBody) -> bool:
         """Tell whether a body has the structure that is needed."""
         return not body.is_sparse and all(_picks(rows) for rows in (body.N, body.T))
+
+    def jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
+        """Return [dH/dz | column]; the last is remembered, with what it has solved.
+
+        Here, not by the matrix: two objects that hold each other wait long to be freed.
+        """
+        last = self._last
+        if last is None or last.matrix is not matrix or not np.array_equal(last.column, column):
+            self._last = last = ContactJacobian(matrix, column)
+        return last
 
     @cached_property
     def magnitudes(self) -> Array:
@@ -174,13 +185,6 @@ class ContactMatrix:
         keys[algebra.normal[self.touches]] = np.inf
         keys[algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
         self.displacements = Displacements(algebra, keys)
-        self._jacobian: ContactJacobian | None = None
-
-    def with_column(self, column: Array) -> ContactJacobian:
-        """Return [dH/dz | column]; the last is remembered, with what it has solved."""
-        if self._jacobian is None or not np.array_equal(self._jacobian.column, column):
-            self._jacobian = ContactJacobian(self, column)
-        return self._jacobian
 
     def __matmul__(self, z: Array) -> Array:
         """Return the product with a vector: the terms of H that are linear in z."""

@@ -340,7 +340,7 @@ class Coulomb(SlicewiseLinearSystem):
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""
         if isinstance(matrix, ContactMatrix):
-            return matrix.with_column(column)
+            return matrix.algebra.jacobian(matrix, column)
         if self.body.is_sparse:
             return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
         jacobian = np.empty((self.size, self.size + 1))

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import final
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array
+
+#: More signs than this are stored as bits.
+MANY = 64
 
 
 @final
@@ -19,16 +24,21 @@ class Character:
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    __slots__ = ("_signs",)
-    _signs: bytes
+    __slots__ = ("_length", "_signs")
+    _length: int
+    _signs: bytes  # one byte per sign, one bit where they are many
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        object.__setattr__(self, "_signs", bytes(map(bool, signs)))
+        self._store(bytes(map(bool, signs)))
+
+    def _store(self, signs: bytes) -> None:
+        object.__setattr__(self, "_length", len(signs))
+        object.__setattr__(self, "_signs", _in_bits(signs) if len(signs) > MANY else signs)
 
     @property
     def signs(self) -> tuple[bool, ...]:
         """One sign per test function, a new tuple: take it once where many are needed."""
-        return tuple(map(bool, self._signs))
+        return tuple(map(bool, bytes(self)))
 
     @classmethod
     def of(cls, tests: Array) -> Character:
@@ -37,22 +47,30 @@ class Character:
 
     def flip(self, i: int) -> Character:
         """Return the character on the other side of ``kappa_i = 0``."""
-        return self.with_sign(i, not self._signs[i])
+        return self.with_sign(i, not bytes(self)[i])
 
     def with_sign(self, i: int, sign: bool) -> Character:
         """Return the character in which test function ``i`` has the given sign."""
-        signs = bytearray(self._signs)
-        signs[i] = sign
+        signs = bytearray(bytes(self))
+        signs[i] = bool(sign)
         return Character(map(bool, signs))
 
     def __bytes__(self) -> bytes:
-        return self._signs
+        """Return one byte per sign, 0 or 1."""
+        if self._length <= MANY:
+            return self._signs
+        bits = np.frombuffer(self._signs, dtype=np.uint8)
+        return np.unpackbits(bits, count=self._length).tobytes()
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{name}: a Character does not change; use flip or with_sign")
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Character) and self._signs == other._signs
+        return (
+            isinstance(other, Character)
+            and self._length == other._length
+            and self._signs == other._signs
+        )
 
     def __hash__(self) -> int:
         return hash(self._signs)
@@ -64,4 +82,8 @@ class Character:
         return Character, (self.signs,)
 
     def __str__(self) -> str:
-        return "".join("+" if sign else "-" for sign in self._signs)
+        return "".join("+" if sign else "-" for sign in bytes(self))
+
+
+def _in_bits(signs: bytes) -> bytes:
+    return np.packbits(np.frombuffer(signs, dtype=np.uint8)).tobytes()

@@ -43,6 +43,8 @@ INVERTIBLE = EPS**0.75
 FEW_ROWS = 1.0 / 16.0
 #: After this many updates per row the matrix is factorised afresh.
 MANY_UPDATES = 0.5
+#: Columns of a matrix that are copied at a time.
+PART = 64
 
 
 class RowMatrix(ABC):
@@ -209,8 +211,7 @@ class Updating(RowSolver):
             return False
         self._sign *= int(np.linalg.slogdet(pivots)[0])
         products[np.arange(len(changed)), changed] -= 1.0
-        change = np.linalg.solve(pivots, products)
-        self._subtract(columns, change)
+        self._subtract(columns, np.linalg.inv(pivots) @ products)
         self._since += 1
         self.updates += 1
         return True
@@ -237,7 +238,8 @@ def _equal(a: Array | None, b: Array) -> bool:
 
 def _one_norm(matrix: Array) -> float:
     """Return the largest sum of magnitudes in a column, without a copy of the matrix."""
-    return max(float(np.abs(matrix[:, j]).sum()) for j in range(matrix.shape[1]))
+    parts = range(0, matrix.shape[1], PART)
+    return max(float(np.abs(matrix[:, j : j + PART]).sum(axis=0).max()) for j in parts)
 
 
 def _factorised(matrix: RowMatrix) -> tuple[Array, Indices]:
