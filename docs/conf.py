@@ -58,7 +58,7 @@ def _keep_bars(app, what, name, obj, options, lines):
 
 def _draw(app):
     """Draw the pictures that no tutorial draws."""
-    sys.path.insert(0, app.srcdir)
+    sys.path.insert(0, str(app.srcdir))
     from pictures import draw_all  # noqa: PLC0415  it takes seconds
 
     draw_all(Path(app.srcdir) / "images" / "built")
