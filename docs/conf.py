@@ -1,5 +1,6 @@
 """Sphinx configuration: ``sphinx-build -b html docs docs/_build/html``."""
 
+import logging
 import re
 import sys
 from importlib import metadata
@@ -61,6 +62,7 @@ def _draw(app):
     sys.path.insert(0, str(app.srcdir))
     from pictures import draw_all  # noqa: PLC0415  it takes seconds
 
+    logging.getLogger("skfem").setLevel(logging.WARNING)
     draw_all(Path(app.srcdir) / "images" / "built")
 
 

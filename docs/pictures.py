@@ -9,6 +9,7 @@ from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.pictures import draw_states
 from pwscont_coulomb.elastic.scenes import block, wedge
 
+from pwscont import explore
 from pwscont.bench.picture import draw
 from pwscont.bench.report import rows_of
 
@@ -25,7 +26,7 @@ def draw_report(name: str, into: Path) -> None:
 def draw_body(scene, alpha: float, into: Path) -> None:
     """Draw the body of a scene in all its equilibria at one load."""
     problem = scene.build().condensed()
-    graph = scene.scene(problem).run()
+    graph = explore(problem.along_load(), scene.interval)
     states = [recover(problem, solution) for solution in graph.solutions(alpha)]
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
