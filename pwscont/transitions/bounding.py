@@ -85,9 +85,13 @@ def _is_apart(met: Arrival, zero: frozenset[int]) -> bool:
 
 
 def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:
-    """Tell which tests are zero along the piece, to the rounding of their own terms."""
+    """Tell which tests are zero along the piece, to the rounding of their own terms.
+
+    A slope that would not lift a test out of its rounding within the length of the interval,
+    which is one, is zero: where nothing moves a tangent is rounding as well.
+    """
     zero = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
-    flat = GUARD * EPS * (abs(gradients) @ np.abs(state.tangent))
+    flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
     rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
 
