@@ -1,5 +1,7 @@
 """The scenes wedge and press: what they are meant to show is there."""
 
+import json
+
 import numpy as np
 import pytest
 from pwscont_coulomb.elastic import recover
@@ -19,6 +21,7 @@ from pwscont.bench.cases import case_of
 from pwscont.bench.truth import UnknownAnswerError
 from pwscont.continuation.plan import silent
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.interface.cli import main
 
 
 def jam(nodes):
@@ -131,3 +134,40 @@ def test_the_bench_knows_the_answer_of_the_triangle():
 def test_reading_a_mesh_prints_nothing(capsys):
     press_body()
     assert capsys.readouterr().out == ""
+
+
+# -- settings -------------------------------------------------------------------------------------
+
+
+def test_the_size_of_a_block_is_a_setting(capsys):
+    assert main(["run", "block", "-s", "nodes=4", "friction=0.5", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert {len(node["z"]) for node in data["nodes"]} == {4 * 4}
+    assert main(["scenes"]) == 0
+    assert "20 contact nodes, F = 0.3 [-s nodes=20 friction=0.3]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("node=5", "has no setting 'node'; it has nodes=20, friction=0.3"),
+        ("nodes=many", "nodes of scene block must be a whole number, got 'many'"),
+        ("friction=high", "friction of scene block must be a number, got 'high'"),
+        ("nodes=1", "at least 2"),
+        ("friction=-1", "negative"),
+    ],
+)
+def test_settings_that_do_not_fit(setting, message, capsys):
+    assert main(["run", "block", "-s", setting]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_scene_without_settings_says_so(capsys):
+    assert main(["run", "fig7", "-s", "F=3"]) == 2
+    assert "scene fig7 has no setting 'F'; it has none" in capsys.readouterr().err
+
+
+def test_a_setting_needs_a_value(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "block", "-s", "nodes"])
+    assert "'nodes' is not of the form NAME=VALUE" in capsys.readouterr().err

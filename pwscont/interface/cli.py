@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from pwscont.foundation.errors import PwscontError
-from pwscont.interface.registry import load_scene, scene_names
+from pwscont.interface.registry import load_scene, scene_names, scene_settings
 from pwscont.interface.running import run_scene
 
 
@@ -66,6 +66,17 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="write picture and data there",
     )
+    run.add_argument(
+        "-s",
+        "--set",
+        nargs="+",
+        action="extend",
+        type=_setting,
+        default=[],
+        dest="settings",
+        metavar="NAME=VALUE",
+        help="settings of the scene, listed by 'pwscont scenes'",
+    )
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     run.add_argument(
         "--explain", action="store_true", help="say what the scene leaves out, and why"
@@ -77,7 +88,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _setting(text: str) -> tuple[str, str]:
+    """Return name and value of a setting."""
+    name, sign, value = text.strip().partition("=")
+    if not (name and sign and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
+    return name, value
+
+
 def _scenes(options: argparse.Namespace) -> int:
     for name in scene_names():
-        print(f"{name:<26} {load_scene(name).title}")  # noqa: T201
+        settings = scene_settings(name)
+        more = f" [-s {settings.replace(', ', ' ')}]" if settings else ""
+        print(f"{name:<26} {load_scene(name).title}{more}")  # noqa: T201
     return 0

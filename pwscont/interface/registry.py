@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 
 from pwscont.foundation.errors import SceneNotFoundError
 from pwscont.interface.answer import Runnable
+from pwscont.interface.settings import described, settings_of
 
 GROUP = "pwscont.scenes"
 
@@ -16,15 +18,29 @@ def scene_names() -> list[str]:
     return sorted((point.name for point in entry_points(group=GROUP)), key=_natural)
 
 
-def load_scene(name: str) -> Runnable:
+def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable:
     """Build a scene by name; imports only the package that offers it.
+
+    Parameters
+    ----------
+    name : str
+    settings : mapping, optional
+        Values, as text, for parameters of the function that makes the scene.
 
     Raises
     ------
     SceneNotFoundError
         If no installed package offers it; the message names the nearest ones.
+    InvalidInputError
+        If the scene has no such parameter, or the value does not fit it.
     """
-    return _entry_point(name).load()()  # type: ignore[no-any-return]
+    make = _entry_point(name).load()
+    return make(**settings_of(name, make, settings or {}))  # type: ignore[no-any-return]
+
+
+def scene_settings(name: str) -> str:
+    """Return the parameters of a scene with their defaults, such as ``nodes=20``."""
+    return described(_entry_point(name).load())
 
 
 def _entry_point(name: str) -> EntryPoint:

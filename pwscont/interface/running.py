@@ -20,7 +20,7 @@ from pwscont.interface.registry import load_scene
 
 def run_scene(options: argparse.Namespace) -> int:
     """Run a scene as the command line says; returns the exit status."""
-    scene = load_scene(options.scene)
+    scene = load_scene(options.scene, dict(options.settings))
     at = scene.values(options.at)
     if options.output:
         _make_directory(options.output)

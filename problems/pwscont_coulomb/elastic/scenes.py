@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -173,34 +174,36 @@ def triangle() -> ElasticScene:
     )
 
 
-def block() -> ElasticScene:
-    """Return the scene of :func:`block_body` with 20 contact nodes."""
+def block(nodes: int = 20, friction: float = 0.3) -> ElasticScene:
+    """Return the scene of :func:`block_body`."""
     return ElasticScene(
         "block",
-        "a block compressed, then sheared on its foundation, 20 contact nodes, F = 0.3",
-        block_body,
+        f"a block compressed, then sheared on its foundation, {nodes} contact nodes, "
+        f"F = {friction:g}",
+        partial(block_body, nodes, friction),
         (0.0, 2.0),
         at=(1.0,),
     )
 
 
-def wedge() -> ElasticScene:
-    """Return the scene of :func:`wedge_body` with 9 contact nodes on each wall."""
+def wedge(nodes: int = 9, friction: float = 0.5) -> ElasticScene:
+    """Return the scene of :func:`wedge_body`, with so many contact nodes on each wall."""
     return ElasticScene(
         "wedge",
-        "a wedge that jams in its slot while it is pulled out, 18 contact nodes, F = 0.5",
-        wedge_body,
+        f"a wedge that jams in its slot while it is pulled out, {2 * nodes} contact nodes, "
+        f"F = {friction:g}",
+        partial(wedge_body, nodes, friction),
         (0.0, 0.2),
         at=(0.07,),
     )
 
 
-def press() -> ElasticScene:
+def press(friction: float = 0.3) -> ElasticScene:
     """Return the scene of :func:`press_body`."""
     return ElasticScene(
         "press",
-        "a rounded tool from a Gmsh mesh, pressed and sheared, 29 contact nodes, F = 0.3",
-        press_body,
+        f"a rounded tool from a Gmsh mesh, pressed and sheared, 29 contact nodes, F = {friction:g}",
+        partial(press_body, friction),
         (0.0, 1.0),
         at=(0.5,),
     )
