@@ -81,7 +81,7 @@ def test_scenes_are_listed_with_their_titles(capsys):
     assert [line.split()[0] for line in lines] == NAMES
     assert NAMES.index("fig7") < NAMES.index("fig10")
     for line, name in zip(lines, NAMES, strict=True):
-        assert line.endswith(load_scene(name).title)
+        assert line.split(" [-s ")[0].endswith(load_scene(name).title)
     assert set(PLANES) <= set(NAMES)
 
 
@@ -411,7 +411,7 @@ def test_scenes_of_others_plug_in(capsys, monkeypatch):
             report(2, math.pi)
             return Counted()
 
-    monkeypatch.setattr(running, "load_scene", lambda name: Count())
+    monkeypatch.setattr(running, "load_scene", lambda name, settings: Count())
     assert run(capsys, "run", "count")[:2] == (0, "one, two\n")
     assert run_json(capsys, "count")["count"] == 2
 
