@@ -4,6 +4,8 @@ Where several test functions vanish at x, the zero set near x is the set of dire
 J_chi d = 0 and grad(kappa_i) . d of the sign that chi demands, over all cells chi that meet at
 x. This is a piecewise-linear problem in d; fixing the length of d by a generic linear condition
 c . d = +1 or -1 makes its rays the solutions of two slices, which are enumerated like any other.
+
+Most corners are simple and need none of this, see :mod:`pwscont.transitions.simple_corner`.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.transitions.rays import Ray, state_on
+from pwscont.transitions.simple_corner import Admits, Direction, generic, simple_corner
 
 #: All cells at a corner are tried up to this number: twelve tests.
 MANY_CELLS = 2**12
@@ -87,6 +90,9 @@ def fan(
     system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
 ) -> Fan:
     """Return all rays at a solution ``x`` where the tests ``zero`` vanish."""
+    simple = simple_corner(system, metric, x, zero)
+    if simple is not None:
+        return Fan(tuple(_ray(system, metric, x, error, found) for found in simple), 1, False, True)
     cone = _Cone(system, metric, x, zero)
     around = Metric(np.append(metric.scale, 1.0))
     exact = prod(len(block.modes) for block in cone.blocks()) <= MANY_CELLS
@@ -101,7 +107,7 @@ def fan(
     return Fan(tuple(rays), dimension, any(ray.shared for ray in rays), exact)
 
 
-def _directions(slices: list[Slice]) -> list[tuple[Array, tuple[Character, ...]]]:
+def _directions(slices: list[Slice]) -> list[Direction]:
     points = [(p.x[:-1], p.characters) for s in slices for p in s.points]
     corners = [
         (c[:-1], (face.character,)) for s in slices for face in s.faces for c in face.corners
@@ -133,7 +139,7 @@ def _ray(
     metric: Metric,
     x: Array,
     error: Array,
-    found: tuple[Array, tuple[Character, ...]],
+    found: Direction,
 ) -> Ray:
     direction, characters = found
     tangent = metric.normalised(direction)
@@ -199,8 +205,7 @@ class _Cone(SlicewiseLinearSystem):
     ) -> None:
         self.size = len(x)
         self._system, self._x, self._zero = system, x, zero
-        # generic: no ray of a problem with simple numbers lies in its null space
-        self._length = np.cos(1.0 + np.sqrt(2.0) * np.arange(len(x))) / metric.scale
+        self._length = generic(len(x)) / metric.scale
         self._scale = metric.scale
         tests = system.test_functions(x[:-1], float(x[-1]))
         self._constant = np.where(tests >= 0.0, 1.0, -1.0)
@@ -254,9 +259,9 @@ class _Cone(SlicewiseLinearSystem):
             for block in self._system.blocks()
         )
 
-    def _admits(self, block: Block) -> _Admits:
+    def _admits(self, block: Block) -> Admits:
         signs = self._constant >= 0.0
-        return _Admits(self._system, block, signs.tolist(), self._zero)
+        return Admits(self._system, block, signs.tolist(), self._zero)
 
     def _one_block(self) -> Block:
         """Return all cells that meet here as the modes of one block."""
@@ -270,21 +275,3 @@ class _Cone(SlicewiseLinearSystem):
             cells.setdefault(self._system.cell(character), character.signs)
         rows = tuple(range(self.size - 1))
         return Block(tuple(range(len(signs.signs))), rows, tuple(cells.values()))
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _Admits:
-    """Tells whether a mode of a block belongs to a cell that meets at the corner."""
-
-    system: PiecewiseSystem
-    block: Block
-    signs: list[bool]
-    zero: frozenset[int]
-
-    def __call__(self, mode: tuple[bool, ...]) -> bool:
-        signs = list(self.signs)
-        for test, sign in zip(self.block.tests, mode, strict=True):
-            signs[test] = sign
-        bounding = set(self.system.bounding_tests(Character(tuple(signs)))) & set(self.block.tests)
-        return all(signs[i] == self.signs[i] for i in bounding - self.zero)
