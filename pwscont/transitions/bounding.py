@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -20,6 +20,7 @@ from pwscont.transitions.cone import Fan, fan, opposite, same_piece
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
+from pwscont.transitions.simple_corner import SLANT
 
 #: Tests smaller than this part of the largest are looked at more closely.
 NEAR = 1e-9
@@ -123,7 +124,26 @@ def corner(
     if back is None and len(rays) == 2 and rays[0].shared and opposite(*rays):
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return Arrival(Kind.START, x, message, rays)
+    if back is not None:
+        rays = (_as_uncertain_as(back, zero), *others)
     return Arrival(found.kind, x, _message(curve.selection.system, found, zero), rays)
+
+
+def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
+    """Return a ray whose error covers where along it each test vanishes that is taken to here.
+
+    Rounding of a test may be far more than what the place of another is uncertain.
+    """
+    state, which = back.state, np.array(sorted(zero), dtype=np.intp)
+    system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
+    gradients = system.some_test_gradients(z, alpha, which)
+    slopes = np.abs(gradients @ state.tangent)
+    steep = slopes > SLANT * (abs(gradients) @ np.abs(state.tangent))
+    if not steep.any():
+        return back
+    apart = float((np.abs(system.some_tests(z, alpha, which))[steep] / slopes[steep]).max())
+    error = np.vstack([state.error, apart * state.tangent])
+    return replace(back, state=replace(state, error=error))
 
 
 def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
