@@ -347,3 +347,58 @@ def test_the_same_system_where_it_has_solutions():
 def test_errors_are_value_errors_too():
     with pytest.raises(ValueError, match="interval"):
         explore(broken(), (1.0, 0.0))
+
+
+# -- functions that are not finite ----------------------------------------------------------------
+
+
+class Arch(PiecewiseSystem):
+    """A curve with a fold; a test or the residual can be spoilt."""
+
+    size = 1
+    spoilt_test = staticmethod(lambda z: z - 5.0)
+    spoilt_residual = staticmethod(lambda z: 0.0 * z)
+
+    def test_functions(self, z, alpha):
+        return self.spoilt_test(z)
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha - 1.0 + self.spoilt_residual(z)
+
+
+def test_a_test_function_that_is_nan_is_not_taken_for_a_sign():
+    arch = Arch()
+    arch.spoilt_test = lambda z: np.nan * z
+    with pytest.raises(
+        InvalidSystemError, match=r"test_functions returned \[nan\] .* must be finite"
+    ):
+        trace(arch, ([0.5], 0.75), (0.0, 2.0))
+
+
+def test_a_test_function_that_becomes_nan_stops_the_branch():
+    arch = Arch()
+    arch.spoilt_test = lambda z: np.where(z > -0.5, z - 5.0, np.nan)
+    graph = trace(arch, ([0.5], 0.75), (0.0, 2.0))
+    (stopped,) = graph.special_points("stopped")
+    assert "not finite" in stopped.message
+    assert stopped.z[0] == pytest.approx(-0.5, abs=1e-6)
+    assert graph.guarantee != "complete"
+
+
+def test_a_residual_that_is_never_finite_is_no_solution_and_no_traceback():
+    arch = Arch()
+    arch.spoilt_residual = lambda z: np.nan * z
+    assert explore(arch, (0.0, 0.5)).guarantee == "nothing found"
+    with pytest.raises(StartNotFoundError, match="NOT_FINITE"):
+        trace(arch, ([0.5], 0.25), (0.0, 0.5))
+
+
+def test_a_piece_that_goes_nowhere_ends(monkeypatch):
+    """With a wrong Jacobian steps go on and on; the message says what to look for."""
+    monkeypatch.setattr("pwscont.continuation.walk.MOST_STEPS", 200)
+    arch = Arch()
+    arch.jacobian = lambda z, alpha, character: np.array([[7.0, 3.0]])
+    graph = explore(arch, (0.0, 0.5))
+    stopped = graph.special_points("stopped")
+    assert stopped
+    assert all("check_system" in point.message for point in stopped)

@@ -1,7 +1,6 @@
 """Interrupted runs go on where they stopped, and end with the same graph, bit by bit."""
 
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -155,20 +154,14 @@ def test_a_journal_of_another_run_is_refused(tmp_path):
         Journal(Path(__file__))
 
 
-def test_the_journal_is_valid_after_each_piece(tmp_path):
-    """Another process reads it while the run goes on."""
-    journal, seen = Journal(tmp_path / "journal"), []
-
-    def look(pieces, alpha):
-        other = sqlite3.connect(tmp_path / "journal")
-        seen.append(other.execute("select count(*) from walks").fetchone()[0])
-        other.close()
-
-    made = fig7()
-    explore(made.system, made.interval, journal=journal, report=look)
+def test_a_second_process_is_kept_out(tmp_path, capsys):
+    """Whoever comes second is told so, and the first one's journal stays."""
+    journal = Journal(tmp_path / "fig7.journal")
+    for more in ([], ["--resume"]):
+        assert main(["run", "fig7", "-o", str(tmp_path), *more]) == 2
+        assert "another process is writing to it" in capsys.readouterr().err
     journal.close()
-    assert seen == sorted(seen)
-    assert seen[0] >= 1
+    assert main(["run", "fig7", "-o", str(tmp_path), "--resume"]) == 0
 
 
 # -- the command line -----------------------------------------------------------------------------

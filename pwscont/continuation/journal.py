@@ -7,6 +7,7 @@ Failure modes and answers
 -------------------------
 - The process is killed between any two instructions: each walk is one transaction of an SQLite
   database with a write-ahead log, and is there whole or not at all.
+- Two processes work on one journal: the first locks it until it ends, however it ends.
 - The journal is of another problem, perhaps one that begins alike: names, interval, stepper, and
   the values of H and of the tests at generic points are compared before any work, and each walk
   with the ray from which it was recorded.
@@ -40,6 +41,8 @@ create table if not exists walks (number integer primary key, ray blob, header t
 
 #: Values of the same functions, evaluated in another order, differ by far less than this.
 SAME = EPS**0.5
+#: Seconds to wait for another process to close the file.
+PATIENCE = 0.5
 ADVICE = "remove it, or write elsewhere"
 
 
@@ -64,10 +67,16 @@ class Journal:
         self.path = Path(path)
         self._errors = sqlite3.Error
         try:
-            self._base = sqlite3.connect(self.path, isolation_level=None)
+            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self._base.execute("pragma locking_mode = exclusive")
             self._base.execute("pragma journal_mode = wal")
             self._base.execute("pragma synchronous = normal")
             self._base.executescript(TABLES)
+        except sqlite3.OperationalError as error:
+            if "locked" in str(error):
+                why = "another process is writing to it: wait for it, or write elsewhere"
+                raise InvalidInputError(f"the journal {self.path} is in use; {why}") from error
+            raise InvalidInputError(f"cannot write the journal {self.path}: {error}") from error
         except sqlite3.Error as error:
             raise InvalidInputError(f"{self.path} is no journal of a run: {error}") from error
 

@@ -21,7 +21,8 @@ from pwscont.transitions.detection import (
 from pwscont.transitions.detector import Arrival, Reading
 from pwscont.transitions.rays import Ray
 
-MOST_STEPS = 1_000_000
+#: A piece of more steps is lost: at the default step it is thousands of intervals long.
+MOST_STEPS = 20_000
 
 
 @final

@@ -19,10 +19,16 @@ class Trouble(Enum):
         "the bordered Jacobian is singular: two branches meet here, or the curve is tangent "
         "to the interface"
     )
-    NOT_FINITE = "the residual or Jacobian is not finite here; is the parameter outside its domain?"
+    NOT_FINITE = (
+        "the residual, the Jacobian or a test function is not finite here; is the parameter "
+        "outside its domain?"
+    )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
-    TOO_MANY_STEPS = "the piece took more steps than allowed; allow longer steps"
+    TOO_MANY_STEPS = (
+        "the piece took more steps than allowed; allow longer steps, give scale() for unknowns far "
+        "from one, or look for a mistake in residual or Jacobian with check_system"
+    )
 
 
 @final

@@ -7,6 +7,8 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.metadata import version
+from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont.foundation.errors import PwscontError
@@ -17,6 +19,9 @@ from pwscont.interface.running import run_scene
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status: 0, 2 for wrong input, 130 if interrupted."""
     given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
     options = _parser().parse_args([_as_value(argument) for argument in given])
     try:
         status = int(options.command(options))
@@ -45,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="pwscont", description="Follow the solutions of piecewise-smooth systems."
     )
+    parser.add_argument("--version", action="version", version=f"pwscont {version('pwscont')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     scenes = commands.add_parser("scenes", help="list the scenes")
     scenes.set_defaults(command=_scenes)

@@ -7,6 +7,7 @@ non-smooth fold; every branch has its colour. Imported only where a picture is a
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 from typing import Any
@@ -16,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
@@ -37,6 +39,8 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
+#: Lines closer than this part of their size are one in a picture.
+SAME = 1e-9
 ROW_HEIGHT, COUNTS_HEIGHT, COLUMN_WIDTH = 2.9, 1.9, 3.9  # inches
 
 
@@ -121,16 +125,20 @@ def _draw_cell(
 
 def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> None:
     mode = _mode(graph, panel)
+    drawn: dict[str, list[tuple[Array, Array]]] = defaultdict(list)
     for i, pieces in enumerate(graph.components()):
         for piece in pieces:
-            curve = piece.z[:, panel.component]
-            ax.plot(piece.alpha, curve, color=f"C{i}", linestyle=styles[mode(piece.character)])
+            word, line = mode(piece.character), (piece.alpha, piece.z[:, panel.component])
+            if not any(_covers(other, line) for other in drawn[word]):
+                ax.plot(*line, color=f"C{i}", linestyle=styles[word])
+                drawn[word].append(line)
         for point in _marked(graph, pieces):
             ax.plot(
                 point.alpha,
                 point.z[panel.component],
                 color=f"C{i}",
                 linestyle="none",
+                zorder=3.0 if point.kind in (Kind.TRANSITION, Kind.START) else 4.0,
                 **MARKERS[point.kind],
             )
     ax.set_xlabel(symbol(graph.parameter))
@@ -140,6 +148,18 @@ def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str,
     ax.margins(0.06)
     ax.grid(alpha=0.25)
     _show_dust_as_constant(ax, graph)
+
+
+def _covers(line: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Tell whether a line hides another one of its style.
+
+    Dashes on dashes of another phase would look like a solid line, which is another mode.
+    """
+    (alpha, values), (alphas, wanted) = line, other
+    order = np.argsort(alpha)
+    within = alpha.min() <= alphas.min() and alphas.max() <= alpha.max()
+    near = np.interp(alphas, alpha[order], values[order]) - wanted
+    return bool(within and np.abs(near).max() <= SAME * max(np.ptp(values), np.abs(values).max()))
 
 
 def _show_dust_as_constant(ax: Axes, graph: BranchGraph) -> None:

@@ -65,6 +65,9 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
     try:
         yield scene.with_journal(journal)
     except KeyboardInterrupt:
+        if not len(journal):
+            journal.remove()
+            raise
         kept = f"{len(journal)} pieces are kept in {path}; --resume goes on from there"
         print(f"pwscont: {kept}", file=sys.stderr)  # noqa: T201
         journal.close()
@@ -82,6 +85,7 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
         if resume:
             raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
     elif path.exists() and not resume:
+        Journal(path).close()  # refuses one that another process is writing
         raise InvalidInputError(
             f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
         )

@@ -65,9 +65,9 @@ def semismooth_newton(
         character = system.character(x[:-1], alpha)
         residual = system.residual(x[:-1], alpha, character)
         jacobian = system.jacobian(x[:-1], alpha, character)
-        if not np.isfinite(residual).all():
-            return Failure(Trouble.NOT_FINITE)
         rows = _row_scale(jacobian, metric)
+        if not (np.isfinite(residual).all() and np.isfinite(rows).all()):
+            return Failure(Trouble.NOT_FINITE)
         lu = bordered(jacobian, border, metric.binary)
         step = _direction(lu, jacobian, residual, rows, metric)
         step = step * _stretch(metric, known, x, step)

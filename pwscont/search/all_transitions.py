@@ -54,7 +54,9 @@ class AllTransitions(Search):
 
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise everything."""
-        return Searched("all transition points and all solutions at lo", Promise.EVERYTHING)
+        return Searched(
+            "all transition points, and all solutions at the lower end", Promise.EVERYTHING
+        )
 
 
 def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:

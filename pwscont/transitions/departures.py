@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Trouble
 from pwscont.model.selection import Selection
@@ -25,7 +27,13 @@ def departures(system: PiecewiseSystem, metric: Metric, x: Array, error: Array) 
 
     A point inside a cell has two rays on one curve and the kind START.
     """
-    curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
+    tests = system.test_functions(x[:-1], float(x[-1]))
+    if not np.isfinite(tests).all():
+        raise InvalidSystemError(
+            f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
+            f"{x[-1]:.6g}: all must be finite"
+        )
+    curve = Curve(Selection(system, Character.of(tests)), metric)
     error = np.atleast_2d(error)  # searches may give one sample as a vector
     zero = vanishing(system, x, error, metric.scale)
     if not zero & _bounds_near(system, x, zero):

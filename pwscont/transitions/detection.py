@@ -66,6 +66,8 @@ class Watch:
 
 def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Failure:
     """Return the first event on a straight segment, by the ratio test."""
+    if np.isnan(start.values).any():
+        return Failure(Trouble.NOT_FINITE)
     distances = _ratios(start)
     first = int(np.argmin(distances))
     if np.isinf(best := float(distances[first])):
@@ -91,6 +93,8 @@ def first_on_curve(
     What comes before an event that was found lies on the segment that ends there: what does not
     change sign on that one comes later, and is not located.
     """
+    if np.isnan(end.values).any():
+        return Failure(Trouble.NOT_FINITE)
     first: Event | None = None
     located: set[int] = set()
     while suspects := set(_suspects(start, end, segment.length)) - located:
