@@ -6,7 +6,7 @@ import numpy as np
 
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_interval, silent
+from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
@@ -49,6 +49,8 @@ def explore(
         As for :func:`pwscont.trace`.
     """
     lo, hi = checked_interval(system, interval)
+    checked_kind("search", search, Search)
+    checked_kind("journal", journal, Journal)
     check_contract(system, np.zeros(checked_size(system)), lo)
     plan = Plan.of(system, (lo, hi), stepper)
     chosen = search or default_search(plan.followed)

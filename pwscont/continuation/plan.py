@@ -42,8 +42,19 @@ def silent(pieces: int, alpha: float) -> None:
     """Report nothing."""
 
 
+def checked_kind(name: str, value: object, kind: type) -> None:
+    """Refuse an argument of another kind, such as a class where an object of it is meant."""
+    if value is not None and not isinstance(value, kind):
+        forgotten = isinstance(value, type) and issubclass(value, kind)
+        hint = "; call it to make one" if forgotten else ""
+        raise InvalidInputError(f"{name} must be a {kind.__name__}, got {value!r}{hint}")
+
+
 def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> tuple[float, float]:
     """Return the interval as two floats, or say what is wrong with it."""
+    if system is None:
+        raise InvalidInputError("system must be a PiecewiseSystem, got None")
+    checked_kind("system", system, PiecewiseSystem)
     try:
         lo, hi = (float(end) for end in interval)
     except (TypeError, ValueError) as error:
@@ -65,6 +76,7 @@ def default_stepper(system: PiecewiseSystem) -> Stepper:
 
 def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper:
     """Return the stepper to use."""
+    checked_kind("stepper", stepper, Stepper)
     if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
         raise InvalidInputError(
             f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_interval, silent
+from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.foundation.arrays import finite_array
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
 from pwscont.foundation.outcome import Failure
@@ -59,6 +59,7 @@ def trace(
         If no solution is found near the start.
     """
     lo, hi = checked_interval(system, interval)
+    checked_kind("journal", journal, Journal)
     z, alpha = _checked_start(system, start, (lo, hi))
     check_contract(system, z, alpha)
     plan = Plan.of(system, (lo, hi), stepper)
