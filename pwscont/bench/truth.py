@@ -120,6 +120,11 @@ class Truth:
             if len(pieces) > 1:
                 yield place, [self.pieces[i] for i in pieces]
 
+    @property
+    def loose_ends(self) -> list[Array]:
+        """Ends of a single piece: at an end of the interval, if nothing is missing."""
+        return [place for place, pieces in self._meeting if len(pieces) == 1]
+
     @cached_property
     def transitions(self) -> list[Array]:
         """Points where pieces of different cells meet, non-smooth folds among them."""
