@@ -126,8 +126,7 @@ def _check_joints(truth: Truth) -> None:
 
 def _check_balance(truth: Truth, degree: int | None) -> None:
     for alpha in truth.regular_alphas() if degree is not None else ():
-        over = (piece for piece in truth.pieces if piece.extent()[0] < alpha < piece.extent()[1])
-        if (total := sum(piece.det_sign for piece in over)) != degree:
+        if (total := sum(piece.det_sign for piece in truth.over(alpha))) != degree:
             raise UnknownAnswerError(
                 f"the exact path lacks a branch: its signs sum to {total} instead of {degree} "
                 f"at alpha = {alpha:.6g}"
