@@ -141,10 +141,36 @@ def test_refuses_a_piece_twice():
         verify(scene, [*pieces, pieces[1]])
 
 
+def test_refuses_a_path_without_pieces():
+    with pytest.raises(UnknownAnswerError, match="no pieces"):
+        verify(fig7(), [])
+
+
 def test_refuses_a_path_without_one_of_its_branches():
     """What joins from end to end can still lack a branch; then the signs do not sum to one."""
-    with pytest.raises(UnknownAnswerError, match="signs sum to 0 instead of 1 at alpha = 0"):
-        verify(fig7(), [])
+    scene, parts = three_branches()
+    verify(scene, [piece for part in parts for piece in part])
+    assert sorted(piece.det_sign for part in parts for piece in part) == [-1, 1, 1]
+    for left_out in parts:
+        others = [piece for part in parts if part is not left_out for piece in part]
+        with pytest.raises(UnknownAnswerError, match="the exact path lacks a branch"):
+            verify(scene, others)
+
+
+def test_completeness_is_not_claimed():
+    """Two branches of opposite signs cancel: without both, nothing is seen."""
+    scene, parts = three_branches()
+    stable = next(part for part in parts if part[0].det_sign == 1)
+    assert len(verify(scene, stable).pieces) == 1
+
+
+def three_branches():
+    """Return fig7 on the interval between its folds, where three branches do not meet."""
+    scene = fig7()
+    folds = sorted(p.alpha for p in exact_graph(scene).special_points("nonsmooth fold"))
+    width = folds[1] - folds[0]
+    scene = replace(scene, interval=(folds[0] + 0.1 * width, folds[1] - 0.1 * width))
+    return scene, exact_graph(scene).components()
 
 
 def test_refuses_a_test_that_vanishes_all_along():

@@ -35,7 +35,7 @@ from pwscont.stepping import ExactLinear
 CHECKS = 37
 #: Beyond this many cells a complete answer takes too long.
 MOST_CELLS = 64
-#: Beyond this many unknowns verifying takes minutes, and so do steppers with a step size.
+#: With this many unknowns, verifying and all settings of the steppers take half a minute.
 MOST_UNKNOWNS = 200
 AGREES = 1e-9
 

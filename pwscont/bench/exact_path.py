@@ -12,7 +12,7 @@ So the numbers compared with are not those of ExactLinear, and errors measured a
 the same for it as for others. Its verdict does not: that it visits these cells is how they came
 to be known, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
 NaturalParameter is a comparison of two ways. That the path is complete is not claimed: a component
-that the search of ``explore`` misses is missed here.
+that the search of ``explore`` misses is missed here, unless its signs are missing in the sum.
 
 Failure modes and answers
 -------------------------
@@ -36,7 +36,8 @@ from pwscont.foundation.records import Piece
 from pwscont.model.system import PiecewiseLinearSystem
 
 KNOWN_BY = "the exact path, each piece verified"
-#: Beyond this many unknowns rational elimination takes longer than refinement.
+#: Up to this many unknowns rational elimination takes milliseconds; at 20 twenty times as long
+#: as refinement.
 SMALL = 12
 #: A found piece agrees with the true one if its ends are this close, in the metric.
 AGREES = 1e-9
@@ -64,8 +65,10 @@ def verified_path(
     Raises
     ------
     UnknownAnswerError
-        If a piece is not true, or they do not join.
+        If there are no pieces, one is not true, or they do not join.
     """
+    if not pieces:
+        raise UnknownAnswerError("the exact path has no pieces: its search found none")
     true = [_verified(system, interval, scale, piece) for piece in pieces]
     truth = Truth(true, interval, scale, KNOWN_BY)
     _check_cells(truth)
