@@ -9,6 +9,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.bench.exact_path import verified_path
 from pwscont.bench.problems import (
     Bratu,
     Circle,
@@ -20,17 +21,22 @@ from pwscont.bench.problems import (
 from pwscont.bench.rational import straight_pieces
 from pwscont.bench.slicewise import cellwise_pieces
 from pwscont.bench.truth import TruePiece, Truth, UnknownAnswerError
+from pwscont.continuation import explore
 from pwscont.foundation.arrays import Array
 from pwscont.interface.answer import Runnable
 from pwscont.interface.registry import load_scene, scene_names
+from pwscont.interface.scene import Scene
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.metric import Metric
 from pwscont.search import enumerate_solutions
+from pwscont.stepping import ExactLinear
 
 #: Values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
 #: Beyond this many cells a complete answer takes too long.
 MOST_CELLS = 64
+#: With this many unknowns, verifying and all settings of the steppers take half a minute.
+MOST_UNKNOWNS = 200
 AGREES = 1e-9
 
 
@@ -76,22 +82,36 @@ def case_of(runnable: Runnable) -> Case:
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
-    _check_size(system, interval)
+    if system.reduction(*interval):
+        raise UnknownAnswerError("parts of its system are left out while it is followed")
+    cells = prod(len(block.modes) for block in system.blocks())
+    if cells <= MOST_CELLS:
+        return _few_cells(scene.name, system, interval)
+    if not isinstance(system, PiecewiseLinearSystem):
+        raise UnknownAnswerError(f"its curved pieces are in {cells} cells, more than {MOST_CELLS}")
+    return _too_many_cells(scene, system)
+
+
+def _few_cells(name: str, system: SlicewiseLinearSystem, interval: tuple[float, float]) -> Case:
     if isinstance(system, PiecewiseLinearSystem):
         pieces, known_by = straight_pieces(system, interval), "rational arithmetic"
     else:
         pieces, known_by = cellwise_pieces(system, interval), "a solve per cell and alpha"
-    case = _case(scene.name, system, interval, pieces, known_by)
+    case = _case(name, system, interval, pieces, known_by)
     _compare_with_enumeration(system, case.truth)
     return case
 
 
-def _check_size(system: SlicewiseLinearSystem, interval: tuple[float, float]) -> None:
-    cells = prod(len(block.modes) for block in system.blocks())
-    if cells > MOST_CELLS:
-        raise UnknownAnswerError(f"its system has {cells} cells, more than {MOST_CELLS}")
-    if system.reduction(*interval):
-        raise UnknownAnswerError("parts of its system are left out while it is followed")
+def _too_many_cells(scene: Scene, system: PiecewiseLinearSystem) -> Case:
+    if system.size > MOST_UNKNOWNS:
+        raise UnknownAnswerError(
+            f"its system has {system.size} unknowns, more than the {MOST_UNKNOWNS} up to which its "
+            "exact path is verified and followed with short steps in reasonable time"
+        )
+    interval, scale = scene.interval, Metric.of(system, scene.interval).scale
+    found = explore(system, interval, search=scene.search, stepper=ExactLinear())
+    truth = verified_path(system, interval, scale, found.pieces)
+    return Case(scene.name, system, interval, truth)
 
 
 def _case(

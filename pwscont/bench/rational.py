@@ -5,7 +5,9 @@ Every number that the system returns is taken as the rational number that it is.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from pwscont.foundation.character import Character
 from pwscont.model.system import PiecewiseLinearSystem
 
 Row = list[Fraction]
+#: (matrix, right sides) -> the solution, a row per unknown, and the sign of the determinant.
+Solver: TypeAlias = Callable[[Array, Array], tuple[list[Row], int]]
 
 
 def straight_pieces(
@@ -29,13 +33,32 @@ def straight_piece(
     system: PiecewiseLinearSystem, character: Character, interval: tuple[float, float]
 ) -> TruePiece | None:
     """Return the piece of one cell, None where it has no isolated solution in the interval."""
+    line, sign = line_of(system, character, solve)
+    return piece_on(system, character, line, sign, interval) if sign else None
+
+
+def line_of(
+    system: PiecewiseLinearSystem, character: Character, solver: Solver
+) -> tuple[list[Row], int]:
+    """Return z0 and z1 of the line z0 + alpha z1 that solves one selection, a row per unknown.
+
+    And the sign of det(dH/dz); the line is empty where it is 0.
+    """
     origin = np.zeros(system.size)
     jacobian = dense(system.jacobian(origin, 0.0, character))
     rhs = -np.column_stack([system.residual(origin, 0.0, character), jacobian[:, -1]])
-    line, sign = solve(jacobian[:, :-1], rhs)
-    if sign == 0:
-        return None
-    lo, hi = _admissible(system, character, line, interval)
+    return solver(jacobian[:, :-1], rhs)
+
+
+def piece_on(
+    system: PiecewiseLinearSystem,
+    character: Character,
+    line: list[Row],
+    sign: int,
+    interval: tuple[float, float],
+) -> TruePiece | None:
+    """Return the part of a line that lies in its cell, None where there is none."""
+    lo, hi = _admissible(tests_along(system, character, line), interval)
     if lo >= hi:
         return None
 
@@ -47,20 +70,24 @@ def straight_piece(
     return TruePiece(system.cell(character), sign, span, at, lambda x: float(x[-1]))
 
 
-def _admissible(
-    system: PiecewiseLinearSystem,
-    character: Character,
-    line: list[Row],
-    interval: tuple[float, float],
-) -> tuple[Fraction, Fraction]:
-    """Return the alphas for which the line z0 + alpha z1 lies in its cell."""
-    lo, hi = Fraction(interval[0]), Fraction(interval[1])
+def tests_along(
+    system: PiecewiseLinearSystem, character: Character, line: list[Row]
+) -> Iterator[tuple[Fraction, Fraction]]:
+    """Yield value at alpha = 0 and rate along a line of every bounding test, positive inside."""
     origin = np.zeros(system.size)
     values, rates = system.test_functions(origin, 0.0), dense(system.test_jacobian(origin, 0.0))
     for i in system.bounding_tests(character):
         side, gradient = (1 if character.signs[i] else -1), _exact(rates[i])
         value = side * (Fraction(float(values[i])) + _dot(gradient, [z0 for z0, _ in line]))
-        rate = side * (gradient[-1] + _dot(gradient, [z1 for _, z1 in line]))
+        yield value, side * (gradient[-1] + _dot(gradient, [z1 for _, z1 in line]))
+
+
+def _admissible(
+    tests: Iterable[tuple[Fraction, Fraction]], interval: tuple[float, float]
+) -> tuple[Fraction, Fraction]:
+    """Return the alphas at which no test is negative."""
+    lo, hi = Fraction(interval[0]), Fraction(interval[1])
+    for value, rate in tests:
         if rate > 0:
             lo = max(lo, -value / rate)
         elif rate < 0:
@@ -100,4 +127,4 @@ def _exact(values: Array) -> Row:
 
 
 def _dot(a: Row, b: Row) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=False)), Fraction(0))
+    return sum((x * y for x, y in zip(a, b, strict=False) if x), Fraction(0))

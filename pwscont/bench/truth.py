@@ -120,6 +120,11 @@ class Truth:
             if len(pieces) > 1:
                 yield place, [self.pieces[i] for i in pieces]
 
+    @property
+    def loose_ends(self) -> list[Array]:
+        """Ends of a single piece: at an end of the interval, if nothing is missing."""
+        return [place for place, pieces in self._meeting if len(pieces) == 1]
+
     @cached_property
     def transitions(self) -> list[Array]:
         """Points where pieces of different cells meet, non-smooth folds among them."""
@@ -144,9 +149,18 @@ class Truth:
         """Points of each piece, for comparison with a computed branch."""
         return [piece.samples() for piece in self.pieces]
 
+    @cached_property
+    def _extents(self) -> list[tuple[float, float]]:
+        return [piece.extent() for piece in self.pieces]
+
+    def over(self, alpha: float) -> list[TruePiece]:
+        """Return the pieces that pass over a regular alpha."""
+        extents = zip(self.pieces, self._extents, strict=True)
+        return [piece for piece, (lo, hi) in extents if lo < alpha < hi]
+
     def count(self, alpha: float) -> int:
         """Return the number of solutions at a regular alpha."""
-        return sum(lo < alpha < hi for lo, hi in (piece.extent() for piece in self.pieces))
+        return len(self.over(alpha))
 
     def regular_alphas(self) -> list[float]:
         """Return one alpha between every two successive special ones."""
