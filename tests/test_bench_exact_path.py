@@ -297,3 +297,12 @@ def few(is_straight: bool, quick: bool) -> list[Contestant]:
     assert quick
     size = by_longest(0.3)
     return [Contestant("arclength", size, PseudoArclength(step_size=size))]
+
+
+def test_blocks_by_mesh_size_from_the_command_line(capsys):
+    assert main(["bench", "block", "-s", "nodes=5", "--quick"]) == 0
+    printed = capsys.readouterr().out
+    assert "answer by the exact path" in printed
+    assert "WRONG" not in printed
+    assert main(["bench", "-s", "nodes=5", "--quick"]) == 2
+    assert "settings are those of one scene" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """All solutions at one alpha: against an enumeration of its own, closed forms and fractions."""
 
 from fractions import Fraction
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from pwscont import (
     enumerate_solutions,
 )
 from pwscont.enumeration import solve_slice
+from pwscont.enumeration.tree import _picks
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.numerics.metric import Metric
 
@@ -350,3 +352,10 @@ def test_a_large_gap_is_no_contact():
     assert solution.label == "no contact"
     expected = np.append(np.linalg.solve(ONE_NODE.A, [1.0, 0.5]), [0.0, 0.0])
     np.testing.assert_allclose(solution.z, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2)])
+def test_choices_of_more_blocks_than_an_array_has_dimensions(sizes):
+    picks = _picks([[None] * size for size in sizes])
+    assert picks.shape[0] == len(sizes)
+    assert [tuple(choice) for choice in picks.T.tolist()] == list(product(*map(range, sizes)))

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pwscont.interface.settings import add_settings
+
 
 def add_to(commands: Any) -> None:
     """Register the sub-command with the sub-parsers of the command line."""
@@ -15,10 +17,11 @@ def add_to(commands: Any) -> None:
     bench.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write picture and data there"
     )
+    add_settings(bench)
     bench.add_argument("--quick", action="store_true", help="few problems, few runs")
 
 
 def _bench(options: argparse.Namespace) -> int:
     from pwscont.bench.command import run  # noqa: PLC0415  only where asked for
 
-    return run(options.scene, options.output, options.quick)
+    return run(options.scene, options.output, options.quick, dict(options.settings))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import final
@@ -61,8 +61,8 @@ def case_names() -> list[str]:
     return [*OWN, *scene_names()]
 
 
-def load_case(name: str) -> Case:
-    """Build a problem with its answer.
+def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
+    """Build a problem with its answer; settings are those of a scene.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def load_case(name: str) -> Case:
     SceneNotFoundError
         If there is no problem and no scene of that name.
     """
-    return OWN[name]() if name in OWN else case_of(load_scene(name))
+    return OWN[name]() if name in OWN else case_of(load_scene(name, settings))
 
 
 def case_of(runnable: Runnable) -> Case:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pwscont.bench.cases import Case, case_names, load_case
@@ -20,7 +20,12 @@ from pwscont.foundation.errors import InvalidInputError
 QUICK = ("fig7", "fig13", "two-curves")
 
 
-def run(names: Sequence[str], output: Path | None, quick: bool) -> int:
+def run(
+    names: Sequence[str],
+    output: Path | None,
+    quick: bool,
+    settings: Mapping[str, str] | None = None,
+) -> int:
     """Measure some problems, by default all with a known answer; returns the exit status.
 
     Raises
@@ -30,7 +35,7 @@ def run(names: Sequence[str], output: Path | None, quick: bool) -> int:
     """
     if output:
         make(output)
-    cases, left_out = _load(names, quick)
+    cases, left_out = _load(names, quick, settings or {})
     rows = [row for case in cases for row in measured(case, quick)]
     print(as_text(cases, rows, left_out, machine()))  # noqa: T201
     if output:
@@ -39,10 +44,14 @@ def run(names: Sequence[str], output: Path | None, quick: bool) -> int:
     return 0
 
 
-def _load(names: Sequence[str], quick: bool) -> tuple[list[Case], dict[str, str]]:
+def _load(
+    names: Sequence[str], quick: bool, settings: Mapping[str, str]
+) -> tuple[list[Case], dict[str, str]]:
     """Return the problems, and why others are left out; what was asked for by name is not."""
+    if settings and len(names) != 1:
+        raise InvalidInputError("settings are those of one scene: name it")
     if names:
-        return [_wanted(name) for name in names], {}
+        return [_wanted(name, settings) for name in names], {}
     installed = case_names()
     cases, left_out = [], {}
     for name in [name for name in QUICK if name in installed] if quick else installed:
@@ -53,9 +62,9 @@ def _load(names: Sequence[str], quick: bool) -> tuple[list[Case], dict[str, str]
     return cases, left_out
 
 
-def _wanted(name: str) -> Case:
+def _wanted(name: str, settings: Mapping[str, str]) -> Case:
     try:
-        return load_case(name)
+        return load_case(name, settings)
     except UnknownAnswerError as unknown:
         why = f"the bench does not know the answer of {name}: {unknown}"
         raise InvalidInputError(why) from unknown

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 from typing import final
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from pwscont.enumeration.options import Option, Problem
-from pwscont.foundation.arrays import Array
+from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.rounding import EPS
 
 #: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
@@ -144,23 +145,28 @@ def _stack(
     Shapes (number of choices, equations, dimension) and (number of choices, equations). Every
     option is reduced once and then copied to the choices that it takes part in.
     """
-    sizes = [len(options) for options in rest]
     rows = [len(getattr(options[0], vector)) for options in rest]
-    q = space.directions.shape[1]
-    matrices = np.empty((*sizes, sum(rows), q))
-    vectors = np.empty((*sizes, sum(rows)))
-    first = 0
-    for axis, options in enumerate(rest):
-        here = slice(first, first + rows[axis])
-        shape = [1] * len(sizes)
-        shape[axis] = sizes[axis]
+    picks = _picks(rest)
+    matrices = np.empty((picks.shape[1], sum(rows), space.directions.shape[1]))
+    vectors = np.empty((picks.shape[1], sum(rows)))
+    ends = np.cumsum([0, *rows])
+    for options, pick, first, last in zip(rest, picks, ends[:-1], ends[1:], strict=True):
         E = np.stack([getattr(o, matrix) @ space.directions for o in options])
         e = np.stack([getattr(o, matrix) @ space.start + getattr(o, vector) for o in options])
-        matrices[..., here, :] = E.reshape(*shape, rows[axis], q)
-        vectors[..., here] = e.reshape(*shape, rows[axis])
-        first += rows[axis]
-    count = int(np.prod(sizes))
-    return matrices.reshape(count, -1, q), vectors.reshape(count, -1)
+        matrices[:, first:last], vectors[:, first:last] = E[pick], e[pick]
+    return matrices, vectors
+
+
+def _picks(rest: Sequence[Sequence[Option]]) -> Indices:
+    """Return which option of each block every choice takes, shape (blocks, choices).
+
+    Choices in the order of itertools.product; for more blocks than an array has dimensions.
+    """
+    sizes = [len(options) for options in rest]
+    number, picks = np.arange(prod(sizes)), np.empty((len(sizes), prod(sizes)), dtype=np.intp)
+    for block in reversed(range(len(sizes))):
+        number, picks[block] = np.divmod(number, sizes[block])
+    return picks
 
 
 def _is_regular(matrices: Array) -> npt.NDArray[np.bool_]:
@@ -187,7 +193,7 @@ def _inside(
     inside &= (points @ problem.A.T + problem.b >= slack[:, np.newaxis]).all(axis=1)
     for option in chosen:
         inside &= (points @ option.G.T + option.g >= slack[:, np.newaxis]).all(axis=1)
-    picks = np.indices([len(options) for options in rest]).reshape(len(rest), -1)[:, regular]
+    picks = _picks(rest)[:, regular]
     for options, pick in zip(rest, picks, strict=True):
         for k, option in enumerate(options):
             mine = inside & (pick == k)

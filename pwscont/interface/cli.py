@@ -14,6 +14,7 @@ from pathlib import Path
 from pwscont.foundation.errors import PwscontError
 from pwscont.interface.registry import load_scene, scene_names, scene_settings
 from pwscont.interface.running import run_scene
+from pwscont.interface.settings import add_settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,17 +73,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="write picture and data there",
     )
-    run.add_argument(
-        "-s",
-        "--set",
-        nargs="+",
-        action="extend",
-        type=_setting,
-        default=[],
-        dest="settings",
-        metavar="NAME=VALUE",
-        help="settings of the scene, listed by 'pwscont scenes'",
-    )
+    add_settings(run)
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     run.add_argument(
         "--explain", action="store_true", help="say what the scene leaves out, and why"
@@ -92,14 +83,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     import_module("pwscont.bench.arguments").add_to(commands)  # by name: it stands above us
     return parser
-
-
-def _setting(text: str) -> tuple[str, str]:
-    """Return name and value of a setting."""
-    name, sign, value = text.strip().partition("=")
-    if not (name and sign and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
-    return name, value
 
 
 def _scenes(options: argparse.Namespace) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping
 from inspect import signature
 from typing import Any, get_type_hints
@@ -9,6 +10,29 @@ from typing import Any, get_type_hints
 from pwscont.foundation.errors import InvalidInputError
 
 WORDS = {int: "a whole number", float: "a number", str: "a text"}
+
+
+def add_settings(command: argparse.ArgumentParser) -> None:
+    """Let a command take settings of scenes."""
+    command.add_argument(
+        "-s",
+        "--set",
+        nargs="+",
+        action="extend",
+        type=_setting,
+        default=[],
+        dest="settings",
+        metavar="NAME=VALUE",
+        help="settings of the scene, listed by 'pwscont scenes'",
+    )
+
+
+def _setting(text: str) -> tuple[str, str]:
+    """Return name and value of a setting."""
+    name, sign, value = text.strip().partition("=")
+    if not (name and sign and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
+    return name, value
 
 
 def settings_of(scene: str, make: Callable[..., Any], given: Mapping[str, str]) -> dict[str, Any]:
