@@ -80,20 +80,30 @@ def residual(system: Any, point: Any) -> float:
     return float(np.abs(rest).max() / np.abs(z[n:]).max())
 
 
+def at_rest(system: Any, alpha: float) -> Any:
+    """Return the state to start from: nothing moves."""
+    return np.zeros(system.size)
+
+
 def run(
-    system: Any, interval: tuple[float, float], mark: Callable[[], float] = time.perf_counter
+    system: Any,
+    interval: tuple[float, float],
+    mark: Callable[[], float] = time.perf_counter,
+    guess: Callable[[Any, float], Any] = at_rest,
 ) -> tuple[Any, float, list[float]]:
     """Return the graph, what ``mark`` says before, and what it says at the end of each piece."""
     marks: list[float] = []
     begin = mark()
-    start = (np.zeros(system.size), interval[0])
+    start = (guess(system, interval[0]), interval[0])
     graph = trace(system, start, interval, report=lambda *_: marks.append(mark()))
     return graph, begin, marks
 
 
-def path(system: Any, interval: tuple[float, float]) -> tuple[Any, dict[str, Any]]:
+def path(
+    system: Any, interval: tuple[float, float], guess: Callable[[Any, float], Any] = at_rest
+) -> tuple[Any, dict[str, Any]]:
     """Return the graph, and how long it took."""
-    graph, begin, marks = run(system, interval)
+    graph, begin, marks = run(system, interval, guess=guess)
     total, start = time.perf_counter() - begin, marks[0] - begin
     row = {"tracing": total, "start": start, "pieces": len(marks)}
     row["ms each"] = 1e3 * (total - start) / (len(marks) - 1)
@@ -103,13 +113,17 @@ def path(system: Any, interval: tuple[float, float]) -> tuple[Any, dict[str, Any
     return graph, row
 
 
-def memory(system: Callable[[], Any], interval: tuple[float, float]) -> dict[str, float]:
+def memory(
+    system: Callable[[], Any],
+    interval: tuple[float, float],
+    guess: Callable[[Any, float], Any] = at_rest,
+) -> dict[str, float]:
     """Return the most memory (MB), of the path and up to the 1,000th transition.
 
     All that the system holds above the body's matrices counts, and the graph.
     """
     tracemalloc.start()
-    _, _, marks = run(system(), interval, _peak)
+    _, _, marks = run(system(), interval, _peak, guess)
     row = {"MB": _peak()}
     tracemalloc.stop()
     return row | ({"MB 1,000": marks[MANY - 1]} if len(marks) > MANY else {})
