@@ -1,6 +1,6 @@
 """Time and memory of a block against contact nodes p and unknowns n, stage by stage.
 
-    python benchmarks/block.py [NODES ...] [--curved 200] [--cholmod-to 400] [--peer-to 50]
+    python benchmarks/block.py [NODES ...] [--curved 200] [--cholmod-to 400]
         [--into docs/data/scale.json]
 
 The block of the scene ``block`` is compressed, then sheared from alpha = -2 to 2: from slipping to
@@ -16,9 +16,9 @@ processes of its own, one for time and one for memory. Columns:
 - residual: the largest of all transitions, of the condensed equilibrium, relative to the largest
   contact force; full: that of one recovered field on the whole mesh, relative to its terms;
 - MB: most memory of tracing above the condensed problem, up to the 1,000th transition and of the
-  whole path, by tracemalloc in the second process; RSS: the most of the first process at all;
-- GetFEM: the same condensed path by its continuation, where its Python interface is installed and p
-  is at most that of ``--peer-to`` (s).
+  whole path, by tracemalloc in the second process; RSS: the most of the first process at all.
+
+GetFEM on the same block: ``benchmarks/block_by_getfem.py``.
 
 Then the time of PseudoArclength with the friction coefficient from 0.1 to 2 as parameter, at
 alpha = 1. Set OPENBLAS_NUM_THREADS=1 where other programs run.
@@ -64,7 +64,6 @@ COLUMNS = {
     "MB 1,000": "{:8.1f}",
     "MB": "{:8.1f}",
     "RSS": "{:8.0f}",
-    "GetFEM": "{:8.2f}",
 }
 
 

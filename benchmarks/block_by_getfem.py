@@ -1,8 +1,8 @@
 """The block of ``benchmarks/block.py`` by GetFEM's continuation, with all unknowns of the mesh.
 
-GetFEM's solver for systems of equations is made for sparse matrices and has no memory for the dense
-ones of condensed bodies (MUMPS stops with "error -9" from 40 contact nodes on), so that it gets what
-its users have: the stiffness matrix of the mesh.
+GetFEM's solver of systems of equations is made for sparse matrices. On the dense ones of condensed
+bodies MUMPS stops with "error -9" from 40 contact nodes on, so that GetFEM gets the stiffness
+matrix of the mesh. ``python benchmarks/block_by_getfem.py NODES ...`` prints what it finds.
 """
 
 from __future__ import annotations

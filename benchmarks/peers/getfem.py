@@ -2,11 +2,11 @@
 
     /usr/bin/python3 -I getfem.py < problem.json > answer.json
 
-The problem is {"A", "N", "T", "F", "r", "f0", "f1", "start", "interval", "settings",
-"runs"}, with z = (u, lam_nu, lam_t) at the start; a matrix is its rows, or {"shape", "entries"} with
-entries [row, column, value]; the answer {"curves": [{"seconds", "points",
-"folds"}]}, a curve for each of the settings, or {"missing"} where GetFEM is not on the machine. Run
-isolated (-I): this file has the name of the package that it imports.
+The problem is {"A", "N", "T", "F", "r", "f0", "f1", "start", "interval", "settings", "runs"}, with
+z = (u, lam_nu, lam_t) at the start; a matrix is its rows, or {"shape", "entries"} with entries
+[row, column, value]. The answer is {"curves": [{"seconds", "points", "folds"}]}, a curve for each
+of the settings, or {"missing"} where GetFEM is not on the machine. Run isolated
+(-I): this file has the name of the package that it imports.
 
 GetFEM gets the stiffness matrix A as it is, the load as a datum of the model between f0 (gamma = 0)
 and f0 + f1 (gamma = 1), so that its gamma is alpha, and its contact brick with friction and
