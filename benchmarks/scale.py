@@ -1,11 +1,13 @@
 """Time and memory of exact paths and curved ones against the number of contact nodes.
 
     python benchmarks/scale.py [--nodes 100 200 400 1000] [--curved 200]
+        [--into docs/data/scale.json]
 
-Prints for every size the pieces, the seconds of the path, the milliseconds of the start and of one
-transition, the share of its stages, the largest relative residual over all special points, and the
-memory above the condensed body in a second run; then the slope of the time per transition over p
-in double logarithm. Set OPENBLAS_NUM_THREADS=1 where other programs run.
+Prints for every size the pieces, the seconds of the path and until the 1,000th transition, the
+milliseconds of the start and of one transition, the share of its stages, the largest relative
+residual over all special points, and the memory above the condensed body in a second run; then the
+slope of the time per transition over p in double logarithm. Set OPENBLAS_NUM_THREADS=1 where other
+programs run.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from figures import store
 from pwscont_coulomb import CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_algebra import ContactMatrix
 from strip import strip
@@ -27,6 +31,8 @@ from strip import strip
 from pwscont import trace
 from pwscont.numerics.row_replacement import Updating
 
+INTERVAL = (0.0, 1.0)
+MANY = 1000  # transitions of the target
 STAGES = {
     "solves": (ContactMatrix, "solve"),
     "products": (ContactMatrix, "__matmul__"),
@@ -74,56 +80,98 @@ def residual(system: Any, point: Any) -> float:
     return float(np.abs(rest).max() / np.abs(z[n:]).max())
 
 
-def run(system: Any, interval: tuple[float, float]) -> tuple[Any, float, float]:
-    """Return the graph, the seconds of the whole run and those until the first piece."""
+def at_rest(system: Any, alpha: float) -> Any:
+    """Return the state to start from: nothing moves."""
+    return np.zeros(system.size)
+
+
+def run(
+    system: Any,
+    interval: tuple[float, float],
+    mark: Callable[[], float] = time.perf_counter,
+    guess: Callable[[Any, float], Any] = at_rest,
+) -> tuple[Any, float, list[float]]:
+    """Return the graph, what ``mark`` says before, and what it says at the end of each piece."""
     marks: list[float] = []
-    begin = time.perf_counter()
-    graph = trace(
-        system,
-        (np.zeros(system.size), interval[0]),
-        interval,
-        report=lambda *_: marks.append(time.perf_counter()),
-    )
-    return graph, time.perf_counter() - begin, marks[0] - begin
+    begin = mark()
+    start = (guess(system, interval[0]), interval[0])
+    graph = trace(system, start, interval, report=lambda *_: marks.append(mark()))
+    return graph, begin, marks
 
 
-def measured(p: int) -> float:
-    """Print a line for one size, return the seconds per transition."""
+def path(
+    system: Any, interval: tuple[float, float], guess: Callable[[Any, float], Any] = at_rest
+) -> tuple[Any, dict[str, Any]]:
+    """Return the graph, and how long it took."""
+    graph, begin, marks = run(system, interval, guess=guess)
+    total, start = time.perf_counter() - begin, marks[0] - begin
+    row = {"tracing": total, "start": start, "pieces": len(marks)}
+    row["ms each"] = 1e3 * (total - start) / (len(marks) - 1)
+    if len(marks) > MANY:
+        row["to 1,000"] = marks[MANY - 1] - begin
+    row["residual"] = max(residual(system, point) for point in graph.special_points())
+    return graph, row
+
+
+def memory(
+    system: Callable[[], Any],
+    interval: tuple[float, float],
+    guess: Callable[[Any, float], Any] = at_rest,
+) -> dict[str, float]:
+    """Return the most memory (MB), of the path and up to the 1,000th transition.
+
+    All that the system holds above the body's matrices counts, and the graph.
+    """
+    tracemalloc.start()
+    _, _, marks = run(system(), interval, _peak, guess)
+    row = {"MB": _peak()}
+    tracemalloc.stop()
+    return row | ({"MB 1,000": marks[MANY - 1]} if len(marks) > MANY else {})
+
+
+def _peak() -> float:
+    return 1e-6 * tracemalloc.get_traced_memory()[1]
+
+
+def measured(p: int) -> dict[str, Any]:
+    """Print a line for one size, and return its figures."""
     body, load = strip(p)
     with timed() as stages:
-        graph, total, first = run(CoulombLoad(body, load, 0.3), (0.0, 1.0))
-    count = len(graph.pieces)
-    each = (total - first) / (count - 1)
-    system = CoulombLoad(body, load, 0.3)
-    worst = max(residual(system, point) for point in graph.special_points())
-    shares = ", ".join(f"{name} {100 * s / total:.0f} %" for name, s in stages.items())
-    del graph
-    tracemalloc.start()
-    run(CoulombLoad(body, load, 0.3), (0.0, 1.0))
-    memory = tracemalloc.get_traced_memory()[1] / 1e6
-    tracemalloc.stop()
-    print(
-        f"p = {p:5d}: {count:5d} pieces, {total:7.2f} s, start {1e3 * first:7.1f} ms, "
-        f"{1e3 * each:7.2f} ms per transition, residual {worst:.1e}, peak {memory:6.1f} MB; "
-        f"{shares}",
-        flush=True,
+        row = {"p": p} | path(CoulombLoad(body, load, 0.3), INTERVAL)[1]
+    row["shares"] = {name: s / row["tracing"] for name, s in stages.items()}
+    fresh, load = strip(p)
+    row |= memory(lambda: CoulombLoad(fresh, load, 0.3), INTERVAL)
+    print(told(row), flush=True)
+    return row
+
+
+def told(row: dict[str, Any]) -> str:
+    """Return the line of one size."""
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in row["shares"].items())
+    many = " (1,000 transitions: {to 1,000:.2f} s, {MB 1,000:.1f} MB)" if "to 1,000" in row else ""
+    line = (
+        "p = {p:5d}: {pieces:5d} pieces, {tracing:7.2f} s, start {start:6.3f} s, "
+        "{ms each:7.2f} ms per transition, residual {residual:.1e}, peak {MB:6.1f} MB"
     )
-    return each
+    return (line + many).format(**row) + "; " + shares
 
 
-def curved(p: int) -> None:
-    """Print the time with F as parameter, and along a curved load path."""
+def curved(p: int) -> list[dict[str, Any]]:
+    """Print the time with F as parameter, and along a curved load path; return the figures."""
     body, load = strip(p)
+    rows = []
 
-    def path(alpha: float) -> Any:
+    def bent(alpha: float) -> Any:
         return load(0.5 - 0.5 * np.cos(np.pi * alpha)) + 0.1 * alpha * (1.0 - alpha) * load.f1
 
     for name, system, interval in (
         ("F from 0.1 to 2", CoulombFriction(body, load(0.6)), (0.1, 2.0)),
-        ("curved load path", CoulombLoad(body, path, 0.3), (0.0, 1.0)),
+        ("curved load path", CoulombLoad(body, bent, 0.3), INTERVAL),
     ):
-        graph, total, _ = run(system, interval)
-        print(f"p = {p:5d}: {name}, {len(graph.pieces)} pieces, {total:.2f} s", flush=True)
+        row = path(system, interval)[1]
+        print(f"p = {p:5d}: {name}, {row['pieces']} pieces, {row['tracing']:.2f} s", flush=True)
+        rows.append({"p": p, "what": name, **row})
+    return rows
 
 
 def main() -> None:
@@ -131,12 +179,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--nodes", type=int, nargs="+", default=[100, 200, 400, 1000])
     parser.add_argument("--curved", type=int, default=200)
+    parser.add_argument("--into", type=Path, help="a file of data to put the figures into")
     arguments = parser.parse_args()
-    curved(arguments.curved)
-    each = [measured(p) for p in arguments.nodes]
-    if len(each) > 1:
+    bent = curved(arguments.curved)
+    rows = [measured(p) for p in arguments.nodes]
+    if len(rows) > 1:
+        each = [row["ms each"] for row in rows]
         slope = np.polyfit(np.log(arguments.nodes), np.log(each), 1)[0]
         print(f"time per transition grows like p^{slope:.2f}")
+    if arguments.into:
+        store(arguments.into, strip=rows, strip_curved=bent)
 
 
 if __name__ == "__main__":

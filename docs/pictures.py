@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
 from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.pictures import draw_states
 from pwscont_coulomb.elastic.scenes import block, wedge
@@ -31,10 +33,39 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
+STAGES = ("assembly", "condensation", "CHOLMOD", "tracing", "recovery")
+
+
+def draw_scale(into: Path) -> None:
+    """Draw the time of each stage, and that of one transition, over the contact nodes."""
+    data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    stages, each = figure.subplots(1, 2)
+    for name, marker in zip(STAGES, "so^D*", strict=True):
+        stages.loglog(*_series(data["block"], name), marker=marker, label=name)
+    for name, marker in (("block", "D"), ("strip", "v")):
+        each.loglog(*_series(data[name], "ms each"), marker=marker, label=name)
+    last = data["block"][-1]
+    guide = np.array([100.0, last["p"]])
+    each.loglog(guide, last["ms each"] * (guide / last["p"]) ** 2, "k--", label="$p^2$")
+    for ax, words in ((stages, "seconds"), (each, "ms per transition")):
+        ax.set(xlabel="contact nodes p", ylabel=words)
+        ax.grid(alpha=0.3)
+        ax.legend()
+    figure.savefig(into / "scale.png", dpi=110)
+
+
+def _series(rows, name: str):
+    """Return p and the figures of those rows that have them."""
+    pairs = [(row["p"], row[name]) for row in rows if row.get(name)]
+    return tuple(zip(*pairs, strict=True)) if pairs else ((), ())
+
+
 def draw_all(into: Path) -> None:
     """Draw everything."""
     into.mkdir(exist_ok=True)
     for name in ("bench", "peers"):
         draw_report(name, into)
+    draw_scale(into)
     draw_body(block(), 0.7, into)
     draw_body(wedge(), 0.07, into)

@@ -2,10 +2,11 @@
 
     /usr/bin/python3 -I getfem.py < problem.json > answer.json
 
-The problem is {"A", "N", "T", "F", "r", "f0", "f1", "start", "interval", "settings",
-"runs"}, with z = (u, lam_nu, lam_t) at the start; the answer {"curves": [{"seconds", "points",
-"folds"}]}, a curve for each of the settings, or {"missing"} where GetFEM is not on the machine. Run
-isolated (-I): this file has the name of the package that it imports.
+The problem is {"A", "N", "T", "F", "r", "f0", "f1", "start", "interval", "settings", "runs"}, with
+z = (u, lam_nu, lam_t) at the start; a matrix is its rows, or {"shape", "entries"} with entries
+[row, column, value]. The answer is {"curves": [{"seconds", "points", "folds"}]}, a curve for each
+of the settings, or {"missing"} where GetFEM is not on the machine. Run isolated
+(-I): this file has the name of the package that it imports.
 
 GetFEM gets the stiffness matrix A as it is, the load as a datum of the model between f0 (gamma = 0)
 and f0 + f1 (gamma = 1), so that its gamma is alpha, and its contact brick with friction and
@@ -34,7 +35,7 @@ class Curve:
 
     def _model(self):
         given, model, array = self.given, self.getfem.Model("real"), self.np.array
-        p, f0, f1 = len(given["N"]), array(given["f0"]), array(given["f1"])
+        p, f0, f1 = len(given["F"]), array(given["f0"]), array(given["f1"])
         for name, length in {"u": len(f0), "lam_nu": p, "lam_t": p}.items():
             model.add_variable(name, length)
         data = {"alpha": [0.0], "first": f0, "last": f0 + f1, "load": f0}
@@ -48,12 +49,11 @@ class Curve:
         model.add_basic_contact_brick(*names, 1)
         return model
 
-    def _sparse(self, rows):
-        matrix = self.getfem.Spmat("empty", len(rows), len(rows[0]))
-        for i, row in enumerate(rows):
-            for j, entry in enumerate(row):
-                if entry:
-                    matrix.add(i, j, entry)
+    def _sparse(self, given):
+        rows, columns, entries = _entries(given)
+        matrix = self.getfem.Spmat("empty", rows, columns)
+        for i, j, entry in entries:
+            matrix.add(i, j, entry)
         return matrix
 
     def order(self):
@@ -95,6 +95,14 @@ class Curve:
             self.follow(setting)
             seconds.append(time.perf_counter() - begin)
         return {"seconds": seconds, "points": points, "folds": folds}
+
+
+def _entries(given):
+    """Return the size of a matrix and its entries, from rows or from {"shape", "entries"}."""
+    if isinstance(given, dict):
+        return *given["shape"], given["entries"]
+    found = [(i, j, x) for i, row in enumerate(given) for j, x in enumerate(row) if x]
+    return len(given), len(given[0]), found
 
 
 def _farther(points, slope):
