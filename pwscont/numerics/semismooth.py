@@ -7,6 +7,8 @@ Failure modes and answers
 -------------------------
 - A singular element of the Jacobian: the step is regularised (Levenberg and Marquardt).
 - Cycling between cells: the merit function must fall, by Armijo's rule.
+- At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
+  steps are taken undamped, and the rule holds again from where they lead.
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
@@ -34,6 +36,8 @@ from pwscont.numerics.uncertainty import is_rounding, uncertainty
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
 ARMIJO = 1e-4
+#: Undamped steps from points where no step reduces the merit: a watchdog strategy.
+MOST_LEAPS = 3
 
 
 def semismooth_newton(
@@ -60,7 +64,7 @@ def semismooth_newton(
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
         of its error where that is all conditioning allows; or a Failure.
     """
-    x, border = np.append(z, alpha), last_unit(len(z) + 1)
+    x, border, leaps = np.append(z, alpha), last_unit(len(z) + 1), 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         character = system.character(x[:-1], alpha)
         residual = system.residual(x[:-1], alpha, character)
@@ -76,7 +80,11 @@ def semismooth_newton(
         damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
             root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
-            return _as_good_as_it_gets(root, known)
+            found = _as_good_as_it_gets(root, known)
+            leaps += 1
+            if known or leaps > MOST_LEAPS or not isinstance(found, Failure):
+                return found
+            damped = x + step
         x = damped
     return Failure(Trouble.NOT_CONVERGED)
 
