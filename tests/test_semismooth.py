@@ -13,6 +13,9 @@ from reference_enumeration import enumerate_solutions
 
 from pwscont import trace
 from pwscont.foundation.errors import StartNotFoundError
+from pwscont.foundation.outcome import Failure
+from pwscont.numerics.metric import Metric
+from pwscont.numerics.semismooth import semismooth_newton
 
 TRIES = 40
 
@@ -93,3 +96,18 @@ def test_a_solution_as_start_is_kept():
     for found in enumerate_solutions(body, load(0.5), 1.0):
         (start,) = start_of(trace(system, (found.z, 0.5), (0.4, 0.6)), 0.5)
         np.testing.assert_allclose(start, found.z, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "p"), [(5, 6), (92, 3), (230, 3), (268, 5), (299, 6)])
+def test_from_the_body_at_rest_where_no_step_reduces_the_residual(seed, p, monkeypatch):
+    """At z = 0 every test vanishes, and the step of one cell need not lead downhill."""
+    body = contact_body(random_body(p, seed))
+    force = 3.0 * random_vector(body.n, [seed, 7])
+    system = CoulombLoad(body, AffineLoad(force, 0.0 * force), [0.3, 1.0, 4.0][seed % 3])
+    metric, rest = Metric.of(system, (0.0, 1.0)), np.zeros(system.size)
+    x, _ = semismooth_newton(system, metric, rest, 0.0)
+    z = x[:-1]
+    residual = system.residual(z, 0.0, system.character(z, 0.0))
+    assert np.abs(residual).max() < 1e-12 * np.abs(force).max() * p
+    monkeypatch.setattr("pwscont.numerics.semismooth.MOST_LEAPS", 0)
+    assert isinstance(semismooth_newton(system, metric, rest, 0.0), Failure)
