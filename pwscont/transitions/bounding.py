@@ -37,6 +37,8 @@ class BoundingTests(TransitionDetector):
         A piece may run along an interface: a test that is zero, and stays so, is no event.
         """
         selection = curve.selection
+        if not len(selection.bounding):  # a smooth system
+            return Reading(np.zeros(0), np.zeros(0))
         gradients = selection.test_gradients(state.x)
         values, slopes = selection.tests(state.x), gradients @ state.tangent
         near = np.abs(values) <= NEAR * np.abs(values).max(initial=0.0)
