@@ -18,7 +18,8 @@ from pwscont import (
     enumerate_solutions,
 )
 from pwscont.enumeration import solve_slice
-from pwscont.enumeration.tree import _picks
+from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.tree import leaves
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.numerics.metric import Metric
 
@@ -354,8 +355,32 @@ def test_a_large_gap_is_no_contact():
     np.testing.assert_allclose(solution.z, expected, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2)])
-def test_choices_of_more_blocks_than_an_array_has_dimensions(sizes):
-    picks = _picks([[None] * size for size in sizes])
-    assert picks.shape[0] == len(sizes)
-    assert [tuple(choice) for choice in picks.T.tolist()] == list(product(*map(range, sizes)))
+def problem_of(blocks, dimension):
+    """Every option as a pair (i, value): the equation y_i = value, without inequalities."""
+    unit, none = np.eye(dimension), np.zeros((0, dimension))
+    options = [
+        [Option((), (), unit[[i]], np.array([-value]), none, np.zeros(0)) for i, value in block]
+        for block in blocks
+    ]
+    return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0)
+
+
+@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15])
+def test_every_choice_is_a_leaf(sizes):
+    """More choices than a batch, and more blocks than an array has dimensions."""
+    blocks = [[(i, float(k)) for k in range(size)] for i, size in enumerate(sizes)]
+    found = list(leaves(problem_of(blocks, len(sizes))))
+    assert sorted(tuple(leaf.start.tolist()) for leaf in found) == list(product(*map(range, sizes)))
+    assert all(leaf.directions.shape == (len(sizes), 0) for leaf in found)
+
+
+def test_dependent_equations_leave_a_line_or_nothing():
+    """y_1 may be asked for twice: the same value leaves y_0 free, another one is no solution."""
+    blocks = [[(0, 0.0), (1, 1.0)], [(1, 1.0), (1, 2.0), (0, 0.0)]]
+    found = list(leaves(problem_of(blocks, 2)))
+    isolated = sorted(tuple(leaf.start) for leaf in found if not leaf.directions.shape[1])
+    assert isolated == [(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)]
+    lines = [leaf for leaf in found if leaf.directions.shape[1]]
+    free = {tuple(np.flatnonzero(np.abs(leaf.directions[:, 0]))) for leaf in lines}
+    assert len(lines) == 2
+    assert free == {(0,), (1,)}

@@ -50,6 +50,7 @@ class Problem:
     Attributes
     ----------
     blocks : list of list of Option
+        Those with the fewest options first.
     A, b : ndarray, shapes (l, d) and (l,)
         Inequalities A y + b >= 0 that every solution satisfies, whatever the options.
     origin, basis : ndarray, shapes (n,) and (n, d)
@@ -103,6 +104,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         ]
         for block in blocks
     ]
+    options.sort(key=len)
     A, b = system.necessary(alpha)
     A, b = _unit_rows(_dense(A) @ basis, b + _dense(A) @ origin)
     return Problem(options, A, b, origin, basis, len(kappa))

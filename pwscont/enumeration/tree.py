@@ -1,29 +1,32 @@
 """The search over all choices of options.
 
 Blocks are decided one after the other. Choices that no point can satisfy are cut off by a
-linear program (HiGHS, in SciPy), which relaxes the undecided blocks; the last few blocks are
-decided all at once, by solving all their small linear systems in one batch.
+linear program (HiGHS, in SciPy), which relaxes the undecided blocks. Near the leaves, where
+little is cut off, the last few blocks are decided for all their choices together: one batch of
+small factorisations for each block, shared by all the choices of the blocks after it.
 
 Failure modes and answers
 -------------------------
 - A solution on the very boundary of a cell must not be cut off: the linear programs and the
   first look at a batch are relaxed by SLACK, far above rounding; the exact decision is the
   caller's, from a refined solution.
-- A singular cell: no unique point. It is handed on as a subspace, not solved.
-- Too many choices: the search stops after a given number of leaves and says so.
+- Equations that depend on those decided before: found by the factorisation of each block's own
+  equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
+  batch. A cell without a unique point is handed on as a subspace, not solved.
+- Blocks with one option, of which there may be many: they come first, so that what follows
+  from them is worked out once and the batches have only the few unknowns left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from math import prod
 from typing import final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
+from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pwscont.enumeration.options import Option, Problem
 from pwscont.foundation.arrays import Array, Indices
@@ -31,8 +34,8 @@ from pwscont.foundation.rounding import EPS
 
 #: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
 SLACK = 1e-5
-#: Choices decided in one batch; larger batches gain nothing and cost memory.
-BATCH = 4096
+#: Choices decided in one batch: a larger one gains little, cuts off less and costs memory.
+BATCH = 4**7
 
 
 @final
@@ -70,29 +73,20 @@ def leaves(problem: Problem) -> Iterator[Leaf]:
 
 def _descend(problem: Problem, chosen: tuple[Option, ...], space: _Subspace) -> Iterator[Leaf]:
     rest = problem.blocks[len(chosen) :]
-    if _size(rest) <= BATCH:
-        yield from _batch(problem, chosen, space, rest)
+    if prod(map(len, rest)) <= BATCH:
+        yield from _together(problem, chosen, space, rest)
         return
     for option in rest[0]:
-        narrower = _impose(space, option.E, option.e)
+        narrower = _impose(space, option)
         if narrower is not None and _feasible(problem, (*chosen, option), narrower):
             yield from _descend(problem, (*chosen, option), narrower)
 
 
-def _size(blocks: Sequence[Sequence[Option]]) -> int:
-    """Return the number of choices."""
-    size = 1
-    for options in blocks:
-        size *= len(options)
-    return size
-
-
-def _impose(space: _Subspace, E: Array, e: Array) -> _Subspace | None:
+def _impose(space: _Subspace, option: Option) -> _Subspace | None:
     """Return the part of a subspace in which E y + e = 0, None where there is none."""
-    matrix, rest = E @ space.directions, E @ space.start + e
+    matrix, rest = option.E @ space.directions, option.E @ space.start + option.e
     U, sigma, Vt = np.linalg.svd(matrix)
-    tolerance = EPS * max(matrix.shape) * 8.0
-    rank = int((sigma > tolerance).sum())
+    rank = int((sigma > _negligible(matrix)).sum())
     coefficients = U.T @ rest
     size = 1.0 + np.abs(space.start).max(initial=0.0)
     if (np.abs(coefficients[rank:]) > SLACK * size).any():
@@ -101,112 +95,129 @@ def _impose(space: _Subspace, E: Array, e: Array) -> _Subspace | None:
     return _Subspace(space.start - space.directions @ step, space.directions @ Vt[rank:].T)
 
 
+def _negligible(matrix: Array) -> float:
+    """Return the rounding of unit rows in an orthonormal basis, shape (..., k, q)."""
+    return 8.0 * EPS * float(max(matrix.shape[-2:]))
+
+
 def _feasible(problem: Problem, chosen: tuple[Option, ...], space: _Subspace) -> bool:
     """Tell whether some point satisfies all inequalities known so far, relaxed by SLACK."""
-    G = np.vstack([problem.A, *(option.G for option in chosen)])
-    g = np.concatenate([problem.b, *(option.g for option in chosen)])
-    values = G @ space.start + g
+    G, g = _known(problem, chosen)
     size = 1.0 + np.abs(space.start).max(initial=0.0)
-    result = linprog(
+    least = -(G @ space.start + g) - SLACK * size
+    # milp without integers is SciPy's shortest way to HiGHS, half the time of linprog
+    result = milp(
         np.zeros(space.directions.shape[1]),
-        A_ub=-G @ space.directions,
-        b_ub=values + SLACK * size,
-        bounds=(None, None),
-        method="highs",
+        constraints=LinearConstraint(G @ space.directions, least, np.inf),
+        bounds=Bounds(-np.inf, np.inf),
     )
     return bool(result.status != 2)  # 2: proved infeasible
 
 
-def _batch(
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fan:
+    """Many choices for the same blocks, and the points that satisfy the equations of each.
+
+    Attributes
+    ----------
+    picks : ndarray of int, shape (m, N)
+        Which option every choice takes in each of the m blocks decided.
+    starts, directions : ndarray, shapes (N, d) and (N, d, q)
+        As in a subspace, for every choice.
+    """
+
+    picks: Indices
+    starts: Array
+    directions: Array
+
+
+def _together(
     problem: Problem,
     chosen: tuple[Option, ...],
     space: _Subspace,
     rest: Sequence[Sequence[Option]],
 ) -> Iterator[Leaf]:
-    """Decide all remaining blocks at once."""
-    choices = [(*chosen, *more) for more in product(*rest)]
-    matrices, vectors = _stack(rest, "E", "e", space)
-    regular = _is_regular(matrices)
-    solutions = np.linalg.solve(matrices[regular], -vectors[regular][..., np.newaxis])[..., 0]
-    points = space.start + solutions @ space.directions.T
-    inside = _inside(problem, chosen, rest, points, regular)
-    nothing = np.zeros((problem.dimension, 0))
-    for index, point in zip(np.flatnonzero(regular)[inside], points[inside], strict=True):
-        yield Leaf(choices[index], point, nothing)
-    for index in np.flatnonzero(~regular):
-        yield from _singular(choices[index], space, matrices[index], vectors[index])
+    """Decide all remaining blocks, one after the other, for all their choices at once."""
+    nothing = np.zeros((0, 1), dtype=np.intp)
+    fan = _Fan(nothing, space.start[np.newaxis], space.directions[np.newaxis])
+    for depth, options in enumerate(rest):
+        fan, dependent = _spread(fan, options)
+        for picks, parent in dependent:
+            narrower = _impose(parent, options[picks[-1]])
+            if narrower is not None:
+                more = (*chosen, *_taken(rest, picks))
+                yield from _together(problem, more, narrower, rest[depth + 1 :])
+    for index in _inside(problem, chosen, rest, fan):
+        taken = _taken(rest, fan.picks[:, index])
+        yield Leaf((*chosen, *taken), fan.starts[index], fan.directions[index])
 
 
-def _stack(
-    rest: Sequence[Sequence[Option]], matrix: str, vector: str, space: _Subspace
-) -> tuple[Array, Array]:
-    """Return the equations of all choices in the coordinates of a subspace.
+def _spread(
+    fan: _Fan, options: Sequence[Option]
+) -> tuple[_Fan, Iterator[tuple[Indices, _Subspace]]]:
+    """Impose every option of one more block on every choice.
 
-    Shapes (number of choices, equations, dimension) and (number of choices, equations). Every
-    option is reduced once and then copied to the choices that it takes part in.
+    Returns the choices whose new equations are independent of the old ones, and the others as
+    their picks with the subspace before the last of them.
     """
-    rows = [len(getattr(options[0], vector)) for options in rest]
-    picks = _picks(rest)
-    matrices = np.empty((picks.shape[1], sum(rows), space.directions.shape[1]))
-    vectors = np.empty((picks.shape[1], sum(rows)))
-    ends = np.cumsum([0, *rows])
-    for options, pick, first, last in zip(rest, picks, ends[:-1], ends[1:], strict=True):
-        E = np.stack([getattr(o, matrix) @ space.directions for o in options])
-        e = np.stack([getattr(o, matrix) @ space.start + getattr(o, vector) for o in options])
-        matrices[:, first:last], vectors[:, first:last] = E[pick], e[pick]
-    return matrices, vectors
+    matrices, values = _equations(fan, options)
+    k = values.shape[-1]
+    Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
+    R = np.swapaxes(R[..., :k, :], -1, -2)
+    pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    regular = (pivots > _negligible(matrices)).all(axis=-1)
+    parents, taken = np.nonzero(regular)
+    Q, directions = Q[regular], fan.directions[parents]
+    steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
+    starts = fan.starts[parents] - (directions @ steps)[..., 0]
+    picks = np.vstack([fan.picks[:, parents], taken])
+    return _Fan(picks, starts, directions @ Q[..., k:]), _dependent(fan, regular)
 
 
-def _picks(rest: Sequence[Sequence[Option]]) -> Indices:
-    """Return which option of each block every choice takes, shape (blocks, choices).
-
-    Choices in the order of itertools.product; for more blocks than an array has dimensions.
-    """
-    sizes = [len(options) for options in rest]
-    number, picks = np.arange(prod(sizes)), np.empty((len(sizes), prod(sizes)), dtype=np.intp)
-    for block in reversed(range(len(sizes))):
-        number, picks[block] = np.divmod(number, sizes[block])
-    return picks
+def _equations(fan: _Fan, options: Sequence[Option]) -> tuple[Array, Array]:
+    """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
+    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
+    values = np.tensordot(fan.starts, E, (1, 2)) + e
+    return E @ fan.directions[:, np.newaxis], values
 
 
-def _is_regular(matrices: Array) -> npt.NDArray[np.bool_]:
-    """Tell which of the matrices are square and regular to rounding."""
-    count, rows, columns = matrices.shape
-    if rows != columns:
-        return np.zeros(count, dtype=bool)
-    if rows == 0:
-        return np.ones(count, dtype=bool)
-    regular: npt.NDArray[np.bool_] = np.abs(np.linalg.det(matrices)) > EPS * rows
-    return regular
+def _dependent(fan: _Fan, regular: npt.NDArray[np.bool_]) -> Iterator[tuple[Indices, _Subspace]]:
+    for parent, option in np.argwhere(~regular):
+        picks = np.append(fan.picks[:, parent], option)
+        yield picks, _Subspace(fan.starts[parent], fan.directions[parent])
+
+
+def _taken(rest: Sequence[Sequence[Option]], picks: Indices) -> list[Option]:
+    """Return the options that one choice takes in the first blocks."""
+    return [options[pick] for options, pick in zip(rest, picks, strict=False)]
 
 
 def _inside(
-    problem: Problem,
-    chosen: tuple[Option, ...],
-    rest: Sequence[Sequence[Option]],
-    points: Array,
-    regular: npt.NDArray[np.bool_],
-) -> npt.NDArray[np.bool_]:
-    """Tell which points satisfy all inequalities, relaxed by SLACK."""
-    slack = -SLACK * (1.0 + np.abs(points).max(axis=1, initial=0.0))
-    inside: npt.NDArray[np.bool_] = np.ones(len(points), dtype=bool)
-    inside &= (points @ problem.A.T + problem.b >= slack[:, np.newaxis]).all(axis=1)
-    for option in chosen:
-        inside &= (points @ option.G.T + option.g >= slack[:, np.newaxis]).all(axis=1)
-    picks = _picks(rest)[:, regular]
-    for options, pick in zip(rest, picks, strict=True):
+    problem: Problem, chosen: tuple[Option, ...], rest: Sequence[Sequence[Option]], fan: _Fan
+) -> Indices:
+    """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
+
+    All of them where a choice leaves more than a point. The blocks decided last come first:
+    they leave few choices to the others.
+    """
+    inside: npt.NDArray[np.bool_] = np.ones(len(fan.starts), dtype=bool)
+    if fan.directions.shape[-1]:
+        return np.flatnonzero(inside)
+    slack = SLACK * (1.0 + np.abs(fan.starts).max(axis=1, initial=0.0))
+    for options, pick in zip(rest[::-1], fan.picks[::-1], strict=True):
         for k, option in enumerate(options):
-            mine = inside & (pick == k)
-            values = points[mine] @ option.G.T + option.g
-            inside[mine] = (values >= slack[mine][:, np.newaxis]).all(axis=1)
-    return inside
+            mine = np.flatnonzero(inside & (pick == k))
+            values = fan.starts[mine] @ option.G.T + option.g
+            inside[mine] = (values >= -slack[mine, np.newaxis]).all(axis=1)
+    G, g = _known(problem, chosen)
+    left = np.flatnonzero(inside)
+    values = fan.starts[left] @ G.T + g
+    inside[left] = (values >= -slack[left, np.newaxis]).all(axis=1)
+    return np.flatnonzero(inside)
 
 
-def _singular(
-    chosen: tuple[Option, ...], space: _Subspace, matrix: Array, vector: Array
-) -> Iterator[Leaf]:
-    """Yield the leaf of a singular cell, unless its equations contradict each other."""
-    local = _impose(_Subspace(np.zeros(matrix.shape[1]), np.eye(matrix.shape[1])), matrix, vector)
-    if local is not None:
-        start = space.start + space.directions @ local.start
-        yield Leaf(chosen, start, space.directions @ local.directions)
+def _known(problem: Problem, chosen: tuple[Option, ...]) -> tuple[Array, Array]:
+    """Return the inequalities G y + g >= 0 of the options chosen and of all solutions."""
+    G = np.vstack([problem.A, *(option.G for option in chosen)])
+    return G, np.concatenate([problem.b, *(option.g for option in chosen)])
