@@ -70,6 +70,22 @@ def test_random_bodies(p, bodies):
     assert max(components) > 1
 
 
+@pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_nodes_without_friction(p, everywhere):
+    """Their tests kappa2 and kappa3 are one function, and the cell of stick has no inside."""
+    for seed in range(20):
+        body, friction, system = random_system(p, seed)
+        friction = np.zeros(p) if everywhere else np.where(np.arange(p) == seed % p, 0.0, friction)
+        graph = explore(CoulombLoad(system.body, system.load, friction), (-10.0, 10.0))
+        assert graph.is_balanced()
+        assert graph.guarantee == "complete"
+        for alpha in np.random.default_rng(seed).uniform(-10.0, 10.0, 5):
+            expected = brute_force(body, system.load(alpha), friction)
+            assert len(expected) == 1 or not everywhere
+            assert_same(graph.solutions(alpha), expected, lambda found: found.modes)
+
+
 # -- closed loops --------------------------------------------------------------------------------
 
 

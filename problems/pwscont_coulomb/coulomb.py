@@ -40,6 +40,9 @@ IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
 
+#: The modes of a node, and those without friction, as signs of its tests.
+ALL = tuple(SIGNS.values())
+SLIDING = tuple(signs for mode, signs in SIGNS.items() if mode is not contact.Mode.STICK)
 
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
@@ -111,6 +114,10 @@ class Coulomb(SlicewiseLinearSystem):
         """Return F per node, shape (p,)."""
         raise NotImplementedError
 
+    def without_friction(self) -> Array:
+        """Tell which nodes have F = 0 whatever alpha, shape (p,)."""
+        raise NotImplementedError
+
     # -- the contract --------------------------------------------------------------------
 
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -141,15 +148,20 @@ class Coulomb(SlicewiseLinearSystem):
         return np.flatnonzero(bounds).tolist()
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each of the 4^p combinations of modes."""
-        for combination in product(SIGNS.values(), repeat=self.body.p):
+        """Yield one character for each combination of modes, 4^p with friction everywhere."""
+        for combination in product(*(block.modes for block in self.blocks())):
             yield Character(tuple(sign for signs in combination for sign in signs))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block of four modes per contact node."""
-        n, p, modes = self.body.n, self.body.p, tuple(SIGNS.values())
+        """Return one block of four modes per contact node, of three where there is no friction.
+
+        Without friction kappa2 = kappa3. They vanish all over the cell of stick, whatever
+        kappa1: it has no inside, and its points with tension are no solutions.
+        """
+        n, p = self.body.n, self.body.p
         return tuple(
-            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), modes) for i in range(p)
+            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), SLIDING if slides else ALL)
+            for i, slides in enumerate(self.without_friction())
         )
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:

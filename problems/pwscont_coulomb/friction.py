@@ -45,6 +45,10 @@ class CoulombFriction(Coulomb):
         """Return F = alpha times the profile, shape (p,)."""
         return alpha * self.profile
 
+    def without_friction(self) -> Array:
+        """Return where the profile is zero, shape (p,)."""
+        return np.asarray(self.profile == 0.0)
+
     def _energies(self, lo: float, hi: float) -> Array:
         """Return the energy of the fixed load."""
         return np.array([self.force @ self.body.solve(self.force)])

@@ -92,6 +92,10 @@ class CoulombLoad(Coulomb):
         """Return F, shape (p,)."""
         return self.friction
 
+    def without_friction(self) -> Array:
+        """Return where F is zero, shape (p,)."""
+        return np.asarray(self.friction == 0.0)
+
     def _energies(self, lo: float, hi: float) -> Array | None:
         """Return the energies at both ends for an affine load; other paths are not bounded."""
         if not isinstance(self.load, AffineLoad):
