@@ -73,7 +73,7 @@ def test_random_bodies(p, bodies):
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("everywhere", [True, False])
 def test_nodes_without_friction(p, everywhere):
-    """Their tests kappa2 and kappa3 are one function, and the cell of stick has no inside."""
+    """Their tests kappa2 and kappa3 are one function: the cell of stick has no inside."""
     for seed in range(20):
         body, friction, system = random_system(p, seed)
         friction = np.zeros(p) if everywhere else np.where(np.arange(p) == seed % p, 0.0, friction)

@@ -40,9 +40,7 @@ IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
 
-#: The modes of a node, and those without friction, as signs of its tests.
-ALL = tuple(SIGNS.values())
-SLIDING = tuple(signs for mode, signs in SIGNS.items() if mode is not contact.Mode.STICK)
+MODES = tuple(SIGNS.values())
 
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
@@ -61,6 +59,8 @@ class Coulomb(SlicewiseLinearSystem):
         of each node, so that results do not depend on units.
     """
 
+    #: Nodes with F = 0 whatever the parameter, shape (p,).
+    _without_friction: Array
     #: One solution more with positive than with negative determinant, whatever f and F >= 0.
     degree = 1
 
@@ -114,10 +114,6 @@ class Coulomb(SlicewiseLinearSystem):
         """Return F per node, shape (p,)."""
         raise NotImplementedError
 
-    def without_friction(self) -> Array:
-        """Tell which nodes have F = 0 whatever alpha, shape (p,)."""
-        raise NotImplementedError
-
     # -- the contract --------------------------------------------------------------------
 
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -143,25 +139,25 @@ class Coulomb(SlicewiseLinearSystem):
         return residual
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip."""
-        bounds = BOUNDS[contact.modes(character)].ravel()
+        """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
+
+        Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
+        stick too: else points with tension would be taken for solutions.
+        """
+        bounds = BOUNDS[contact.modes(character)]
+        bounds[:, 0] |= self._without_friction
         return np.flatnonzero(bounds).tolist()
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each combination of modes, 4^p with friction everywhere."""
-        for combination in product(*(block.modes for block in self.blocks())):
+        """Yield one character for each of the 4^p combinations of modes."""
+        for combination in product(MODES, repeat=self.body.p):
             yield Character(tuple(sign for signs in combination for sign in signs))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block of four modes per contact node, of three where there is no friction.
-
-        Without friction kappa2 = kappa3. They vanish all over the cell of stick, whatever
-        kappa1: it has no inside, and its points with tension are no solutions.
-        """
+        """Return one block of four modes per contact node."""
         n, p = self.body.n, self.body.p
         return tuple(
-            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), SLIDING if slides else ALL)
-            for i, slides in enumerate(self.without_friction())
+            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), MODES) for i in range(p)
         )
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:

@@ -36,6 +36,7 @@ class CoulombFriction(Coulomb):
         super().__init__(body, r)
         self.force = finite_array("force", force, (body.n,))
         self.profile = not_negative("profile", profile, body.p)
+        self._without_friction = self.profile == 0.0
 
     def load_at(self, alpha: float) -> Array:
         """Return the fixed load, shape (n,)."""
@@ -44,10 +45,6 @@ class CoulombFriction(Coulomb):
     def friction_at(self, alpha: float) -> Array:
         """Return F = alpha times the profile, shape (p,)."""
         return alpha * self.profile
-
-    def without_friction(self) -> Array:
-        """Return where the profile is zero, shape (p,)."""
-        return np.asarray(self.profile == 0.0)
 
     def _energies(self, lo: float, hi: float) -> Array:
         """Return the energy of the fixed load."""

@@ -73,6 +73,7 @@ class CoulombLoad(Coulomb):
     ) -> None:
         super().__init__(body, r)
         self.friction = not_negative("friction", friction, body.p)
+        self._without_friction = self.friction == 0.0
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
@@ -91,10 +92,6 @@ class CoulombLoad(Coulomb):
     def friction_at(self, alpha: float) -> Array:
         """Return F, shape (p,)."""
         return self.friction
-
-    def without_friction(self) -> Array:
-        """Return where F is zero, shape (p,)."""
-        return np.asarray(self.friction == 0.0)
 
     def _energies(self, lo: float, hi: float) -> Array | None:
         """Return the energies at both ends for an affine load; other paths are not bounded."""

@@ -7,10 +7,10 @@ from math import prod
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.search import AllTransitions, EndPoints, MultiStart, Search
 
-#: Cells that can be tried at one alpha in about a second: eight contact nodes.
-MANY_CELLS = 4**8
-#: The same for all interfaces of all cells together: five contact nodes.
-MANY_INTERFACES = 20_000
+#: Cells that can be tried at one alpha in a second or two: ten contact nodes.
+MANY_CELLS = 4**10
+#: The same for all interfaces of all cells together: eight contact nodes.
+MANY_INTERFACES = 2_000_000
 
 
 def default_search(system: PiecewiseSystem) -> Search:
