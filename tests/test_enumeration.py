@@ -357,30 +357,33 @@ def test_a_large_gap_is_no_contact():
 
 def problem_of(blocks, dimension):
     """Every option as a pair (i, value): the equation y_i = value, without inequalities."""
-    unit, none = np.eye(dimension), np.zeros((0, dimension))
+    unit, none, empty = np.eye(dimension), np.zeros((0, dimension)), np.zeros(0)
     options = [
-        [Option((), (), unit[[i]], np.array([-value]), none, np.zeros(0)) for i, value in block]
+        [
+            Option((), (), np.zeros(0, int), empty, unit[[i]], np.array([-value]), none, empty)
+            for i, value in block
+        ]
         for block in blocks
     ]
     return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0)
 
 
-@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15])
+@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15, (4**7 + 1,)])
 def test_every_choice_is_a_leaf(sizes):
     """More choices than a batch, and more blocks than an array has dimensions."""
     blocks = [[(i, float(k)) for k in range(size)] for i, size in enumerate(sizes)]
     found = list(leaves(problem_of(blocks, len(sizes))))
-    assert sorted(tuple(leaf.start.tolist()) for leaf in found) == list(product(*map(range, sizes)))
-    assert all(leaf.directions.shape == (len(sizes), 0) for leaf in found)
+    starts = [tuple(start) for choices in found for start in choices.starts.tolist()]
+    assert sorted(starts) == list(product(*map(range, sizes)))
+    assert all(choices.directions.shape[1:] == (len(sizes), 0) for choices in found)
 
 
 def test_dependent_equations_leave_a_line_or_nothing():
     """y_1 may be asked for twice: the same value leaves y_0 free, another one is no solution."""
     blocks = [[(0, 0.0), (1, 1.0)], [(1, 1.0), (1, 2.0), (0, 0.0)]]
     found = list(leaves(problem_of(blocks, 2)))
-    isolated = sorted(tuple(leaf.start) for leaf in found if not leaf.directions.shape[1])
-    assert isolated == [(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)]
-    lines = [leaf for leaf in found if leaf.directions.shape[1]]
-    free = {tuple(np.flatnonzero(np.abs(leaf.directions[:, 0]))) for leaf in lines}
-    assert len(lines) == 2
-    assert free == {(0,), (1,)}
+    isolated = [choices for choices in found if not choices.directions.shape[-1]]
+    starts = [tuple(start) for choices in isolated for start in choices.starts]
+    assert sorted(starts) == [(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)]
+    lines = [choices.directions[0] for choices in found if choices.directions.shape[-1]]
+    assert sorted(np.flatnonzero(np.abs(line[:, 0])).tolist() for line in lines) == [[0], [1]]

@@ -265,7 +265,7 @@ def test_one_seed_gives_one_graph():
 
 
 def large_system(seed):
-    body = random_body(10, seed, inner=0)
+    body = random_body(11, seed, inner=0)
     load = AffineLoad(2.0 * random_vector(body.n, seed), random_vector(body.n, seed + 1))
     return body, load, CoulombLoad(contact_body(body), load, 3.0)
 

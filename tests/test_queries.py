@@ -79,6 +79,20 @@ def test_interval_that_ends_at_a_fold(interval, expected):
     assert graph.is_balanced()
 
 
+@pytest.mark.parametrize("ulps", range(-4, 5))
+def test_interval_that_ends_at_a_fold_but_for_rounding(ulps):
+    """The same numbers as at the fold itself: the difference is below the errors."""
+    system = CASES["fig7"].system
+    right, left = -0.5 + ulps * 2.0**-53, -1.0 + ulps * 2.0**-52
+    for interval in ((-2.0, left), (right, 1.0), (left, 0.0), (-2.0, right)):
+        graph = explore(system, interval)
+        assert [graph.count(end) for end in interval] == [
+            2 if end in (left, right) else 1 for end in interval
+        ]
+        assert graph.is_balanced()
+        assert all(abs(piece.points[0, -1] - piece.points[-1, -1]) > 0.1 for piece in graph.pieces)
+
+
 def test_a_transition_does_not_divide_a_stretch(fig7):
     assert [p.alpha for p in fig7.special_points("transition")] == pytest.approx([1.0])
     assert fig7.count(1.0) == 1

@@ -21,6 +21,7 @@ from pwscont.continuation.walk import Follower, Walk
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Place, Stored
 from pwscont.foundation.records import Track
+from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.model.packing import place as place_of
 from pwscont.numerics.uncertainty import magnitude
 from pwscont.transitions.detector import Arrival
@@ -246,6 +247,9 @@ def _same_side(forth: Edge, back: Edge) -> bool:
 
 
 def _points_inside(ray: Ray, lo: float, hi: float) -> bool:
-    """Tell whether a ray from a point of the interval stays in it at first."""
-    alpha, slope = ray.state.alpha, ray.curve.slope(ray.state)
-    return not ((alpha <= lo and slope < 0.0) or (alpha >= hi and slope > 0.0))
+    """Tell whether a ray from a point of the interval stays in it at first.
+
+    At a fold at an end the rays' own alphas may be beside that end by rounding.
+    """
+    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
+    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))

@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
 from pwscont.model.system import Block, SlicewiseLinearSystem
 
@@ -30,12 +30,16 @@ class Option:
         The test functions that the block decides.
     signs : tuple of bool
         Their signs.
+    bounding, side : ndarray, shape (t,)
+        The tests among them that bound the cell, and +1 or -1 for their signs.
     E, e, G, g : ndarray
         Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
     """
 
     tests: tuple[int, ...]
     signs: tuple[bool, ...]
+    bounding: Indices
+    side: Array
     E: Array
     e: Array
     G: Array
@@ -71,10 +75,14 @@ class Problem:
         """d, the number of reduced unknowns."""
         return int(self.basis.shape[1])
 
-    def character(self, chosen: tuple[Option, ...]) -> Character:
+    def chosen(self, picks: Indices) -> list[Option]:
+        """Return the options that a choice takes, by their place in each block."""
+        return [options[pick] for options, pick in zip(self.blocks, picks, strict=True)]
+
+    def character(self, picks: Indices) -> Character:
         """Return the character that a choice of one option per block is."""
         signs = [True] * self.tests
-        for option in chosen:
+        for option in self.chosen(picks):
             for test, sign in zip(option.tests, option.signs, strict=True):
                 signs[test] = sign
         return Character(tuple(signs))
@@ -153,10 +161,10 @@ def _option(
     rows, (origin, basis), (K, kappa) = list(block.rows), reduced, tests
     jacobian, residual = affine[0][rows], affine[1][rows]
     E, e = _unit_rows(jacobian @ basis, residual + jacobian @ origin)
-    bounding = _bounding(system, block, mode, len(kappa))
+    bounding = np.array(_bounding(system, block, mode, len(kappa)), dtype=np.intp)
     side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounding])
     G, g = _unit_rows(side[:, np.newaxis] * K[bounding], side * kappa[bounding])
-    return Option(block.tests, mode, E, e, G, g)
+    return Option(block.tests, mode, bounding, side, E, e, G, g)
 
 
 def _bounding(

@@ -6,31 +6,34 @@ Failure modes and answers
   on the full system, and accepted by the signs of its tests to within the rounding of their
   own terms, not by a fixed tolerance.
 - One solution found in several cells, on whose common boundary it lies: counted once, and its
-  cells are kept.
+  cells are kept. At an apex these are 4^p; they are told from the signs of the tests there.
 - A cell with infinitely many solutions: a face, with its dimension and its corners.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import final
+from typing import Any, final
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linprog
 
-from pwscont.enumeration.options import Problem, reduce
-from pwscont.enumeration.tree import SLACK, Leaf, leaves
-from pwscont.foundation.arrays import Array
+from pwscont.enumeration.options import Option, Problem, reduce
+from pwscont.enumeration.tree import SLACK, Choices, leaves
+from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.character import Character
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.model.selection import Selection
-from pwscont.model.system import SlicewiseLinearSystem
+from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.newton import newton
+from pwscont.numerics.root import Root
 from pwscont.numerics.uncertainty import magnitude, magnitude_of_values, uncertainty
 
 #: Newton iterations on an affine selection: one, and one more against rounding.
@@ -50,16 +53,13 @@ class Point:
         The point (z, alpha).
     error : ndarray, shape (k, n + 1)
         Samples of its error.
-    characters : tuple of Character
+    characters : sequence of Character
         The cells in whose closure it lies; one unless it lies on an interface.
-    det_signs : tuple of int
-        Sign of det(dH/dz) in each of them.
     """
 
     x: Array
     error: Array
-    characters: tuple[Character, ...]
-    det_signs: tuple[int, ...]
+    characters: Sequence[Character]
 
 
 @final
@@ -99,74 +99,173 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     alpha : float
     """
     problem = reduce(system, metric.scale[:-1], alpha)
-    points: list[Point] = []
+    points = _Points(system, metric, problem, alpha)
     faces: list[Face] = []
-    for leaf in leaves(problem):
-        character = problem.character(leaf.chosen)
-        if leaf.directions.shape[1]:
-            faces += _face(problem, leaf, character, alpha)
-            continue
-        start = np.append(problem.origin + problem.basis @ leaf.start, alpha)
-        point = _refined(Curve(Selection(system, character), metric), start)
-        if point is not None:
-            _add(points, point, metric)
-    return Slice(tuple(points), tuple(faces))
+    for choices in leaves(problem):
+        if choices.directions.shape[-1]:
+            for k in range(len(choices)):
+                faces += _face(problem, choices[k : k + 1], alpha)
+        else:
+            points.add(choices)
+    return Slice(tuple(points.points()), tuple(faces))
 
 
-def _refined(curve: Curve, start: Array) -> Point | None:
-    """Return the solution of one selection at the alpha of ``start``, if in its closed cell."""
-    selection, alpha = curve.selection, float(start[-1])
-    row = last_unit(len(start))
+def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:
+    """Return the sign of det(dH/dz) in one of the cells of a point, 0 where it is singular."""
+    root = _root(Curve(Selection(system, character), metric), x)
+    return 0 if isinstance(root, Failure) else root.factor.sign
+
+
+def _root(curve: Curve, start: Array) -> Root | Failure:
+    """Return the solution of one selection at the alpha of ``start``."""
+    alpha, row = float(start[-1]), last_unit(len(start))
     root = newton(curve, lambda x: (float(x[-1]) - alpha, row), start, REFINEMENTS)
-    if isinstance(root, Failure):
-        return None
-    root.x[-1], error = alpha, uncertainty(root)
-    uncertain = magnitude_of_values(selection.test_gradients(root.x), root.x, error)
-    if (selection.tests(root.x) < -CONFIDENCE * uncertain).any():
-        return None
-    return Point(root.x, error, (selection.character,), (root.factor.sign,))
+    if not isinstance(root, Failure):
+        root.x[-1] = alpha
+    return root
 
 
-def _add(points: list[Point], new: Point, metric: Metric) -> None:
-    """Add a point, or its cell to the same point found before."""
-    for i, old in enumerate(points):
-        if _same(metric, old, new):
-            characters = (*old.characters, *new.characters)
-            points[i] = Point(old.x, old.error, characters, (*old.det_signs, *new.det_signs))
-            return
-    points.append(new)
+@final
+class _Points:
+    """The isolated solutions found so far, each with the choices whose cells share it.
+
+    A solution in the closure of another cell solves that cell's equations as well, which have
+    one solution only: such a choice need not be solved for.
+    """
+
+    def __init__(
+        self, system: SlicewiseLinearSystem, metric: Metric, problem: Problem, alpha: float
+    ) -> None:
+        self._system, self._metric, self._problem = system, metric, problem
+        self._alpha = alpha
+        self._found: list[_Known] = []
+
+    def points(self) -> list[Point]:
+        """Return the solutions."""
+        return [
+            Point(known.x, known.error, _Cells(self._problem, np.hstack(known.picks)))
+            for known in self._found
+        ]
+
+    def add(self, choices: Choices) -> None:
+        """Add the solutions of some choices without free directions."""
+        for known in self._found:
+            choices = known.claim(choices)
+        while len(choices):
+            first, choices = choices[:1], choices[1:]
+            refined = self._refined(first)
+            if refined is not None:
+                known = self._merged(refined)
+                known.picks.append(first.picks)
+                choices = known.claim(choices)
+
+    def _merged(self, new: _Known) -> _Known:
+        """Return the same solution found before, or the new one, which is kept."""
+        for old in self._found:
+            if _same(self._metric, old, new):
+                return old
+        self._found.append(new)
+        return new
+
+    def _refined(self, one: Choices) -> _Known | None:
+        """Return the solution of one choice, if it lies in its closed cell."""
+        problem, picks = self._problem, one.picks[:, 0]
+        start = np.append(problem.origin + problem.basis @ one.starts[0], self._alpha)
+        selection = Selection(self._system, problem.character(picks))
+        root = _root(Curve(selection, self._metric), start)
+        if isinstance(root, Failure):
+            return None
+        error = uncertainty(root)
+        known = _Known(root.x, error, self._holds(root.x, error), [])
+        return known if known.lies_in(one).all() else None
+
+    def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
+        """Tell for each option of each block whether a solution satisfies its inequalities.
+
+        To within the rounding of the tests' own terms.
+        """
+        tests = self._system.test_functions(x[:-1], self._alpha)
+        gradients = self._system.test_jacobian(x[:-1], self._alpha)
+        slack = CONFIDENCE * magnitude_of_values(gradients, x, error)
+        return [
+            np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
+            for options in self._problem.blocks
+        ]
 
 
-def _same(metric: Metric, a: Point, b: Point) -> bool:
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """A solution, whose ``picks`` grow as choices that share it are met."""
+
+    x: Array
+    error: Array
+    holds: list[npt.NDArray[np.bool_]]
+    picks: list[Indices]
+
+    def lies_in(self, choices: Choices) -> npt.NDArray[np.bool_]:
+        """Tell in which closed cells the solution lies."""
+        inside = np.ones(len(choices), dtype=bool)
+        for holds, picks in zip(self.holds, choices.picks, strict=True):
+            inside &= holds[picks]
+        return inside
+
+    def claim(self, choices: Choices) -> Choices:
+        """Take the choices that share the solution, and return the others."""
+        mine = self.lies_in(choices)
+        if mine.any():
+            self.picks.append(choices.picks[:, mine])
+        return choices[np.flatnonzero(~mine)]
+
+
+@final
+class _Cells(Sequence[Character]):
+    """The characters of some choices, made when asked for: an apex has 4^p of them."""
+
+    def __init__(self, problem: Problem, picks: Indices) -> None:
+        self._problem, self._picks = problem, picks
+
+    def __len__(self) -> int:
+        return int(self._picks.shape[1])
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return _Cells(self._problem, self._picks[:, index])
+        return self._problem.character(self._picks[:, index])
+
+
+def _same(metric: Metric, a: _Known, b: _Known) -> bool:
     """Tell whether two solutions differ by no more than their errors."""
-    errors = (metric.norm(magnitude(point.x, point.error)) for point in (a, b))
+    errors = (metric.norm(magnitude(known.x, known.error)) for known in (a, b))
     return metric.norm(a.x - b.x) <= CONFIDENCE * sum(errors)
 
 
-def _face(problem: Problem, leaf: Leaf, character: Character, alpha: float) -> list[Face]:
+def _face(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     """Return the face of a singular cell, if it has more than one point."""
-    if not _satisfies(leaf):
+    start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
+    chosen, character = problem.chosen(picks), problem.character(picks)
+    if not _satisfies(chosen, start):
         return []
-    G = np.vstack([option.G for option in leaf.chosen])
-    g = np.concatenate([option.g for option in leaf.chosen])
-    matrix, vector = G @ leaf.directions, G @ leaf.start + g
-    dimension = leaf.directions.shape[1]
+    G = np.vstack([option.G for option in chosen])
+    g = np.concatenate([option.g for option in chosen])
+    matrix, vector = G @ directions, G @ start + g
+    dimension = directions.shape[1]
     if dimension > MOST_DIMENSIONS:
         return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)))]
     if not _has_interior(matrix, vector):
         return []
     corners = _corners(matrix, vector)
-    y = leaf.start + corners @ leaf.directions.T
+    y = start + corners @ directions.T
     z = problem.origin + y @ problem.basis.T
     return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]))]
 
 
-def _satisfies(leaf: Leaf) -> bool:
-    """Tell whether the equations of a singular cell really have solutions, but for rounding."""
-    E = np.vstack([option.E for option in leaf.chosen])
-    e = np.concatenate([option.e for option in leaf.chosen])
-    terms = np.abs(E) @ np.abs(leaf.start) + np.abs(e)
-    return bool((np.abs(E @ leaf.start + e) <= GUARD * EPS * (terms + terms.max())).all())
+def _satisfies(chosen: Sequence[Option], y: Array) -> bool:
+    """Tell whether a point satisfies the equations of a singular cell, but for rounding."""
+    E = np.vstack([option.E for option in chosen])
+    e = np.concatenate([option.e for option in chosen])
+    terms = np.abs(E) @ np.abs(y) + np.abs(e)
+    return bool((np.abs(E @ y + e) <= GUARD * EPS * (terms + terms.max())).all())
 
 
 def _has_interior(matrix: Array, vector: Array) -> bool:

@@ -40,20 +40,31 @@ BATCH = 4**7
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Leaf:
-    """A complete choice and the points that satisfy its equations: start + directions @ s.
+class Choices:
+    """Choices of options for the first m blocks, with the points that satisfy their equations.
+
+    The points of choice i are ``starts[i] + directions[i] @ s``.
 
     Attributes
     ----------
-    chosen : tuple of Option
-    start : ndarray, shape (d,)
-    directions : ndarray, shape (d, q)
-        q is 0 but in singular cells.
+    picks : ndarray of int, shape (m, N)
+        Which option of each block every choice takes.
+    starts : ndarray, shape (N, d)
+    directions : ndarray, shape (N, d, q)
+        q is the same for all; 0 where all blocks are decided, but in singular cells.
     """
 
-    chosen: tuple[Option, ...]
-    start: Array
+    picks: Indices
+    starts: Array
     directions: Array
+
+    def __len__(self) -> int:
+        """Return the number of choices."""
+        return len(self.starts)
+
+    def __getitem__(self, index: Indices | slice) -> Choices:
+        """Return some of the choices."""
+        return Choices(self.picks[:, index], self.starts[index], self.directions[index])
 
 
 @final
@@ -65,21 +76,24 @@ class _Subspace:
     directions: Array
 
 
-def leaves(problem: Problem) -> Iterator[Leaf]:
-    """Yield every choice whose equations have a solution that nearly satisfies its inequalities."""
+def leaves(problem: Problem) -> Iterator[Choices]:
+    """Yield all complete choices with a point that nearly satisfies their inequalities.
+
+    In singular cells the inequalities are not looked at.
+    """
     d = problem.dimension
-    yield from _descend(problem, (), _Subspace(np.zeros(d), np.eye(d)))
+    yield from filter(len, _descend(problem, (), _Subspace(np.zeros(d), np.eye(d))))
 
 
-def _descend(problem: Problem, chosen: tuple[Option, ...], space: _Subspace) -> Iterator[Leaf]:
+def _descend(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
     rest = problem.blocks[len(chosen) :]
     if prod(map(len, rest)) <= BATCH:
-        yield from _together(problem, chosen, space, rest)
+        yield from _together(problem, chosen, space)
         return
-    for option in rest[0]:
+    for pick, option in enumerate(rest[0]):
         narrower = _impose(space, option)
-        if narrower is not None and _feasible(problem, (*chosen, option), narrower):
-            yield from _descend(problem, (*chosen, option), narrower)
+        if narrower is not None and _feasible(problem, (*chosen, pick), narrower):
+            yield from _descend(problem, (*chosen, pick), narrower)
 
 
 def _impose(space: _Subspace, option: Option) -> _Subspace | None:
@@ -100,12 +114,16 @@ def _negligible(matrix: Array) -> float:
     return 8.0 * EPS * float(max(matrix.shape[-2:]))
 
 
-def _feasible(problem: Problem, chosen: tuple[Option, ...], space: _Subspace) -> bool:
+def _feasible(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> bool:
     """Tell whether some point satisfies all inequalities known so far, relaxed by SLACK."""
-    G, g = _known(problem, chosen)
+    options = [block[pick] for block, pick in zip(problem.blocks, chosen, strict=False)]
+    G = np.vstack([problem.A, *(option.G for option in options)])
+    g = np.concatenate([problem.b, *(option.g for option in options)])
     size = 1.0 + np.abs(space.start).max(initial=0.0)
     least = -(G @ space.start + g) - SLACK * size
-    # milp without integers is SciPy's shortest way to HiGHS, half the time of linprog
+    if not space.directions.shape[1]:
+        return bool((least <= 0.0).all())
+    # milp without integers is SciPy's shortest way to HiGHS, two thirds of the time of linprog
     result = milp(
         np.zeros(space.directions.shape[1]),
         constraints=LinearConstraint(G @ space.directions, least, np.inf),
@@ -114,110 +132,68 @@ def _feasible(problem: Problem, chosen: tuple[Option, ...], space: _Subspace) ->
     return bool(result.status != 2)  # 2: proved infeasible
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fan:
-    """Many choices for the same blocks, and the points that satisfy the equations of each.
-
-    Attributes
-    ----------
-    picks : ndarray of int, shape (m, N)
-        Which option every choice takes in each of the m blocks decided.
-    starts, directions : ndarray, shapes (N, d) and (N, d, q)
-        As in a subspace, for every choice.
-    """
-
-    picks: Indices
-    starts: Array
-    directions: Array
-
-
-def _together(
-    problem: Problem,
-    chosen: tuple[Option, ...],
-    space: _Subspace,
-    rest: Sequence[Sequence[Option]],
-) -> Iterator[Leaf]:
+def _together(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
     """Decide all remaining blocks, one after the other, for all their choices at once."""
-    nothing = np.zeros((0, 1), dtype=np.intp)
-    fan = _Fan(nothing, space.start[np.newaxis], space.directions[np.newaxis])
-    for depth, options in enumerate(rest):
-        fan, dependent = _spread(fan, options)
-        for picks, parent in dependent:
-            narrower = _impose(parent, options[picks[-1]])
+    picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
+    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis])
+    for options in problem.blocks[len(chosen) :]:
+        choices, dependent = _spread(choices, options)
+        for picked, parent in dependent:
+            narrower = _impose(parent, options[picked[-1]])
             if narrower is not None:
-                more = (*chosen, *_taken(rest, picks))
-                yield from _together(problem, more, narrower, rest[depth + 1 :])
-    for index in _inside(problem, chosen, rest, fan):
-        taken = _taken(rest, fan.picks[:, index])
-        yield Leaf((*chosen, *taken), fan.starts[index], fan.directions[index])
+                yield from _together(problem, picked, narrower)
+    yield choices if choices.directions.shape[-1] else _inside(problem, choices)
 
 
 def _spread(
-    fan: _Fan, options: Sequence[Option]
-) -> tuple[_Fan, Iterator[tuple[Indices, _Subspace]]]:
+    choices: Choices, options: Sequence[Option]
+) -> tuple[Choices, Iterator[tuple[tuple[int, ...], _Subspace]]]:
     """Impose every option of one more block on every choice.
 
     Returns the choices whose new equations are independent of the old ones, and the others as
     their picks with the subspace before the last of them.
     """
-    matrices, values = _equations(fan, options)
+    matrices, values = _equations(choices, options)
     k = values.shape[-1]
     Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
     R = np.swapaxes(R[..., :k, :], -1, -2)
     pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     regular = (pivots > _negligible(matrices)).all(axis=-1)
     parents, taken = np.nonzero(regular)
-    Q, directions = Q[regular], fan.directions[parents]
+    Q, directions = Q[regular], choices.directions[parents]
     steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
-    starts = fan.starts[parents] - (directions @ steps)[..., 0]
-    picks = np.vstack([fan.picks[:, parents], taken])
-    return _Fan(picks, starts, directions @ Q[..., k:]), _dependent(fan, regular)
+    starts = choices.starts[parents] - (directions @ steps)[..., 0]
+    picks = np.vstack([choices.picks[:, parents], taken])
+    return Choices(picks, starts, directions @ Q[..., k:]), _dependent(choices, regular)
 
 
-def _equations(fan: _Fan, options: Sequence[Option]) -> tuple[Array, Array]:
+def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
     """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
     E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
-    values = np.tensordot(fan.starts, E, (1, 2)) + e
-    return E @ fan.directions[:, np.newaxis], values
+    values = np.tensordot(choices.starts, E, (1, 2)) + e
+    return E @ choices.directions[:, np.newaxis], values
 
 
-def _dependent(fan: _Fan, regular: npt.NDArray[np.bool_]) -> Iterator[tuple[Indices, _Subspace]]:
+def _dependent(
+    choices: Choices, regular: npt.NDArray[np.bool_]
+) -> Iterator[tuple[tuple[int, ...], _Subspace]]:
     for parent, option in np.argwhere(~regular):
-        picks = np.append(fan.picks[:, parent], option)
-        yield picks, _Subspace(fan.starts[parent], fan.directions[parent])
+        picked = (*choices.picks[:, parent].tolist(), int(option))
+        yield picked, _Subspace(choices.starts[parent], choices.directions[parent])
 
 
-def _taken(rest: Sequence[Sequence[Option]], picks: Indices) -> list[Option]:
-    """Return the options that one choice takes in the first blocks."""
-    return [options[pick] for options, pick in zip(rest, picks, strict=False)]
-
-
-def _inside(
-    problem: Problem, chosen: tuple[Option, ...], rest: Sequence[Sequence[Option]], fan: _Fan
-) -> Indices:
+def _inside(problem: Problem, choices: Choices) -> Choices:
     """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
 
-    All of them where a choice leaves more than a point. The blocks decided last come first:
-    they leave few choices to the others.
+    The blocks decided last come first: they leave few choices to the others.
     """
-    inside: npt.NDArray[np.bool_] = np.ones(len(fan.starts), dtype=bool)
-    if fan.directions.shape[-1]:
-        return np.flatnonzero(inside)
-    slack = SLACK * (1.0 + np.abs(fan.starts).max(axis=1, initial=0.0))
-    for options, pick in zip(rest[::-1], fan.picks[::-1], strict=True):
-        for k, option in enumerate(options):
-            mine = np.flatnonzero(inside & (pick == k))
-            values = fan.starts[mine] @ option.G.T + option.g
+    slack = SLACK * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
+    inside = np.ones(len(choices), dtype=bool)
+    for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):
+        for k in np.flatnonzero(np.bincount(picks[inside])):
+            mine = np.flatnonzero(inside & (picks == k))
+            values = choices.starts[mine] @ options[k].G.T + options[k].g
             inside[mine] = (values >= -slack[mine, np.newaxis]).all(axis=1)
-    G, g = _known(problem, chosen)
-    left = np.flatnonzero(inside)
-    values = fan.starts[left] @ G.T + g
-    inside[left] = (values >= -slack[left, np.newaxis]).all(axis=1)
-    return np.flatnonzero(inside)
-
-
-def _known(problem: Problem, chosen: tuple[Option, ...]) -> tuple[Array, Array]:
-    """Return the inequalities G y + g >= 0 of the options chosen and of all solutions."""
-    G = np.vstack([problem.A, *(option.G for option in chosen)])
-    return G, np.concatenate([problem.b, *(option.g for option in chosen)])
+    values = choices.starts[inside] @ problem.A.T + problem.b
+    inside[inside] = (values >= -slack[inside, np.newaxis]).all(axis=1)
+    return choices[np.flatnonzero(inside)]

@@ -19,6 +19,7 @@ from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.foundation.rounding import CONFIDENCE
 from pwscont.model.system import (
     Block,
     PiecewiseLinearSystem,
@@ -26,8 +27,10 @@ from pwscont.model.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.numerics.metric import Metric
-from pwscont.search.enumeration import Found, as_starts, starts_at
+from pwscont.numerics.uncertainty import magnitude
+from pwscont.search.enumeration import Found, as_starts, same, starts_at
 from pwscont.search.search import Search
+from pwscont.transitions.rays import vanishing
 
 
 @final
@@ -44,13 +47,14 @@ class AllTransitions(Search):
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
                 "none; use EndPoints, Slices or MultiStart"
             )
-        yield from starts_at(system, metric, interval[0])
-        around = Metric(np.append(metric.scale, 1.0))
-        for block in system.blocks():
-            for test in block.tests:
-                points = _OnInterface(system, block, test, interval)
-                if points.is_bounding:
-                    yield from _within(interval, _solve(points, around))
+        known = _Corners(system, metric)
+        for found in starts_at(system, metric, interval[0]):
+            known.add(found)
+            yield found
+        for test, found in _on_interfaces(system, metric, interval):
+            if not known.has(test, found):
+                known.add(found)
+                yield found
 
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise everything."""
@@ -59,12 +63,46 @@ class AllTransitions(Search):
         )
 
 
+@final
+class _Corners:
+    """Solutions with the tests that vanish there: a corner is found once for each of them."""
+
+    def __init__(self, system: PiecewiseSystem, metric: Metric) -> None:
+        self._system, self._metric = system, metric
+        self._known: list[tuple[Found, frozenset[int]]] = []
+
+    def add(self, found: Found) -> None:
+        """Remember a solution."""
+        self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
+
+    def has(self, test: int, found: Found) -> bool:
+        """Tell whether a solution where a test vanishes is one of those remembered."""
+        return any(test in zero and same(self._metric, found, old) for old, zero in self._known)
+
+
+def _on_interfaces(
+    system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
+) -> Iterator[tuple[int, Found]]:
+    """Yield the solutions where a test vanishes, for each test."""
+    around = Metric(np.append(metric.scale, 1.0))
+    for block in system.blocks():
+        for test in block.tests:
+            points = _OnInterface(system, block, test, interval)
+            if points.is_bounding:
+                for found in _within(interval, _solve(points, around)):
+                    yield test, found
+
+
 def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:
-    """Yield the points (z, alpha) in the interval, without the idle parameter."""
-    lo, hi = interval
+    """Yield the points (z, alpha) in the interval, without the idle parameter.
+
+    An alpha that is an end but for its error is made that end.
+    """
     for x, error in found:
-        if lo <= x[-2] <= hi:
-            yield x[:-1], error[:, :-1]
+        alpha = float(x[-2])
+        nearest = min(max(alpha, interval[0]), interval[1])
+        if abs(alpha - nearest) <= CONFIDENCE * magnitude(x, error)[-2]:
+            yield np.append(x[:-2], nearest), error[:, :-1]
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.enumeration import Face, Point, Slice, solve_slice
+from pwscont.enumeration import Face, Point, Slice, det_sign, solve_slice
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
@@ -63,10 +63,10 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
     """Return the sum of signs to the right of a point, and the kind of point."""
-    signs = point.det_signs
-    if len(signs) == 1:
-        return signs[0], None
-    if len(signs) == 2:
+    if len(point.characters) <= 2:
+        signs = [det_sign(system, metric, point.x, cell) for cell in point.characters]
+        if len(signs) == 1:
+            return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
     zero = vanishing(system, point.x, point.error, metric.scale)
     found = fan(system, metric, point.x, point.error, zero)
@@ -85,7 +85,7 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
     found: list[Found] = []
     for character in system.cells():
         solution = _in_cell(Curve(Selection(system, character), metric), alpha)
-        if solution and not any(_same(metric, solution, other) for other in found):
+        if solution and not any(same(metric, solution, other) for other in found):
             found.append(solution)
     return found
 
@@ -115,7 +115,7 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
     return (state.x, state.error) if inside else None
 
 
-def _same(metric: Metric, a: Found, b: Found) -> bool:
+def same(metric: Metric, a: Found, b: Found) -> bool:
     """Tell whether two solutions are one, found in two cells that share it."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
     return metric.norm(a[0] - b[0]) <= CONFIDENCE * sum(errors)

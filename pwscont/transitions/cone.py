@@ -38,8 +38,10 @@ from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.transitions.rays import Ray, state_on
 from pwscont.transitions.simple_corner import Admits, Direction, generic, simple_corner
 
-#: All cells at a corner are tried up to this number: twelve tests.
-MANY_CELLS = 2**12
+#: All cells at a corner are tried up to this number: eight contact nodes.
+MANY_CELLS = 4**8
+#: The same for systems that do not name their blocks, whose cells are gone through one by one.
+MANY_TESTS = 12
 #: Newton starts that may fail at a corner with more cells before the search ends.
 MOST_FAILURES = 2
 #: How far a curve tangent to an interface is followed to see where it bends to.
@@ -95,7 +97,7 @@ def fan(
         return Fan(tuple(_ray(system, metric, x, error, found) for found in simple), 1, False, True)
     cone = _Cone(system, metric, x, zero)
     around = Metric(np.append(metric.scale, 1.0))
-    exact = prod(len(block.modes) for block in cone.blocks()) <= MANY_CELLS
+    exact = cone.is_small
     solve = solve_slice if exact else _sample_slice
     slices = [solve(cone, around, side) for side in (1.0, -1.0)]
     rays: list[Ray] = []
@@ -108,7 +110,7 @@ def fan(
 
 
 def _directions(slices: list[Slice]) -> list[Direction]:
-    points = [(p.x[:-1], p.characters) for s in slices for p in s.points]
+    points = [(p.x[:-1], tuple(p.characters)) for s in slices for p in s.points]
     corners = [
         (c[:-1], (face.character,)) for s in slices for face in s.faces for c in face.corners
     ]
@@ -130,7 +132,7 @@ def _sample_slice(cone: SlicewiseLinearSystem, metric: Metric, side: float) -> S
             failures += 1
             continue
         x, error = root
-        found.append(Point(x, error, (cone.character(x[:-1], side),), (0,)))
+        found.append(Point(x, error, (cone.character(x[:-1], side),)))
     return Slice(tuple(found), ())
 
 
@@ -249,6 +251,13 @@ class _Cone(SlicewiseLinearSystem):
     def scale(self, lo: float, hi: float) -> Array:
         """Return the metric's scale."""
         return self._scale
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all cells that meet here can be tried."""
+        if not isinstance(self._system, SlicewiseLinearSystem):
+            return len(self._zero) <= MANY_TESTS
+        return prod(len(block.modes) for block in self.blocks()) <= MANY_CELLS
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the system's blocks, with only the modes of the cells that meet here."""
