@@ -122,6 +122,16 @@ def test_unloaded_body(start):
             assert_agrees(graph, alpha, body, alpha * f1, friction)
 
 
+def test_unloaded_body_with_many_nodes():
+    """21 tests vanish at the apex, in whose closure lie 4^7 cells: all of them are tried."""
+    body = random_body(7, 3, inner=0)
+    f1 = random_vector(body.n, 3)
+    graph = explore(affine(body, 0.0 * f1, f1, 8.0), (-1.0, 1.0))
+    assert graph.guarantee == "complete"
+    for alpha in (-1.0, 1.0):
+        assert_agrees(graph, alpha, body, alpha * f1, 8.0)
+
+
 def test_unloaded_body_step_by_step():
     for p, seed, friction in UNLOADED[::5]:
         body, f1 = unloaded(p, seed, friction)
