@@ -13,7 +13,7 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import Factor, bordered, last_unit
-from pwscont.numerics.newton import TURNED, newton
+from pwscont.numerics.newton import MOST_CHORDS, TURNED, newton
 from pwscont.numerics.root import Root, joined
 
 
@@ -67,10 +67,11 @@ def _tangent(curve: Curve, root: Root) -> tuple[Factor, Array]:
     if not root.stale:
         return root.factor, along
     jacobian = curve.selection.jacobian(root.x)
-    rest = joined(jacobian @ along, float(root.row.dot(along)) - 1.0)
-    correction = root.factor.solve(rest)
-    if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
-        return root.factor, along - correction
+    for _ in range(MOST_CHORDS):
+        correction = root.factor.solve(joined(jacobian @ along, float(root.row.dot(along)) - 1.0))
+        along = along - correction
+        if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
+            return root.factor, along
     factor = bordered(jacobian, root.row, curve.metric.binary)
     return factor, along if factor.failed else factor.solve(unit)
 

@@ -12,8 +12,9 @@ Failure modes and answers
 - Ill conditioning: corrections stall at the condition number times rounding. They are accepted
   there, and the error estimate says how few digits are left.
 - An iteration too many costs as much as the rest of a step: where quadratic contraction lets
-  hope that the next correction is rounding, it is computed with the old factorisation, which
-  is marked as stale: next to a branch point the tangent turns within that correction.
+  hope that one or two corrections more are enough, they are computed with the old factorisation
+  (each shrinks by what the last one changed). It is marked as stale: next to a branch point the
+  tangent turns within them.
 """
 
 from __future__ import annotations
@@ -28,18 +29,20 @@ from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve
-from pwscont.numerics.linalg import bordered
+from pwscont.numerics.linalg import Factor, bordered
 from pwscont.numerics.root import Root, joined
 from pwscont.numerics.uncertainty import is_rounding
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
+#: Corrections with the last factorisation, where these are expected to be enough.
+MOST_CHORDS = 2
 #: A correction that is not smaller than this part of the one before does not converge any more.
 STALLED = 0.1
-#: A factorisation is stale where it changes by more than this part within the last correction:
-#: corrected once, the tangent that it gives has the square of this as its error.
-TURNED = 1e-4
+#: A factorisation is stale where it changes by more than this part within the last correction.
+#: A direction that it is corrected with by no more than this part is right to rounding.
+TURNED = math.sqrt(CONVERGED)
 
 
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
@@ -57,16 +60,28 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if not math.isfinite(size):
             return Failure(Trouble.NOT_FINITE)
         ratio, stale = contraction(size, before), False
-        if size > CONVERGED >= size * ratio:  # hope: the next correction is rounding
+        if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
-            dx = factor.solve(joined(selection.residual(x), border(x)[0]))
-            x = x - dx
-            size = metric.relative(dx, x)
+            x, dx, size = _chords(curve, border, factor, x)
         root = Root(x, np.abs(dx), jacobian, row, factor, metric.scale, iteration, stale)
         if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
             return root
         before = size
     return Failure(Trouble.NOT_CONVERGED)
+
+
+def _chords(curve: Curve, border: Border, factor: Factor, x: Array) -> tuple[Array, Array, float]:
+    """Correct ``x`` with the last factorisation until the next correction is rounding.
+
+    Returns the point, the last correction and its relative size.
+    """
+    dx, size = x, math.inf
+    for _ in range(MOST_CHORDS):
+        if size > CONVERGED:
+            dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
+            x = x - dx
+            size = curve.metric.relative(dx, x)
+    return x, dx, size
 
 
 def contraction(size: float, before: float) -> float:
