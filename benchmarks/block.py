@@ -32,12 +32,11 @@ import json
 import resource
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from condensation import timed
 from figures import store
 from pwscont_coulomb.elastic import Cholmod
 from pwscont_coulomb.elastic.scenes import block_body
@@ -65,13 +64,6 @@ COLUMNS = {
     "MB": "{:8.1f}",
     "RSS": "{:8.0f}",
 }
-
-
-def timed(action: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what an action returns, and the seconds it took."""
-    begin = time.perf_counter()
-    found = action()
-    return found, time.perf_counter() - begin
 
 
 def times(nodes: int) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from closed_loops import Diamond, DiamondAndLine
 from paper_systems import CASES, ONE_NODE
 from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad, FromFrictionless
 from random_bodies import contact_body, load_with_several_solutions, random_body, random_vector
@@ -13,7 +14,6 @@ from pwscont import (
     BranchGraph,
     EndPoints,
     MultiStart,
-    PiecewiseLinearSystem,
     PiecewiseSystem,
     Slices,
     enumerate_solutions,
@@ -87,36 +87,6 @@ def test_nodes_without_friction(p, everywhere):
 
 
 # -- closed loops --------------------------------------------------------------------------------
-
-
-class Diamond(PiecewiseLinearSystem):
-    """|z| + |alpha| = 1, by one sign each."""
-
-    size = 1
-
-    def test_functions(self, z, alpha):
-        return np.array([z[0], alpha])
-
-    def residual(self, z, alpha, character):
-        s, t = (1.0 if sign else -1.0 for sign in character.signs)
-        return np.array([s * z[0] + t * alpha - 1.0])
-
-
-class DiamondAndLine(PiecewiseLinearSystem):
-    """min(z, w) = 0 with w = |z - 4| + |alpha - a| - 1: the line z = 0, and a diamond."""
-
-    size = 2
-
-    def __init__(self, centre):
-        self.centre = centre
-
-    def test_functions(self, z, alpha):
-        return np.array([z[0] - 4.0, alpha - self.centre, z[1] - z[0]])
-
-    def residual(self, z, alpha, character):
-        s, t = (1.0 if sign else -1.0 for sign in character.signs[:2])
-        w = s * (z[0] - 4.0) + t * (alpha - self.centre) - 1.0
-        return np.array([z[1] - w, z[0] if character.signs[2] else z[1]])
 
 
 def loops(graph):

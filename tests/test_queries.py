@@ -6,12 +6,13 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from closed_loops import Diamond
 from paper_systems import CASES, ONE_NODE
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
-from pwscont import AllTransitions, PiecewiseLinearSystem, PiecewiseSystem, explore, trace
+from pwscont import AllTransitions, PiecewiseSystem, explore, trace
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -264,19 +265,6 @@ def test_consecutive_pieces_of_a_path_share_a_node():
         assert [path[0].id, path[-1].id] == [a.piece, b.piece]
         assert len({piece.id for piece in path}) == len(path)
         assert all({p.start, p.end} & {q.start, q.end} for p, q in pairwise(path))
-
-
-class Diamond(PiecewiseLinearSystem):
-    """|z| + |alpha| = 1: four sides."""
-
-    size = 1
-
-    def test_functions(self, z, alpha):
-        return np.array([z[0], alpha])
-
-    def residual(self, z, alpha, character):
-        s, t = (1.0 if sign else -1.0 for sign in character.signs)
-        return np.array([s * z[0] + t * alpha - 1.0])
 
 
 def test_path_on_a_loop_takes_the_shorter_way():

@@ -23,11 +23,12 @@ import by_siconos
 from curve import row_of
 
 from pwscont.bench.cases import Case, load_case
-from pwscont.bench.command import make, measured, write
+from pwscont.bench.command import measured, write
 from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row
 from pwscont.bench.report import as_dict
 from pwscont.bench.table import as_text
+from pwscont.interface.running import make_directory
 
 PROBLEMS = ("fig7", "example1", "bratu")
 #: Peers that follow curves.
@@ -75,7 +76,7 @@ def _summary(cases: list[Case], rows: list[Row]) -> Iterator[str]:
 def run(names: list[str], output: Path | None, quick: bool) -> None:
     """Measure, print the table, write picture and data."""
     if output:
-        make(output)
+        make_directory(output)
     cases, rows = [load_case(name) for name in names], []
     left_out = {"Siconos": "solves at one load and follows no curve: figures below, no line"}
     for case in cases:

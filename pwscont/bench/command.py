@@ -15,6 +15,7 @@ from pwscont.bench.report import as_dict
 from pwscont.bench.table import as_text
 from pwscont.bench.truth import UnknownAnswerError
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.interface.running import make_directory
 
 #: Problems of the short form: straight pieces, curved ones, a smooth fold.
 QUICK = ("fig7", "fig13", "two-curves")
@@ -34,7 +35,7 @@ def run(
         If the answer of a problem that was asked for is not known.
     """
     if output:
-        make(output)
+        make_directory(output)
     cases, left_out = _load(names, quick, settings or {})
     rows = [row for case in cases for row in measured(case, quick)]
     print(as_text(cases, rows, left_out, machine()))  # noqa: T201
@@ -86,17 +87,3 @@ def write(
     file.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     draw([case.name for case in cases], rows).savefig(picture, dpi=110)
     return [file, picture]
-
-
-def make(directory: Path) -> None:
-    """Make a directory, before work is lost.
-
-    Raises
-    ------
-    InvalidInputError
-        If that is not possible.
-    """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInputError(f"cannot make {directory}: {error.strerror or error}") from error

@@ -15,9 +15,9 @@ from pwscont.continuation.assembly import assemble
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.network import Network
 from pwscont.continuation.walk import Follower, Walker
-from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.generic import generic
 from pwscont.foundation.guarantee import Searched
 from pwscont.graph import BranchGraph
 from pwscont.model.reduction import Reduction
@@ -170,14 +170,8 @@ def _probes(system: PiecewiseSystem, metric: Metric, interval: tuple[float, floa
     """Return sums of H and of the tests at generic points, which other problems do not share."""
     sums = []
     for shift, alpha in enumerate((interval[0], 0.5 * sum(interval), interval[1])):
-        z = metric.scale[:-1] * _generic(system.size, shift)
+        z = metric.scale[:-1] * generic(system.size, shift)
         tests = system.test_functions(z, alpha)
         residual = system.residual(z, alpha, Character.of(tests))
-        sums += [float(_generic(len(v), shift) @ v) for v in (tests, residual)]
+        sums += [float(generic(len(v), shift) @ v) for v in (tests, residual)]
     return sums
-
-
-def _generic(size: int, shift: int) -> Array:
-    """Return numbers related to no simple ones."""
-    numbers: Array = np.cos(1.0 + shift + np.sqrt(2.0) * np.arange(size))
-    return numbers

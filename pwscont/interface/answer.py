@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
+from pwscont.foundation.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from pwscont.interface.scene import Scene
@@ -89,3 +90,25 @@ class Runnable(ABC):
         report : callable
             Called with the number of pieces and the parameter value reached.
         """
+
+
+def values_within(
+    scene: Runnable,
+    interval: tuple[float, float],
+    own: Sequence[float],
+    wanted: Sequence[float] | None,
+) -> tuple[float, ...]:
+    """Return the values of alpha asked for, by default the scene's own; for ``Runnable.values``.
+
+    Raises
+    ------
+    InvalidInputError
+        If one lies outside the interval.
+    """
+    lo, hi = interval
+    for alpha in wanted or ():
+        if not lo <= alpha <= hi:
+            raise InvalidInputError(
+                f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {scene.name}"
+            )
+    return tuple(own if wanted is None else wanted)

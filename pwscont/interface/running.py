@@ -23,7 +23,7 @@ def run_scene(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene, dict(options.settings))
     at = scene.values(options.at)
     if options.output:
-        _make_directory(options.output)
+        make_directory(options.output)
     with _journalled(scene, options.output, options.resume) as kept:
         begin = time.perf_counter()
         answer = _solved(kept, at)
@@ -93,8 +93,14 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
         raise InvalidInputError(f"nothing to resume: there is no {path}")
 
 
-def _make_directory(directory: Path) -> None:
-    """Make the output directory before any work."""
+def make_directory(directory: Path) -> None:
+    """Make the output directory, before any work.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is not possible.
+    """
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -11,9 +11,8 @@ from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission, omissions
 from pwscont.continuation.plan import Report, silent
 from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import BranchGraph
-from pwscont.interface.answer import Answer, Runnable
+from pwscont.interface.answer import Answer, Runnable, values_within
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.stepping import Stepper
@@ -121,20 +120,8 @@ class Scene(Runnable):
         )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
-        """Return the values of alpha whose solutions are listed.
-
-        Raises
-        ------
-        InvalidInputError
-            If one lies outside the interval.
-        """
-        lo, hi = self.interval
-        for alpha in wanted or ():
-            if not lo <= alpha <= hi:
-                raise InvalidInputError(
-                    f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
-                )
-        return self.at if wanted is None else tuple(wanted)
+        """Return the values of alpha whose solutions are listed, all of the interval."""
+        return values_within(self, self.interval, self.at, wanted)
 
     def omissions(self) -> tuple[Omission, ...]:
         """Return what exploring the interval leaves out, and why."""

@@ -20,6 +20,7 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.generic import generic_angles
 from pwscont.foundation.rounding import EPS
 from pwscont.numerics.cores import Core
 from pwscont.numerics.factor import Factor, power_of_two
@@ -160,7 +161,7 @@ class BorderedFactor(Factor, Core):
 
 def _generic(size: int) -> Array:
     """Return two vectors related to no simple numbers, shape (2, size)."""
-    angles = 1.0 + np.sqrt(2.0) * np.arange(size)
+    angles = generic_angles(size)
     return np.stack([np.cos(angles), np.sin(angles)])
 
 

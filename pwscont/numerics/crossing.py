@@ -26,6 +26,7 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.generic import generic_angles
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.numerics.augmentation import augmented
@@ -150,7 +151,7 @@ def _found(curve: Curve, x: Array, null: _Null, step: _Step) -> Crossing | Failu
 
 def _generic(n: int) -> tuple[Array, Array]:
     """Return borders b, shape (n,), and C, shape (2, n + 1), related to no simple numbers."""
-    angles = 1.0 + np.sqrt(2.0) * np.arange(2 * n + 2)
+    angles = generic_angles(2 * n + 2)
     return np.cos(angles[:n]) / np.sqrt(n), np.sin(angles).reshape(2, n + 1) / np.sqrt(n)
 
 

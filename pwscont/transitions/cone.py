@@ -20,6 +20,7 @@ import numpy as np
 from pwscont.enumeration import Point, Slice, solve_slice
 from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
+from pwscont.foundation.generic import generic
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import CONFIDENCE, EPS
@@ -36,7 +37,7 @@ from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.numerics.uncertainty import magnitude_of_values
 from pwscont.transitions.rays import Ray, state_on
-from pwscont.transitions.simple_corner import Admits, Direction, generic, simple_corner
+from pwscont.transitions.simple_corner import Admits, Direction, simple_corner
 
 #: All cells at a corner are tried up to this number: eight contact nodes.
 MANY_CELLS = 4**8

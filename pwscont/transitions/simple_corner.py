@@ -23,6 +23,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
+from pwscont.foundation.generic import generic
 from pwscont.foundation.rounding import EPS
 from pwscont.model.selection import Selection
 from pwscont.model.system import Block, PiecewiseSystem, SlicewiseLinearSystem
@@ -104,12 +105,6 @@ def _slopes(
     slopes: Array = rows @ direction
     least = SLANT * (abs(rows) @ (np.abs(direction) + SLANT * metric.scale))
     return slopes if any(vanish) and (np.abs(slopes) > least).all() else None
-
-
-def generic(size: int) -> Array:
-    """Return numbers such that no ray of a problem with simple ones is normal to them."""
-    numbers: Array = np.cos(1.0 + np.sqrt(2.0) * np.arange(size))
-    return numbers
 
 
 @final

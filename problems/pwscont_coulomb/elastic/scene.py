@@ -13,9 +13,8 @@ import numpy as np
 from pwscont import Character, Journal, Scene
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
-from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import Solution
-from pwscont.interface.answer import Answer, Runnable
+from pwscont.interface.answer import Answer, Runnable, values_within
 from pwscont.interface.graph_answer import GraphAnswer
 from pwscont.interface.scene import Panel
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
@@ -70,20 +69,8 @@ class ElasticScene(Runnable):
         )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
-        """Return the values of alpha whose solutions are listed.
-
-        Raises
-        ------
-        InvalidInputError
-            If one lies outside the interval.
-        """
-        lo, hi = self.interval
-        for alpha in wanted or ():
-            if not lo <= alpha <= hi:
-                raise InvalidInputError(
-                    f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {self.name}"
-                )
-        return self.at if wanted is None else tuple(wanted)
+        """Return the values of alpha whose solutions are listed, all of the interval."""
+        return values_within(self, self.interval, self.at, wanted)
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Build and condense the body, explore the interval, list solutions."""
