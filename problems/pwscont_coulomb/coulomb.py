@@ -162,16 +162,17 @@ class Coulomb(SlicewiseLinearSystem):
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
         """Return lam_nu <= 0, u_nu <= gap and |lam_t| <= F |lam_nu| for all nodes."""
-        body, zero = self.body, np.zeros(self.body.p)
-        one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
-        nothing, F = sp.csr_matrix((body.p, body.n)), sp.diags(self.friction_at(alpha))
-        rows = [
-            [nothing, -one, none],
-            [-sp.csr_matrix(body.N), none, none],
-            [nothing, -F, one],
-            [nothing, -F, -one],
-        ]
-        return sp.bmat(rows).tocsr(), np.concatenate([zero, body.gap, zero, zero])
+        body, p, F = self.body, self.body.p, self.friction_at(alpha)
+        offset = np.concatenate([np.zeros(p), body.gap, np.zeros(2 * p)])
+        if body.is_sparse:
+            one, N = sp.identity(p), sp.csr_matrix(body.N)
+            rows = [[None, -one, None], [-N, None, None], [None, -sp.diags(F), one]]
+            return sp.bmat([*rows, [None, -sp.diags(F), -one]]).tocsr(), offset
+        one, none, slope = np.eye(p), np.zeros((p, p)), np.diag(-F)
+        limits = np.block([[-one, none], [none, none], [slope, one], [slope, -one]])
+        N = np.zeros((4 * p, body.n))
+        N[p : 2 * p] = -dense(body.N)
+        return np.hstack([N, limits]), offset
 
     def describe(self, character: Character) -> str:
         """Return mode and character triple of each node: ``node 1 slip- (1, 1, 0), ...``.
