@@ -7,12 +7,16 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoa
 
 from pwscont import (
     ExactLinear,
+    MultiStart,
     PiecewiseLinearSystem,
     PiecewiseSystem,
+    Slices,
+    enumerate_solutions,
     explore,
     trace,
 )
 from pwscont.foundation.errors import (
+    GraphFileError,
     InvalidInputError,
     InvalidSystemError,
     PwscontError,
@@ -387,7 +391,7 @@ def test_a_residual_that_is_never_finite_is_no_solution_and_no_traceback():
     arch = Arch()
     arch.spoilt_residual = lambda z: np.nan * z
     assert explore(arch, (0.0, 0.5)).guarantee == "nothing found"
-    with pytest.raises(StartNotFoundError, match="NOT_FINITE"):
+    with pytest.raises(StartNotFoundError, match="is not finite here"):
         trace(arch, ([0.5], 0.25), (0.0, 0.5))
 
 
@@ -416,3 +420,26 @@ def test_a_piece_that_goes_nowhere_ends(monkeypatch):
 def test_arguments_of_another_kind(call, message):
     with pytest.raises(InvalidInputError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: MultiStart(count=0), "count must be a positive whole number, got 0"),
+        (lambda s: MultiStart(count=2.5), "count must be a positive whole number, got 2.5"),
+        (lambda s: MultiStart(spread=-1.0), "spread must be positive, got -1.0"),
+        (lambda s: MultiStart(spread=np.nan), "spread must be finite"),
+        (lambda s: explore(s, (-2.0, 2.0), search=Slices((7.0,))), "7.0 lies outside the interval"),
+        (lambda s: enumerate_solutions(s, np.nan), "alpha must be finite, but alpha is nan"),
+        (lambda s: enumerate_solutions(s, "one"), "alpha must be an array of numbers"),
+    ],
+)
+def test_searches(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call(CoulombLoad(body(), LOAD, 4.0))
+
+
+def test_a_graph_that_cannot_be_written(tmp_path):
+    graph = explore(CoulombLoad(body(), LOAD, 4.0), (-2.0, 2.0))
+    with pytest.raises(GraphFileError, match=r"cannot write .*graph\.npz: No such file"):
+        graph.save(tmp_path / "missing" / "graph.npz")

@@ -11,7 +11,7 @@ from random_bodies import (
 )
 from reference_enumeration import enumerate_solutions
 
-from pwscont import trace
+from pwscont import PiecewiseSystem, trace
 from pwscont.foundation.errors import StartNotFoundError
 from pwscont.foundation.outcome import Failure
 from pwscont.numerics.metric import Metric
@@ -111,3 +111,33 @@ def test_from_the_body_at_rest_where_no_step_reduces_the_residual(seed, p, monke
     assert np.abs(residual).max() < 1e-12 * np.abs(force).max() * p
     monkeypatch.setattr("pwscont.numerics.semismooth.MOST_LEAPS", 0)
     assert isinstance(semismooth_newton(system, metric, rest, 0.0), Failure)
+
+
+class WithoutSolution(PiecewiseSystem):
+    """Equations without a solution, whose Jacobian fades away or is zero from the beginning."""
+
+    size = 1
+    residuals = (
+        lambda z, alpha: np.exp(-z) + 1.0 + alpha**2,
+        lambda z, alpha: 1.0 / (1.0 + z**2) + alpha**2,
+        lambda z, alpha: z**2 + 1.0 + alpha,
+        lambda z, alpha: 1.0 + 0.0 * z,
+    )
+
+    def __init__(self, which):
+        self.which = which
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return type(self).residuals[self.which](z, alpha)
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize("which", range(len(WithoutSolution.residuals)))
+@pytest.mark.parametrize("z", [1.0, -3.0, 20.0])
+def test_no_solution_is_no_start(which, z):
+    """The regularised step vanishes where the Jacobian does: that is no convergence."""
+    with pytest.raises(StartNotFoundError, match="residual is not zero"):
+        trace(WithoutSolution(which), ([z], 0.5), (0.0, 1.0))

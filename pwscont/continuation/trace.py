@@ -67,8 +67,8 @@ def trace(
     found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
-            f"no solution found near the start at alpha = {alpha} ({found.trouble.name}); start "
-            "closer to a solution, or let explore() search for starts"
+            f"no solution found near the start at alpha = {alpha}: {found}; start closer to a "
+            "solution, or let explore() search for starts"
         )
     return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
 

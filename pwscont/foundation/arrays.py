@@ -31,7 +31,8 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         raise InvalidInputError(f"{name} has shape {array.shape}, expected {shape}")
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise InvalidInputError(f"{name} must be finite, but {name}{list(where)} is {array[where]}")
+        entry = name + (str(list(where)) if where else "")
+        raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
 
 

@@ -22,7 +22,7 @@ class StartNotFoundError(PwscontError, RuntimeError):
 
 
 class GraphFileError(PwscontError, ValueError):
-    """A file is no saved branch graph, or is damaged."""
+    """A file is no saved branch graph, is damaged, or cannot be read or written."""
 
 
 class SystemNeededError(PwscontError, RuntimeError):

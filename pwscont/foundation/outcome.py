@@ -15,6 +15,7 @@ class Trouble(Enum):
         "Newton did not converge down to the smallest step; check the Jacobian with "
         "check_system, or allow a smaller StepSize.smallest"
     )
+    NO_DESCENT = "Newton stalls where the residual is not zero, or does not settle"
     SINGULAR = (
         "the bordered Jacobian is singular: two branches meet here, or the curve is tangent "
         "to the interface"

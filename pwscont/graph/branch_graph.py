@@ -424,7 +424,13 @@ class BranchGraph:
     # -- outside -----------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
-        """Write the graph to one portable file (a zip of arrays and JSON; no pickle)."""
+        """Write the graph to one portable file (a zip of arrays and JSON; no pickle).
+
+        Raises
+        ------
+        GraphFileError
+            If it cannot be written.
+        """
         storage.write(
             path,
             self._points,

@@ -34,7 +34,13 @@ def write(
     parameter: str,
     searched: Searched,
 ) -> None:
-    """Write a graph; the file appears whole or not at all."""
+    """Write a graph; the file appears whole or not at all.
+
+    Raises
+    ------
+    GraphFileError
+        If it cannot be written.
+    """
     header = {
         "format": FORMAT,
         "version": VERSION,
@@ -52,9 +58,12 @@ def write(
     }
     target = Path(path)
     temporary = target.with_name(target.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-    os.replace(temporary, target)
+    try:
+        with temporary.open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _stack(rows: list[Any]) -> Any:
@@ -102,11 +111,11 @@ def read(path: str | Path) -> Contents:
         _check(path, header)
         return _contents(header, arrays)
     except OSError as error:
-        raise GraphFileError(f"cannot read {path}: {error}") from error
+        raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
     except GraphFileError:
         raise
     except Exception as error:  # a damaged zip fails in a dozen ways
-        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
+        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged") from error
 
 
 def _check(path: str | Path, header: dict[str, Any]) -> None:

@@ -90,7 +90,9 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
             f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
         )
     elif resume and not path.exists():
-        raise InvalidInputError(f"nothing to resume: there is no {path}")
+        raise InvalidInputError(
+            f"nothing to resume: no {path}, which a finished run does not leave"
+        )
 
 
 def make_directory(directory: Path) -> None:

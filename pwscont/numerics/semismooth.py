@@ -18,6 +18,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
@@ -76,7 +77,8 @@ def semismooth_newton(
         step = _direction(lu, jacobian, residual, rows, metric)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            return x + step, np.abs(step)[np.newaxis]
+            solved = _is_solved(residual / rows, x / metric.scale)
+            return (x + step, np.abs(step)[np.newaxis]) if solved else Failure(Trouble.NO_DESCENT)
         damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
             root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
@@ -86,7 +88,16 @@ def semismooth_newton(
                 return found
             damped = x + step
         x = damped
-    return Failure(Trouble.NOT_CONVERGED)
+    return Failure(Trouble.NO_DESCENT)
+
+
+def _is_solved(scaled: Array, size: Array) -> bool:
+    """Tell whether a residual, divided by its coefficients, fits a correction that is rounding.
+
+    Where the Jacobian is singular the regularised step may vanish where the residual does not.
+    """
+    largest = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
+    return bool(np.abs(scaled).max() <= largest)
 
 
 def _as_good_as_it_gets(root: Root, known: Sequence[Array]) -> tuple[Array, Array] | Failure:
@@ -96,7 +107,7 @@ def _as_good_as_it_gets(root: Root, known: Sequence[Array]) -> tuple[Array, Arra
     """
     again = (replace(root, error=np.abs(root.x - other)) for other in known)
     if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):
-        return Failure(Trouble.NOT_CONVERGED)
+        return Failure(Trouble.NO_DESCENT)
     return root.x, uncertainty(root)
 
 

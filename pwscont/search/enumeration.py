@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.enumeration import Face, Point, Slice, det_sign, solve_slice
-from pwscont.foundation.arrays import Array
+from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution, significant
@@ -41,13 +41,14 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Sol
     Raises
     ------
     InvalidInputError
-        If the system is not affine in z at fixed alpha.
+        If the system is not affine in z at fixed alpha, or alpha is no finite number.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
             f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
             "none; use explore with MultiStart"
         )
+    alpha = float(finite_array("alpha", alpha, ()))
     metric = Metric(np.append(system.scale(alpha, alpha), max(1.0, abs(alpha))))
     return [_solution(system, metric, point) for point in solve_slice(system, metric, alpha).points]
 

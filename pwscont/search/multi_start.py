@@ -8,6 +8,8 @@ from typing import final
 
 import numpy as np
 
+from pwscont.foundation.arrays import finite_array
+from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import EPS
@@ -37,11 +39,23 @@ class MultiStart(Search):
     seed : int
     spread : float
         Starts are normally distributed with this many typical magnitudes as deviation.
+
+    Raises
+    ------
+    InvalidInputError
+        If count is no positive whole number, or spread not positive and finite.
     """
 
     count: int = 20
     seed: int = 0
     spread: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not isinstance(self.count, int) or self.count < 1:
+            raise InvalidInputError(f"count must be a positive whole number, got {self.count!r}")
+        if not 0.0 < finite_array("spread", self.spread, ()) < np.inf:
+            raise InvalidInputError(f"spread must be positive, got {self.spread}")
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
+from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.metric import Metric
@@ -44,7 +45,7 @@ class Slices(Search):
     Attributes
     ----------
     alphas : tuple of float
-        Values outside the interval are left out.
+        Values of the interval that is explored.
     """
 
     alphas: tuple[float, ...]
@@ -52,11 +53,19 @@ class Slices(Search):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield the solutions slice by slice."""
+        """Yield the solutions slice by slice.
+
+        Raises
+        ------
+        InvalidInputError
+            If one lies outside the interval.
+        """
         lo, hi = interval
+        outside = [alpha for alpha in self.alphas if not lo <= alpha <= hi]
+        if outside:
+            raise InvalidInputError(f"Slices: {outside[0]} lies outside the interval [{lo}, {hi}]")
         for alpha in self.alphas:
-            if lo <= alpha <= hi:
-                yield from starts_at(system, metric, alpha)
+            yield from starts_at(system, metric, alpha)
 
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise nothing beyond the slices."""
