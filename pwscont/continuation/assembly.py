@@ -160,7 +160,7 @@ def _special_point(
 ) -> SpecialPoint:
     place = lift.place(_covering(node, ends))
     digits = significant(place.error, place.x, lift.scale)
-    return SpecialPoint(number, node.kind, place, *messages, digits=digits)
+    return SpecialPoint(number, node.kind, place, *messages, digits=digits, lost=node.lost)
 
 
 def _covering(node: Node, ends: list[Place]) -> Place:

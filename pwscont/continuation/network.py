@@ -41,6 +41,7 @@ class Node:
     message: str
     rays: list[Ray | None] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
+    lost: int = 0
 
     def add(self, rays: Iterable[Ray], place: Place) -> None:
         """Let more rays leave."""
@@ -52,6 +53,7 @@ class Node:
         """Note that a ray could not be followed; a degenerate point stays what it is."""
         if self.kind != Kind.DEGENERATE:
             self.kind = Kind.STOPPED
+        self.lost += 1
         self.message = f"{self.message}; {message}"
 
 

@@ -54,6 +54,8 @@ class SpecialPoint:
         For a start in the middle of a piece, the id of that piece.
     digits : float
         Number of significant decimal digits, by the estimate of the error.
+    lost : int
+        Number of pieces that leave here and could not be followed.
     """
 
     id: int
@@ -63,6 +65,7 @@ class SpecialPoint:
     backward: str
     piece: int | None = None
     digits: float = 16.0
+    lost: int = 0
 
     @property
     def z(self) -> Array:

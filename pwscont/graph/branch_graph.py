@@ -408,9 +408,9 @@ class BranchGraph:
 
         "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
         branch missing in (lo, hi)". No graph is called complete with a special point that is
-        stopped, searched in part, or known to less than two digits. Balance is necessary for
-        completeness, not sufficient, and says nothing of stretches shorter than the uncertainty
-        of their ends, see :meth:`sums`.
+        stopped, searched in part, left by a piece that could not be followed, or known to less
+        than two digits. Balance is necessary for completeness, not sufficient, and says nothing
+        of stretches shorter than the uncertainty of their ends, see :meth:`sums`.
         """
         if gaps := self._unbalanced():
             where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
@@ -481,5 +481,5 @@ class BranchGraph:
 
 def _leaves_doubt(point: SpecialPoint) -> bool:
     """Tell whether a search cannot keep its promise, because of what was found at this point."""
-    partial = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER)
-    return partial or point.digits < TOO_FEW_DIGITS
+    doubtful = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) or point.lost
+    return bool(doubtful) or point.digits < TOO_FEW_DIGITS

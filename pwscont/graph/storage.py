@@ -80,6 +80,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "piece": point.piece,
         "error": point.error.tolist(),
         "digits": point.digits,
+        "lost": point.lost,
     }
 
 
@@ -152,6 +153,7 @@ def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
         backward=header["backward"],
         piece=header["piece"],
         digits=header["digits"],
+        lost=header["lost"],
     )
 
 

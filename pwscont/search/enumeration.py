@@ -71,7 +71,11 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
     zero = vanishing(system, point.x, point.error, metric.scale)
     found = fan(system, metric, point.x, point.error, zero)
-    right = [ray.state.orientation for ray in found.rays if ray.curve.slope(ray.state) > 0.0]
+    right = [
+        ray.index if ray.shared else ray.state.orientation
+        for ray in found.rays
+        if ray.curve.slope(ray.state) > 0.0
+    ]
     return sum(right), found.kind
 
 

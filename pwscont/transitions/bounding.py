@@ -22,7 +22,8 @@ from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
 from pwscont.transitions.simple_corner import SLANT
 
-#: Tests smaller than this part of the largest are looked at more closely.
+#: Tests smaller than this part of the largest, or of the largest slope times the length of the
+#: interval, are looked at more closely.
 NEAR = 1e-9
 
 
@@ -41,10 +42,12 @@ class BoundingTests(TransitionDetector):
             return Reading(np.zeros(0), np.zeros(0))
         gradients = selection.test_gradients(state.x)
         values, slopes = selection.tests(state.x), gradients @ state.tangent
-        near = np.abs(values) <= NEAR * np.abs(values).max(initial=0.0)
+        sizes = np.abs(values)
+        near = sizes <= NEAR * max(sizes.max(), np.abs(slopes).max())
         if np.count_nonzero(near):
             riding = np.flatnonzero(near)
-            riding = riding[_rides(gradients[riding], values[riding], slopes[riding], state)]
+            scale = curve.metric.scale
+            riding = riding[_rides(gradients[riding], values[riding], slopes[riding], state, scale)]
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -87,14 +90,15 @@ def _is_apart(met: Arrival, zero: frozenset[int]) -> bool:
     return met.kind == Kind.STOPPED and len(zero) > 1
 
 
-def _rides(gradients: Matrix, values: Array, slopes: Array, state: State) -> Array:
+def _rides(gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array) -> Array:
     """Tell which tests are zero along the piece, to the rounding of their own terms.
 
     A slope that would not lift a test out of its rounding within the length of the interval,
-    which is one, is zero: where nothing moves a tangent is rounding as well.
+    which is one, is zero. Where nothing moves a tangent is rounding as well, of its largest parts.
     """
     zero = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
-    flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
+    own = GUARD * EPS * (abs(gradients) @ np.abs(state.tangent))
+    flat = np.maximum(np.maximum(zero, own), CONFIDENCE * EPS * (abs(gradients) @ scale))
     rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
 
