@@ -124,17 +124,34 @@ class Network:
         if ray is None:
             return
         self.nodes[node].rays[index] = None
-        walk = self._walker.walk(ray).sharing(ray)
+        walk = self._within(self._walker.walk(ray).sharing(ray))
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
         start, end = self.nodes[node].marks[index].place, _place(walk.arrival)
         track = Track(start, walk.points[1:-1].copy(), end)
-        self.edges.append(Edge(node, self._reach(walk, end), Trail.of(ray), track))
+        self.edges.append(Edge(node, self._reach(walk, end, node), Trail.of(ray), track))
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
-    def _reach(self, walk: Walk, place: Place) -> int:
-        """Return the node at which a walk arrived, and take its ray there."""
+    def _within(self, walk: Walk) -> Walk:
+        """Return a walk without the rays that leave the interval where it arrived.
+
+        A transition at an end but for rounding may be met before that end is.
+        """
+        back, *others = walk.arrival.rays
+        inside = [ray for ray in others if _points_inside(ray, *self._walker.interval)]
+        if len(inside) == len(others):
+            return walk
+        arrival = replace(walk.arrival, rays=(back, *inside))
+        if not inside:
+            arrival = replace(arrival, kind=Kind.END, message="end of the interval")
+        return replace(walk, arrival=arrival)
+
+    def _reach(self, walk: Walk, place: Place, begin: int) -> int:
+        """Return the node at which a walk from another one arrived, and take its ray there.
+
+        One that stops so close to where it began that it seems to be there has not gone round.
+        """
         matches = [self._match(ray) for ray in walk.arrival.rays]
         near = next(filter(None, matches), None)
         if near is None:
@@ -143,6 +160,8 @@ class Network:
         else:
             node = near[0]
             self._absorb(node, walk.arrival, place)
+            if node == begin and walk.arrival.kind == Kind.STOPPED:
+                self.nodes[node].stop(walk.arrival.message)
         back = self._match(walk.arrival.rays[0])
         if back is not None:
             self.nodes[back[0]].rays[back[1]] = None

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
+from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.system import Block, SlicewiseLinearSystem
 
 
@@ -88,8 +90,8 @@ class Problem:
         return Character(tuple(signs))
 
 
-def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem:
-    """Return the slice of a system at ``alpha`` as a reduced problem.
+def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
+    """Return the slice of a system at ``alpha`` as a reduced problem, None if nothing solves it.
 
     Parameters
     ----------
@@ -101,20 +103,23 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     blocks = system.blocks()
     slices = [_affine(system, blocks, k, alpha) for k in range(_most_modes(blocks))]
     common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
-    origin, basis = _eliminate(slices[0][0][common], slices[0][1][common], scale)
+    eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
+    if eliminated is None:
+        return None
+    origin, basis = eliminated
     zero = np.zeros(system.size)
     K, kappa = _dense(system.test_jacobian(zero, alpha))[:, :-1], system.test_functions(zero, alpha)
-    K, kappa = K @ basis, kappa + K @ origin
+    G, g = _reduced(K, kappa, origin, basis)
     options = [
         [
-            _option(system, block, mode, slices[k], (K, kappa), (origin, basis))
+            _option(system, block, mode, slices[k], (G, g), (origin, basis))
             for k, mode in enumerate(block.modes)
         ]
         for block in blocks
     ]
     options.sort(key=len)
     A, b = system.necessary(alpha)
-    A, b = _unit_rows(_dense(A) @ basis, b + _dense(A) @ origin)
+    A, b = _reduced(_dense(A), b, origin, basis)
     return Problem(options, A, b, origin, basis, len(kappa))
 
 
@@ -136,18 +141,28 @@ def _affine(
     return jacobian, system.residual(zero, alpha, character)
 
 
-def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array]:
-    """Return a solution of C z + c = 0 and a basis of the null space of C.
+def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array] | None:
+    """Return a solution of C z + c = 0 and a basis of the null space of C; None without solution.
 
     By an orthogonal factorisation in scaled unknowns: the basis is as well conditioned as can
-    be.
+    be. Rows may depend on each other: a test that vanishes in all modes, as one more equation.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale)
-    Q, R = np.linalg.qr((C * scale).T, mode="complete")
-    rank = len(C)
-    particular = Q[:, :rank] @ np.linalg.solve(R[:rank].T, -c)
-    return scale * particular, scale[:, np.newaxis] * Q[:, rank:]
+    lengths = np.linalg.norm(C * scale, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    rows, rest = C * scale / lengths[:, np.newaxis], c / lengths
+    tolerance, order = GUARD * EPS * len(scale), np.arange(len(C))
+    Q, R = np.linalg.qr(rows.T, mode="complete")
+    if np.abs(np.diagonal(R)).min() <= tolerance:
+        Q, R, order = scipy.linalg.qr(rows.T, pivoting=True)
+    rank = int((np.abs(np.diagonal(R)) > tolerance).sum())
+    inner = np.linalg.solve(R[:rank, :rank].T, -rest[order[:rank]])
+    beyond = R[:rank, rank:].T @ inner + rest[order[rank:]]
+    size = np.abs(R[:rank, rank:]).T @ np.abs(inner) + np.abs(rest[order[rank:]])
+    if (np.abs(beyond) > tolerance * (size + np.abs(inner).max(initial=0.0))).any():
+        return None
+    return scale * (Q[:, :rank] @ inner), scale[:, np.newaxis] * Q[:, rank:]
 
 
 def _option(
@@ -158,12 +173,11 @@ def _option(
     tests: tuple[Array, Array],
     reduced: tuple[Array, Array],
 ) -> Option:
-    rows, (origin, basis), (K, kappa) = list(block.rows), reduced, tests
-    jacobian, residual = affine[0][rows], affine[1][rows]
-    E, e = _unit_rows(jacobian @ basis, residual + jacobian @ origin)
-    bounding = np.array(_bounding(system, block, mode, len(kappa)), dtype=np.intp)
+    rows, (G, g) = list(block.rows), tests
+    E, e = _reduced(affine[0][rows], affine[1][rows], *reduced)
+    bounding = np.array(_bounding(system, block, mode, len(g)), dtype=np.intp)
     side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounding])
-    G, g = _unit_rows(side[:, np.newaxis] * K[bounding], side * kappa[bounding])
+    G, g = side[:, np.newaxis] * G[bounding], side * g[bounding]
     return Option(block.tests, mode, bounding, side, E, e, G, g)
 
 
@@ -177,11 +191,20 @@ def _bounding(
     return [i for i in system.bounding_tests(Character(tuple(signs))) if i in block.tests]
 
 
-def _unit_rows(matrix: Array, vector: Array) -> tuple[Array, Array]:
-    """Return both divided by the lengths of the matrix's rows."""
-    lengths = np.linalg.norm(matrix, axis=1)
+def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:
+    """Return matrix @ basis with rows of length one, and matrix @ origin + vector divided alike.
+
+    A row that is nothing but the rounding of its own terms is zero: what it says does not depend
+    on the reduced unknowns.
+    """
+    rows, rest = matrix @ basis, vector + matrix @ origin
+    terms = np.linalg.norm(np.abs(matrix) @ np.abs(basis), axis=1)
+    lengths = np.linalg.norm(rows, axis=1)
+    nothing = lengths <= GUARD * EPS * terms
+    rows[nothing] = 0.0
+    lengths[nothing] = (terms + np.abs(matrix) @ np.abs(origin) + np.abs(vector))[nothing]
     lengths[lengths == 0.0] = 1.0
-    return matrix / lengths[:, np.newaxis], vector / lengths
+    return rows / lengths[:, np.newaxis], rest / lengths
 
 
 def _dense(matrix: Matrix) -> Array:

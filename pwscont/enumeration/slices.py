@@ -99,6 +99,8 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     alpha : float
     """
     problem = reduce(system, metric.scale[:-1], alpha)
+    if problem is None:
+        return Slice((), ())
     points = _Points(system, metric, problem, alpha)
     faces: list[Face] = []
     for choices in leaves(problem):
@@ -182,11 +184,13 @@ class _Points:
     def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
         """Tell for each option of each block whether a solution satisfies its inequalities.
 
-        To within the rounding of the tests' own terms.
+        To within the rounding of the tests' own terms, and of typical ones: an unknown may be
+        zero because constants in H cancel, of which its error knows nothing.
         """
         tests = self._system.test_functions(x[:-1], self._alpha)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
-        slack = CONFIDENCE * magnitude_of_values(gradients, x, error)
+        rounding = magnitude_of_values(gradients, x, error)
+        slack = CONFIDENCE * rounding + EPS * (abs(gradients) @ self._metric.scale)
         return [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in self._problem.blocks

@@ -9,7 +9,7 @@ from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution, significant
-from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
@@ -115,7 +115,8 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
     state = corrected.state
     state.x[-1] = alpha
     gradients = curve.selection.test_gradients(state.x)
-    slack = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
+    rounding = magnitude_of_values(gradients, state.x, state.error)
+    slack = CONFIDENCE * rounding + EPS * (abs(gradients) @ curve.metric.scale)
     inside = (curve.selection.tests(state.x) >= -slack).all()
     return (state.x, state.error) if inside else None
 

@@ -94,11 +94,11 @@ def _rides(gradients: Matrix, values: Array, slopes: Array, state: State, scale:
     """Tell which tests are zero along the piece, to the rounding of their own terms.
 
     A slope that would not lift a test out of its rounding within the length of the interval,
-    which is one, is zero. Where nothing moves a tangent is rounding as well, of its largest parts.
+    which is one, is zero. Where nothing moves values and slopes are rounding of typical ones.
     """
-    zero = CONFIDENCE * magnitude_of_values(gradients, state.x, state.error)
-    own = GUARD * EPS * (abs(gradients) @ np.abs(state.tangent))
-    flat = np.maximum(np.maximum(zero, own), CONFIDENCE * EPS * (abs(gradients) @ scale))
+    rounding = magnitude_of_values(gradients, state.x, state.error)
+    zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
+    flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
     rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
 

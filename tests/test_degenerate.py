@@ -1,0 +1,122 @@
+"""Cases where unknowns cancel, equations depend on each other, or pieces meet the ends of alpha."""
+
+import numpy as np
+import pytest
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+
+from pwscont import PiecewiseLinearSystem, PiecewiseSystem, enumerate_solutions, explore, trace
+
+COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]])
+UNCOUPLED = np.diag([2.0, 2.0])
+
+
+def one_node(A, f0, f1, friction):
+    body = ContactBody(A, [[1.0, 0.0]], [[0.0, 1.0]])
+    return CoulombLoad(body, AffineLoad(f0, f1), friction)
+
+
+class CancellingConstants(PiecewiseLinearSystem):
+    """1 + |z_1| / 2 - |z_1 + 1| = 0 has z_1 = 0 and z_1 = -4, whatever alpha.
+
+    z_1 = 0 is the difference of two ones, and lies on an interface.
+    """
+
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return np.array([z[1], -z[1] - 1.0])
+
+    def residual(self, z, alpha, character):
+        first, second = np.where(character.signs, 1.0, -1.0) * self.test_functions(z, alpha)
+        rest = -2.0 * z[0] - 2.0 * z[1] + 2.0 + alpha - 0.5 * first
+        return np.array([rest, 1.0 + 0.5 * first - second])
+
+
+def test_a_solution_on_an_interface_because_constants_cancel():
+    system = CancellingConstants()
+    for alpha in np.linspace(-2.0, 3.0, 201):
+        found = sorted(solution.z[1] for solution in enumerate_solutions(system, alpha))
+        np.testing.assert_allclose(found, [-4.0, 0.0], rtol=0, atol=1e-14)
+    for shift in np.random.default_rng(0).random((30, 2)):
+        graph = explore(system, (-2.0 + shift[0], 2.0 + shift[1]))
+        assert graph.count(0.7) == 2
+        assert graph.guarantee == "complete"
+
+
+@pytest.mark.parametrize("friction", [2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0])
+@pytest.mark.parametrize(("size", "ends"), [(0.7, (-3.5, 2.0)), (0.25, (-1.0, 1.0))])
+def test_a_load_along_a_sector_boundary_from_rest(friction, size, ends):
+    """(u_nu, u_t) = (0, -size alpha) just touches, sticking is the other solution for alpha > 0."""
+    system = one_node(COUPLED, [0.0, 0.0], [size, -2.0 * size], friction)
+    graph = explore(system, ends)
+    (apex,) = graph.special_points("degenerate")
+    assert abs(apex.alpha) < 1e-14
+    assert len(graph.pieces) == 3
+    assert graph.count(1.0) == len(enumerate_solutions(system, 1.0)) == 2
+    assert graph.count(-1.0) == 1
+    np.testing.assert_allclose(
+        sorted(solution.z[1] for solution in graph.solutions(1.0)), [-size, 0.0], atol=1e-15
+    )
+
+
+@pytest.mark.parametrize(("f1", "friction"), [((-1.0, 1.0), 1.0), ((0.0, 1.0), 0.5)])
+def test_tests_that_equilibrium_keeps_constant(f1, friction):
+    """Without coupling kappa1 is the load whatever the mode: no solution counts twice."""
+    graph = explore(one_node(UNCOUPLED, [0.0, 0.0], f1, friction), (-3.5, 2.0))
+    assert graph.count(-1.0) == graph.count(1.0) == 1
+    assert graph.guarantee == "complete"
+
+
+def test_an_interface_that_no_piece_meets():
+    """The normal load is constant, and with it kappa1: it vanishes nowhere."""
+    graph = explore(one_node(UNCOUPLED, [1.0, 0.0], [0.0, 1.0], 0.5), (-1.0, 1.0))
+    # lam_nu = 0 and u_nu = 1 / 2 without contact would penetrate: in contact lam_nu = -1
+    assert graph.count(0.25) == 1
+    assert graph.guarantee == "complete"
+    assert sorted(point.alpha for point in graph.special_points("transition")) == [-0.5, 0.5]
+
+
+class TransitionAtTheEnd(PiecewiseLinearSystem):
+    """A transition at alpha = 3 exactly, where rounding meets it before the end."""
+
+    size = 3
+
+    def test_functions(self, z, alpha):
+        return np.array([z[0] - z[2] + 1.0, 1.0 - z[0] - z[2]])
+
+    def residual(self, z, alpha, character):
+        sizes = np.where(character.signs, 1.0, -1.0) * self.test_functions(z, alpha)
+        matrix = np.array([[-2.0, -1.0, -1.0], [2.0, 0.0, 2.0], [-2.0, 1.0, -1.0]])
+        rest = matrix @ z - 2.0 + alpha * np.array([1.0, 1.0, -1.0])
+        rest[0] += sizes[1]
+        return rest
+
+
+def test_a_transition_at_the_end_of_the_interval():
+    graph = explore(TransitionAtTheEnd(), (-2.0, 3.0))
+    assert graph.count(3.0) == len(enumerate_solutions(TransitionAtTheEnd(), 3.0)) == 1
+    assert all(hi - lo > 0.1 for lo, hi in (piece.interval for piece in graph.pieces))
+
+
+class ThinFold(PiecewiseSystem):
+    """z = sin 3 alpha +- eps sqrt(1 - alpha), for eps = 1e-4: both curves fold at alpha = 1."""
+
+    size = 1
+    thinness = 1e-4
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return ((z - np.sin(3.0 * alpha)) / self.thinness) ** 2 - (1.0 - alpha)
+
+    def jacobian(self, z, alpha, character):
+        slope = 2.0 * (z[0] - np.sin(3.0 * alpha)) / self.thinness**2
+        return np.array([[slope, 1.0 - 3.0 * slope * np.cos(3.0 * alpha)]])
+
+
+def test_a_thin_fold_is_passed_or_said_to_stop():
+    lo = -0.4
+    start = np.sin(3.0 * lo) + 1e-4 * np.sqrt(1.0 - lo)
+    graph = trace(ThinFold(), ([start], lo), (lo, 2.0))
+    assert graph.count(0.5) == 2 or graph.special_points("stopped")
