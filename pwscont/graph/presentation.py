@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
+from math import isinf
 from typing import TYPE_CHECKING, Any
+
+from pwscont.foundation.records import Stretch
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph
@@ -44,7 +48,11 @@ def as_html(graph: BranchGraph) -> str:
 
 
 def as_dict(graph: BranchGraph) -> dict[str, Any]:
-    """Return nodes, pieces, multiplicity and balance as lists and numbers."""
+    """Return nodes, pieces, multiplicity and balance as lists and numbers.
+
+    ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
+    numbers at single values of alpha where they differ, None for infinitely many.
+    """
     sums = graph.sums()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     return {
@@ -69,6 +77,8 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
             for piece in graph.pieces
         ],
         "multiplicity": [list(row) for row in graph.multiplicity()],
+        "stretches": [_stretch(row) for row in graph.multiplicity()],
+        "between": list(_between(graph)),
         "balance": {
             "value": sums[0] if len(sums) == 1 else None,
             "constant": len(sums) <= 1,
@@ -76,3 +86,22 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
         "searched": graph.searched.what,
         "guarantee": graph.guarantee,
     }
+
+
+def _stretch(row: Stretch) -> dict[str, Any]:
+    lo, hi, count = row
+    ends = {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
+    return {"lo": lo, "hi": hi, "count": count} | ends
+
+
+def _between(graph: BranchGraph) -> Iterator[list[float | int | None]]:
+    rows = graph.multiplicity()
+    for alpha in graph.breaks():
+        count = graph.count(alpha)
+        if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:
+            yield [alpha, _finite(count)]
+
+
+def _finite(count: int | float) -> int | None:
+    """Return a count, None for infinitely many, which JSON cannot say."""
+    return None if isinf(count) else int(count)

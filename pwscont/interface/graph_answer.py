@@ -50,6 +50,7 @@ def _solution(solution: Solution) -> dict[str, Any]:
         "z": solution.z.tolist(),
         "label": solution.label,
         "det_sign": solution.det_sign,
+        "kind": solution.kind and str(solution.kind),
         "error": solution.error.tolist(),
         "digits": solution.digits,
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import final
 
@@ -21,6 +21,7 @@ from pwscont.continuation.loci import (
 from pwscont.continuation.plan import Report, silent
 from pwscont.enumeration import det_sign, solve_slice
 from pwscont.foundation.arrays import Array
+from pwscont.graph.presentation import number
 from pwscont.interface.regions import Region, area_and_centre, regions
 from pwscont.model.system import SlicewiseLinearSystem
 from pwscont.numerics.metric import Metric
@@ -86,6 +87,8 @@ class Plane:
         Points (alpha, mu) whose solutions are not those of the region around them: a locus that
         was not found passes there. That there are none is necessary for completeness, not
         sufficient: three points of each region are tried.
+    levels : tuple of float
+        Values of mu at which loci were looked for.
     """
 
     alphas: tuple[float, float]
@@ -94,6 +97,22 @@ class Plane:
     parts: tuple[tuple[LocusPart, ...], ...]
     sectors: tuple[Sector, ...]
     mixed: tuple[Array, ...] = ()
+    levels: tuple[float, ...] = ()
+
+    @property
+    def searched(self) -> str:
+        """Where loci were looked for."""
+        levels = ", ".join(map(number, sorted(self.levels)))
+        return f"loci of all transitions at {levels}; solutions at three points of each region"
+
+    @property
+    def guarantee(self) -> str:
+        """What is known about the completeness of the loci, in words; nothing proves it."""
+        if self.mixed:
+            return f"a locus is missing near {len(self.mixed)} of the points tried"
+        if len(set(self.balances())) > 1:
+            return "not balanced: a locus is missing"
+        return "balanced; loci that meet none of the values searched may be missing"
 
     @classmethod
     def between(
@@ -114,14 +133,16 @@ class Plane:
         Parameters and errors as for :func:`pwscont.continuation.loci.follow_transitions`.
         """
         known: list[Locus] = []
+        searched = set(levels)
         while True:
             loci = follow_transitions(
                 family, alphas, mus, levels, known=known, parameter=parameter, report=report
             )
-            plane = cls._cut(family, alphas, mus, loci)
+            plane = replace(cls._cut(family, alphas, mus, loci), levels=tuple(searched))
             if not plane.mixed or len(loci) == len(known):
                 return plane
             known, levels = loci, sorted({float(point[1]) for point in plane.mixed})
+            searched.update(levels)
 
     @classmethod
     def _cut(

@@ -52,6 +52,8 @@ class PlaneAnswer(Answer):
             "solutions": [s for sector in plane.sectors for s in _solutions(sector)],
             "loci": [[_part(part) for part in some] for some in plane.parts],
             "sectors": [self._sector(sector) for sector in plane.sectors],
+            "searched": plane.searched,
+            "guarantee": plane.guarantee,
             "mixed": [point.tolist() for point in plane.mixed],
             **self._lowest_folds(),
         }

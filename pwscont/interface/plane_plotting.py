@@ -66,6 +66,7 @@ def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
     _write_names(ax, scene, plane, window)
     _mark_lowest_fold(ax, scene, plane)
     _set_axes(ax, scene, window)
+    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small")
     figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
     figure.legend(
         handles=_legend(plane), loc="outside lower center", ncols=5, fontsize="small", frameon=False
@@ -75,6 +76,8 @@ def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
 
 def _view(plane: Plane) -> tuple[float, float]:
     """Return the range of alpha in which there are loci, with a margin."""
+    if not plane.loci:
+        return plane.alphas
     points = np.vstack([s.plane for some in plane.parts for s in some])
     lo, hi = points[:, 0].min(), points[:, 0].max()
     margin = MARGIN * (hi - lo)
@@ -87,9 +90,11 @@ def _shade(sector: Sector) -> str:
 
 def _mark_meetings(ax: Axes, plane: Plane) -> None:
     """Draw a dot where the loci of several transitions meet, a ring at a kink of one."""
+    (a, b), (c, d) = plane.alphas, plane.mus
     for locus in plane.loci:
         for point in locus.graph.special_points():
-            if not plane.mus[0] < point.alpha < plane.mus[1] or point.kind in UNMARKED:
+            within = c < point.alpha < d and a < point.z[-1] < b
+            if not within or point.kind in UNMARKED:
                 continue
             kink = point.kind == Kind.TRANSITION
             ax.plot(

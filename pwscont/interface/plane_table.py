@@ -32,6 +32,8 @@ def report(scene: PlaneScene, plane: Plane) -> str:
         "",
         *_sectors(scene, plane),
         *_mixed(scene, plane),
+        f"Searched: {plane.searched}",
+        f"Guarantee: {plane.guarantee}",
         *_most(scene, plane),
     ]
     return "\n".join(lines)
@@ -92,7 +94,11 @@ def _most(scene: PlaneScene, plane: Plane) -> Iterator[str]:
         yield f"  ({number(lo)}, {number(hi)}): {count}"
     tips = plane.lowest_folds
     if not tips:
-        yield f"No folds: there is no {scene.lowest_fold} in this window"
+        yield f"No folds were found: a {scene.lowest_fold} in this window is not known"
+        return
+    if tips[0][-1] <= plane.mus[0]:
+        end = number(plane.mus[0])
+        yield f"Folds reach the lower end {end} of the window: the {scene.lowest_fold} is below"
         return
     where = " and ".join(_point(scene, *tip[-2:]) for tip in tips)
     yield f"The {scene.lowest_fold} is {number(tips[0][-1])}: folds begin at {where}"

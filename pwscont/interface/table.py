@@ -11,11 +11,14 @@ from math import isinf
 
 import numpy as np
 
+from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import FEW_DIGITS, SpecialPoint
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.presentation import number
 from pwscont.interface.scene import Scene
 
+#: Solutions of these kinds, or of none, are like those around them.
+UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
 HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
 
@@ -107,9 +110,11 @@ def _balance(graph: BranchGraph) -> str:
 
 def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:
     found = graph.solutions(alpha)
-    yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {number(alpha)}"
+    given = number(alpha) if float(number(alpha)) == alpha else repr(float(alpha))
+    yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {given}"
     for i, solution in enumerate(found, start=1):
-        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}{_error(solution)}"
+        kind = f", {solution.kind}" if solution.kind not in UNREMARKABLE else ""
+        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}{kind}{_error(solution)}"
         yield f"     {_state(scene, solution)}"
 
 

@@ -61,4 +61,4 @@ class Limits:
         return rows
 
     def __str__(self) -> str:
-        return f"alpha leaves [{self.lo:g}, {self.hi:g}]"
+        return f"the first parameter leaves [{self.lo:g}, {self.hi:g}]"

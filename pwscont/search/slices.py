@@ -40,7 +40,10 @@ class EndPoints(Search):
 @final
 @dataclass(frozen=True, slots=True)
 class Slices(Search):
-    """All solutions at some values of alpha in between, which find loops that cross them.
+    """Solutions at some values of alpha in between, which find loops that cross them.
+
+    All of them where the system is affine in z at fixed alpha; otherwise Newton is tried once in
+    every cell, which may miss some.
 
     Attributes
     ----------
@@ -69,5 +72,7 @@ class Slices(Search):
 
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise nothing beyond the slices."""
+        linear = isinstance(system, SlicewiseLinearSystem)
+        what = "all solutions" if linear else "one Newton iteration per cell"
         listed = ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
-        return Searched(f"solutions at alpha = {listed}", Promise.NOTHING)
+        return Searched(f"{what} at alpha = {listed}", Promise.NOTHING)
