@@ -108,7 +108,9 @@ def test_the_locus_of_lift_off_goes_straight_through_the_apex():
 def test_a_locus_ends_where_alpha_leaves_its_range():
     locus = TransitionLocus(plane_family(2.0, 1.0, 0.7), 2, -0.5, (-1.0, 1.0))
     graph = trace(locus, ([0.0, 0.0, -1 / 1.4, 0.5, 1 / 1.4], -0.5), (-1.0, 1.0))
-    (end,) = [p for p in graph.special_points("end") if p.message == "the first parameter leaves [-1, 1]"]
+    (end,) = [
+        p for p in graph.special_points("end") if p.message == "the first parameter leaves [-1, 1]"
+    ]
     assert end.z[-1] == pytest.approx(1.0, abs=1e-12)
     assert end.alpha == pytest.approx(-0.7, abs=1e-12)
 
