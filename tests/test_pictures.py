@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 
-from pwscont import draw_counts
-from pwscont.interface.plotting import draw_scene
+from pwscont import PiecewiseSystem, draw_counts, trace
+from pwscont.interface.plotting import draw_scene, line_of
 from pwscont.interface.registry import load_scene
 
 
@@ -45,3 +45,34 @@ def test_vertical_pieces_are_marked_where_solutions_are_infinitely_many():
     dotted = {line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == ":"}
     assert len(vertical) == 2
     assert dotted == vertical
+
+
+class Circle(PiecewiseSystem):
+    """z_0^2 + alpha^2 = 1 with z_1 = 1: smooth, with folds at alpha = 1 and -1."""
+
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return np.array([z[0] ** 2 + alpha**2 - 1.0, z[1] - 1.0])
+
+
+def test_curved_pieces_are_drawn_as_smooth_curves():
+    """The line passes through the stored points, stays among them, and is closer to the truth."""
+    graph = trace(Circle(), ([1.0, 1.0], 0.0), (-2.0, 2.0))
+    for piece in graph.pieces:
+        alpha, z = line_of(piece, 0)
+        assert len(alpha) > 4 * len(piece.points)
+        nearest = [
+            np.hypot(alpha - a, z - b).min()
+            for a, b in zip(*piece.points[:, [-1, 0]].T, strict=True)
+        ]
+        assert max(nearest) < 1e-5
+        assert np.abs(alpha).max() <= np.abs(piece.alpha).max() + 1e-12
+        middles = 0.5 * (piece.points[1:, [-1, 0]] + piece.points[:-1, [-1, 0]])
+        polygon = np.abs(np.hypot(*middles.T) - 1.0).max()
+        assert np.abs(np.hypot(alpha, z) - 1.0).max() < 0.5 * polygon
+        constant = line_of(piece, 1)[1]
+        np.testing.assert_allclose(constant, 1.0, rtol=0, atol=1e-12)

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from scipy.interpolate import PchipInterpolator
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
@@ -39,6 +40,10 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
+#: Pieces of at least so many points are drawn as smooth curves, with so many parts of each step.
+LEAST_POINTS, FINER = 4, 8
+#: Points closer than this part of a piece are one in its curve.
+APART = 1e-6
 #: Lines closer than this part of their size are one in a picture.
 SAME = 1e-9
 ROW_HEIGHT, COUNTS_HEIGHT, COLUMN_WIDTH = 2.9, 1.9, 3.9  # inches
@@ -128,7 +133,7 @@ def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str,
     drawn: dict[str, list[tuple[Array, Array]]] = defaultdict(list)
     for i, pieces in enumerate(graph.components()):
         for piece in pieces:
-            word, line = mode(piece.character), (piece.alpha, piece.z[:, panel.component])
+            word, line = mode(piece.character), line_of(piece, panel.component)
             if not any(_covers(other, line) for other in drawn[word]):
                 ax.plot(*line, color=f"C{i}", linestyle=styles[word])
                 drawn[word].append(line)
@@ -199,6 +204,27 @@ def _styles(
     }
     free = cycle(LINE_STYLES)
     return {word: wanted[word] if word in wanted else next(free) for word in words}
+
+
+def line_of(piece: Piece, component: int) -> tuple[Array, Array]:
+    """Return alpha and one unknown along a piece: a smooth curve through its points.
+
+    Corners of a polygon would look like kinks. The parameter is the length along the points; the
+    cubics in between never leave the range of their ends (Fritsch and Carlson 1980). Unknowns
+    that move by rounding only do not count, and of points almost upon each other one does.
+    """
+    extent, size = np.ptp(piece.points, axis=0), np.abs(piece.points).max()
+    steps = np.diff(piece.points / np.where(extent > SAME * size, extent, np.inf), axis=0)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
+    apart = np.diff(length) > APART * length[-1]
+    kept = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
+    points, length = piece.points[kept][:, [-1, component]], length[kept]
+    if len(points) < LEAST_POINTS:
+        return piece.alpha, piece.z[:, component]
+    ends = np.arange(len(length))
+    fine = np.interp(np.linspace(0.0, ends[-1], FINER * ends[-1] + 1), ends, length)
+    alpha, values = PchipInterpolator(length, points)(fine).T
+    return alpha, values
 
 
 def _draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
