@@ -675,3 +675,39 @@ def test_sparse_duplicates_are_added_up():
     row = np.array([0.0, 0.0, 1.0])
     found = bordered(parts, row, np.ones(3)).solve(np.array([3.0, 6.0, 1.0]))
     np.testing.assert_allclose(found, [1.0, 2.0, 1.0], rtol=1e-15)
+
+
+class Hysteresis(PiecewiseSystem):
+    """z^3 - 3 d z = alpha: folds at z = -+sqrt(d), alpha = +-2 d sqrt(d)."""
+
+    size = 1
+
+    def __init__(self, d):
+        self.d = d
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return z**3 - 3.0 * self.d * z - alpha
+
+    def jacobian(self, z, alpha, character):
+        return np.array([[3.0 * z[0] ** 2 - 3.0 * self.d, -1.0]])
+
+
+@pytest.mark.parametrize("d", [1e-1, 1e-2, 2.25e-4, 1e-5, 5e-6])
+@pytest.mark.parametrize("z", [-0.99, -0.93, -0.87])
+def test_two_folds_within_one_step(d, z):
+    """The default step is 0.1; the folds are apart by 0.6 down to 0.005."""
+    graph = trace(Hysteresis(d), ([z], z**3 - 3.0 * d * z), (-1.0, 1.0))
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [-2.0 * d**1.5, 2.0 * d**1.5], rtol=0, atol=1e-12)
+    assert graph.count(0.0) == 3
+    assert graph.balances() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("d", [0.0, -1e-6])
+def test_an_inflection_is_no_fold(d):
+    graph = trace(Hysteresis(d), ([-0.93], (-0.93) ** 3 + 2.79 * d), (-1.0, 1.0))
+    assert graph.special_points("fold") == []
+    assert len(graph.pieces) == 1

@@ -95,6 +95,13 @@ class CurvedSegment(Segment):
         leaving, arriving = self._deviation(self.start), self._deviation(self.end)
         return self.start.x + s * (self.chord + (1.0 - u) * ((1.0 - u) * leaving - u * arriving))
 
+    def slopes_of_alpha(self) -> tuple[float, float, float]:
+        """Return d alpha per distance along the chord: at the start, on the chord, at the end."""
+        covector = self.curve.metric.covector(self.chord)
+        ends = (self.start.tangent, self.end.tangent)
+        first, last = (float(t[-1]) / (float(covector.dot(t)) or 1.0) for t in ends)
+        return first, float(self.chord[-1]), last
+
     def _deviation(self, state: State) -> Array:
         """Return how a tangent deviates from the chord, per distance along it, normal to it."""
         along = float(self.curve.metric.covector(self.chord).dot(state.tangent))

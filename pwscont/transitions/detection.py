@@ -54,6 +54,10 @@ class Watch:
         values = np.concatenate([reading.values for reading in readings])
         return Reading(values, np.concatenate([reading.slopes for reading in readings]))
 
+    def overlooks(self, segment: CurvedSegment) -> bool:
+        """Tell whether a detector asks for a shorter step."""
+        return any(detector.overlooks(segment) for detector in self._detectors)
+
     def owner(self, curve: Curve, state: State, index: int) -> tuple[TransitionDetector, int]:
         """Return the detector that an index of the joined reading belongs to, and its own index."""
         for detector in self._detectors:
@@ -95,6 +99,8 @@ def first_on_curve(
     """
     if np.isnan(end.values).any():
         return Failure(Trouble.NOT_FINITE)
+    if watch.overlooks(segment):
+        return Failure(Trouble.NOT_CONVERGED)
     first: Event | None = None
     located: set[int] = set()
     while suspects := set(_suspects(start, end, segment.length)) - located:

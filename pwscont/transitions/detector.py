@@ -10,7 +10,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
 from pwscont.numerics.curve import Curve, State
-from pwscont.stepping.stepper import Segment
+from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
 
@@ -65,6 +65,13 @@ class TransitionDetector(ABC):
 
         Its tangent points in the direction of the segment.
         """
+
+    def overlooks(self, segment: CurvedSegment) -> bool:
+        """Tell whether something seems to come and go within a step that its ends do not show.
+
+        The step is then taken shorter.
+        """
+        return False
 
     @abstractmethod
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:

@@ -16,6 +16,9 @@ from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_sign_change
 from pwscont.transitions.rays import Ray
 
+#: A dip of the slope of alpha below zero by less than this part of it is not looked into.
+SHALLOW = 1e-4
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,19 @@ class SmoothFolds(TransitionDetector):
         """Return the component and its negative; zero to rounding counts as zero."""
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), np.zeros(2))
+
+    def overlooks(self, segment: CurvedSegment) -> bool:
+        """Tell whether alpha turns twice on the cubic through both ends and along their tangents.
+
+        Its slope is a parabola; where that only seems to touch zero is left alone. After a fold,
+        where the slope is zero, alpha may turn once.
+        """
+        first, chord, last = segment.slopes_of_alpha()
+        a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
+        if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
+            return False
+        least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
+        return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
