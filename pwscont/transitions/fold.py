@@ -36,6 +36,8 @@ class SmoothFolds(TransitionDetector):
         Its slope is a parabola; where that only seems to touch zero is left alone. After a fold,
         where the slope is zero, alpha may turn once.
         """
+        if not (segment.curve.slope(segment.start) or segment.curve.slope(segment.end)):
+            return False  # a vertical piece
         first, chord, last = segment.slopes_of_alpha()
         a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
         if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
