@@ -94,8 +94,7 @@ class Network:
 
     def add(self, arrival: Arrival) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
-        lo, hi = self._walker.interval
-        rays = tuple(ray for ray in arrival.rays if _points_inside(ray, lo, hi))
+        rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
         arrival = replace(arrival, rays=rays)
         known = [match for ray in rays if (match := self._match(ray))]
@@ -133,13 +132,18 @@ class Network:
         self.edges.append(Edge(node, self._reach(walk, end, node), Trail.of(ray), track))
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
+    def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
+        """Return the rays that do not leave the interval at once."""
+        lo, hi = self._walker.interval
+        return tuple(ray for ray in rays if _points_inside(ray, lo, hi))
+
     def _within(self, walk: Walk) -> Walk:
         """Return a walk without the rays that leave the interval where it arrived.
 
         A transition at an end but for rounding may be met before that end is.
         """
         back, *others = walk.arrival.rays
-        inside = [ray for ray in others if _points_inside(ray, *self._walker.interval)]
+        inside = self._staying(others)
         if len(inside) == len(others):
             return walk
         arrival = replace(walk.arrival, rays=(back, *inside))

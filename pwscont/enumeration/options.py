@@ -13,9 +13,8 @@ from typing import final
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Indices, Matrix
+from pwscont.foundation.arrays import Array, Indices, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.system import Block, SlicewiseLinearSystem
@@ -77,9 +76,9 @@ class Problem:
         """d, the number of reduced unknowns."""
         return int(self.basis.shape[1])
 
-    def chosen(self, picks: Indices) -> list[Option]:
-        """Return the options that a choice takes, by their place in each block."""
-        return [options[pick] for options, pick in zip(self.blocks, picks, strict=True)]
+    def chosen(self, picks: Indices | tuple[int, ...]) -> list[Option]:
+        """Return the options that a choice takes in the first blocks, by their place in each."""
+        return [options[pick] for options, pick in zip(self.blocks, picks, strict=False)]
 
     def character(self, picks: Indices) -> Character:
         """Return the character that a choice of one option per block is."""
@@ -108,7 +107,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         return None
     origin, basis = eliminated
     zero = np.zeros(system.size)
-    K, kappa = _dense(system.test_jacobian(zero, alpha))[:, :-1], system.test_functions(zero, alpha)
+    K, kappa = dense(system.test_jacobian(zero, alpha))[:, :-1], system.test_functions(zero, alpha)
     G, g = _reduced(K, kappa, origin, basis)
     options = [
         [
@@ -119,7 +118,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     ]
     options.sort(key=len)
     A, b = system.necessary(alpha)
-    A, b = _reduced(_dense(A), b, origin, basis)
+    A, b = _reduced(dense(A), b, origin, basis)
     return Problem(options, A, b, origin, basis, len(kappa))
 
 
@@ -137,7 +136,7 @@ def _affine(
         for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
             signs[test] = sign
     character = Character(tuple(signs))
-    jacobian = _dense(system.jacobian(zero, alpha, character))[:, :-1]
+    jacobian = dense(system.jacobian(zero, alpha, character))[:, :-1]
     return jacobian, system.residual(zero, alpha, character)
 
 
@@ -205,7 +204,3 @@ def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple
     lengths[nothing] = (terms + np.abs(matrix) @ np.abs(origin) + np.abs(vector))[nothing]
     lengths[lengths == 0.0] = 1.0
     return rows / lengths[:, np.newaxis], rest / lengths
-
-
-def _dense(matrix: Matrix) -> Array:
-    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)

@@ -26,7 +26,7 @@ from pwscont.enumeration.tree import SLACK, Choices, leaves
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.character import Character
 from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.curve import Curve
@@ -34,7 +34,7 @@ from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.newton import newton
 from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import magnitude, magnitude_of_values, uncertainty
+from pwscont.numerics.uncertainty import is_same, slack_of_values, uncertainty
 
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
@@ -55,11 +55,14 @@ class Point:
         Samples of its error.
     characters : sequence of Character
         The cells in whose closure it lies; one unless it lies on an interface.
+    det_sign : int
+        Sign of det(dH/dz) in the first of them.
     """
 
     x: Array
     error: Array
     characters: Sequence[Character]
+    det_sign: int
 
 
 @final
@@ -145,9 +148,11 @@ class _Points:
     def points(self) -> list[Point]:
         """Return the solutions."""
         return [
-            Point(known.x, known.error, _Cells(self._problem, np.hstack(known.picks)))
-            for known in self._found
+            Point(known.x, known.error, self._cells(known), known.det_sign) for known in self._found
         ]
+
+    def _cells(self, known: _Known) -> _Cells:
+        return _Cells(self._problem, np.hstack(known.picks))
 
     def add(self, choices: Choices) -> None:
         """Add the solutions of some choices without free directions."""
@@ -164,7 +169,7 @@ class _Points:
     def _merged(self, new: _Known) -> _Known:
         """Return the same solution found before, or the new one, which is kept."""
         for old in self._found:
-            if _same(self._metric, old, new):
+            if is_same(self._metric, (old.x, old.error), (new.x, new.error)):
                 return old
         self._found.append(new)
         return new
@@ -178,19 +183,14 @@ class _Points:
         if isinstance(root, Failure):
             return None
         error = uncertainty(root)
-        known = _Known(root.x, error, self._holds(root.x, error), [])
+        known = _Known(root.x, error, self._holds(root.x, error), root.factor.sign, [])
         return known if known.lies_in(one).all() else None
 
     def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
-        """Tell for each option of each block whether a solution satisfies its inequalities.
-
-        To within the rounding of the tests' own terms, and of typical ones: an unknown may be
-        zero because constants in H cancel, of which its error knows nothing.
-        """
+        """Tell for each option of each block whether a solution satisfies its inequalities."""
         tests = self._system.test_functions(x[:-1], self._alpha)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
-        rounding = magnitude_of_values(gradients, x, error)
-        slack = CONFIDENCE * rounding + EPS * (abs(gradients) @ self._metric.scale)
+        slack = slack_of_values(gradients, x, error, self._metric.scale)
         return [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in self._problem.blocks
@@ -205,6 +205,7 @@ class _Known:
     x: Array
     error: Array
     holds: list[npt.NDArray[np.bool_]]
+    det_sign: int
     picks: list[Indices]
 
     def lies_in(self, choices: Choices) -> npt.NDArray[np.bool_]:
@@ -236,12 +237,6 @@ class _Cells(Sequence[Character]):
         if isinstance(index, slice):
             return _Cells(self._problem, self._picks[:, index])
         return self._problem.character(self._picks[:, index])
-
-
-def _same(metric: Metric, a: _Known, b: _Known) -> bool:
-    """Tell whether two solutions differ by no more than their errors."""
-    errors = (metric.norm(magnitude(known.x, known.error)) for known in (a, b))
-    return metric.norm(a.x - b.x) <= CONFIDENCE * sum(errors)
 
 
 def _face(problem: Problem, one: Choices, alpha: float) -> list[Face]:

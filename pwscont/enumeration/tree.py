@@ -116,7 +116,7 @@ def _negligible(matrix: Array) -> float:
 
 def _feasible(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> bool:
     """Tell whether some point satisfies all inequalities known so far, relaxed by SLACK."""
-    options = [block[pick] for block, pick in zip(problem.blocks, chosen, strict=False)]
+    options = problem.chosen(chosen)
     G = np.vstack([problem.A, *(option.G for option in options)])
     g = np.concatenate([problem.b, *(option.g for option in options)])
     size = 1.0 + np.abs(space.start).max(initial=0.0)

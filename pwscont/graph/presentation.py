@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 from math import isinf
 from typing import TYPE_CHECKING, Any
@@ -53,7 +53,7 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
     numbers at single values of alpha where they differ, None for infinitely many.
     """
-    sums = graph.sums()
+    sums, rows = graph.sums(), graph.multiplicity()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     return {
         "components": len(graph.components()),
@@ -76,9 +76,9 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
             }
             for piece in graph.pieces
         ],
-        "multiplicity": [list(row) for row in graph.multiplicity()],
-        "stretches": [_stretch(row) for row in graph.multiplicity()],
-        "between": list(_between(graph)),
+        "multiplicity": [list(row) for row in rows],
+        "stretches": [_stretch(row) for row in rows],
+        "between": list(_between(graph, rows)),
         "balance": {
             "value": sums[0] if len(sums) == 1 else None,
             "constant": len(sums) <= 1,
@@ -94,14 +94,13 @@ def _stretch(row: Stretch) -> dict[str, Any]:
     return {"lo": lo, "hi": hi, "count": count} | ends
 
 
-def _between(graph: BranchGraph) -> Iterator[list[float | int | None]]:
-    rows = graph.multiplicity()
+def _between(graph: BranchGraph, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
     for alpha in graph.breaks():
         count = graph.count(alpha)
         if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:
-            yield [alpha, _finite(count)]
+            yield [alpha, finite(count)]
 
 
-def _finite(count: int | float) -> int | None:
+def finite(count: int | float) -> int | None:
     """Return a count, None for infinitely many, which JSON cannot say."""
     return None if isinf(count) else int(count)

@@ -19,7 +19,7 @@ from pwscont.continuation.loci import (
     parts_of,
 )
 from pwscont.continuation.plan import Report, silent
-from pwscont.enumeration import det_sign, solve_slice
+from pwscont.enumeration import solve_slice
 from pwscont.foundation.arrays import Array
 from pwscont.graph.presentation import number
 from pwscont.interface.regions import Region, area_and_centre, regions
@@ -239,11 +239,9 @@ def _solutions(
     """Return the isolated solutions at (alpha, mu), by exact enumeration, and if faces are."""
     alpha, mu = map(float, point)
     system = family(mu)
-    metric = Metric.of(system, alphas)
-    found = solve_slice(system, metric, alpha)
+    found = solve_slice(system, Metric.of(system, alphas), alpha)
     isolated = tuple(
-        Found(point.x[:-1], system.label(cell), det_sign(system, metric, point.x, cell))
+        Found(point.x[:-1], system.label(point.characters[0]), point.det_sign)
         for point in found.points
-        for cell in point.characters[:1]
     )
     return isolated, bool(found.faces)

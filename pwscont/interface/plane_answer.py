@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
 from pwscont.continuation.loci import LocusPart
+from pwscont.graph.presentation import finite
 from pwscont.interface.answer import Answer
 from pwscont.interface.plane import Plane, Sector
 from pwscont.interface.plane_scene import PlaneScene
@@ -44,7 +44,7 @@ class PlaneAnswer(Answer):
             "second_parameter": _range(scene.axes.alpha, plane.alphas),
             "unknowns": [*scene.family(plane.mus[1]).names(), scene.axes.alpha],
             **self._graphs(),
-            "multiplicity": [[lo, hi, _finite(n)] for lo, hi, n in plane.most_solutions()],
+            "multiplicity": [[lo, hi, finite(n)] for lo, hi, n in plane.most_solutions()],
             "balance": {
                 "value": next(iter(balances)) if len(balances) == 1 else None,
                 "constant": len(balances) <= 1,
@@ -83,7 +83,7 @@ class PlaneAnswer(Answer):
     def _sector(self, sector: Sector) -> dict[str, Any]:
         return {
             "name": self.scene.sector_name(sector),
-            "count": _finite(sector.count),
+            "count": finite(sector.count),
             "labels": list(sector.labels),
             "polygons": [region.polygon.tolist() for region in sector.regions],
         }
@@ -108,11 +108,6 @@ class PlaneAnswer(Answer):
 
 def _range(name: str, ends: tuple[float, float]) -> dict[str, Any]:
     return {"name": name, "lo": ends[0], "hi": ends[1]}
-
-
-def _finite(count: int | float) -> int | None:
-    """Return a count, None for infinitely many, which JSON cannot say."""
-    return None if math.isinf(count) else int(count)
 
 
 def _part(part: LocusPart) -> dict[str, Any]:

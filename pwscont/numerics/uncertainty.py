@@ -22,6 +22,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.rounding import CONFIDENCE, EPS
+from pwscont.numerics.metric import Metric
 from pwscont.numerics.root import Root, joined
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
@@ -70,6 +71,22 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
     spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))
     estimate: Array = EPS * (abs(rows) @ np.abs(x)) + spread
     return estimate
+
+
+def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array:
+    """Return how far below zero tests may be computed at a solution of a closed cell, shape (l,).
+
+    The rounding of their own terms, and of typical ones: an unknown may be zero because constants
+    in H cancel, of which its error knows nothing.
+    """
+    slack: Array = CONFIDENCE * magnitude_of_values(rows, x, error) + EPS * (abs(rows) @ scale)
+    return slack
+
+
+def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:
+    """Tell whether two solutions, each with samples of its error, are one within their errors."""
+    errors = (metric.norm(magnitude(*found)) for found in (a, b))
+    return metric.norm(a[0] - b[0]) <= CONFIDENCE * sum(errors)
 
 
 @lru_cache(maxsize=8)

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
 from pwscont.enumeration import solve_slice
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
@@ -27,8 +26,8 @@ from pwscont.model.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import magnitude
-from pwscont.search.enumeration import Found, as_starts, same, starts_at
+from pwscont.numerics.uncertainty import is_same, magnitude
+from pwscont.search.enumeration import Found, as_starts, starts_at
 from pwscont.search.search import Search
 from pwscont.transitions.rays import vanishing
 
@@ -77,7 +76,7 @@ class _Corners:
 
     def has(self, test: int, found: Found) -> bool:
         """Tell whether a solution where a test vanishes is one of those remembered."""
-        return any(test in zero and same(self._metric, found, old) for old, zero in self._known)
+        return any(test in zero and is_same(self._metric, found, old) for old, zero in self._known)
 
 
 def _on_interfaces(
@@ -154,8 +153,8 @@ class _OnInterface(SlicewiseLinearSystem):
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian."""
         state, parameter = z[:-1], float(z[-1])
-        rows = _dense(self._system.jacobian(state, parameter, character))
-        kappa = _dense(self._system.test_jacobian(state, parameter))[self._test]
+        rows = dense(self._system.jacobian(state, parameter, character))
+        kappa = dense(self._system.test_jacobian(state, parameter))[self._test]
         return _with_zero_column(np.vstack([rows, kappa]))
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
@@ -178,9 +177,5 @@ class _OnInterface(SlicewiseLinearSystem):
 
 
 def _with_zero_column(matrix: Matrix) -> Array:
-    dense = _dense(matrix)
-    return np.column_stack([dense, np.zeros(len(dense))])
-
-
-def _dense(matrix: Matrix) -> Array:
-    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
+    whole = dense(matrix)
+    return np.column_stack([whole, np.zeros(len(whole))])

@@ -9,14 +9,13 @@ from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution, significant
-from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import magnitude, magnitude_of_values
+from pwscont.numerics.uncertainty import is_same, magnitude, slack_of_values
 from pwscont.transitions.cone import fan
 from pwscont.transitions.rays import vanishing
 
@@ -65,7 +64,8 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
     """Return the sum of signs to the right of a point, and the kind of point."""
     if len(point.characters) <= 2:
-        signs = [det_sign(system, metric, point.x, cell) for cell in point.characters]
+        others = point.characters[1:]
+        signs = [point.det_sign, *(det_sign(system, metric, point.x, cell) for cell in others)]
         if len(signs) == 1:
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
@@ -90,7 +90,7 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
     found: list[Found] = []
     for character in system.cells():
         solution = _in_cell(Curve(Selection(system, character), metric), alpha)
-        if solution and not any(same(metric, solution, other) for other in found):
+        if solution and not any(is_same(metric, solution, other) for other in found):
             found.append(solution)
     return found
 
@@ -115,13 +115,6 @@ def _in_cell(curve: Curve, alpha: float) -> Found | None:
     state = corrected.state
     state.x[-1] = alpha
     gradients = curve.selection.test_gradients(state.x)
-    rounding = magnitude_of_values(gradients, state.x, state.error)
-    slack = CONFIDENCE * rounding + EPS * (abs(gradients) @ curve.metric.scale)
+    slack = slack_of_values(gradients, state.x, state.error, curve.metric.scale)
     inside = (curve.selection.tests(state.x) >= -slack).all()
     return (state.x, state.error) if inside else None
-
-
-def same(metric: Metric, a: Found, b: Found) -> bool:
-    """Tell whether two solutions are one, found in two cells that share it."""
-    errors = (metric.norm(magnitude(*found)) for found in (a, b))
-    return metric.norm(a[0] - b[0]) <= CONFIDENCE * sum(errors)

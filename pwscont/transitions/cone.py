@@ -133,7 +133,7 @@ def _sample_slice(cone: SlicewiseLinearSystem, metric: Metric, side: float) -> S
             failures += 1
             continue
         x, error = root
-        found.append(Point(x, error, (cone.character(x[:-1], side),)))
+        found.append(Point(x, error, (cone.character(x[:-1], side),), 0))
     return Slice(tuple(found), ())
 
 
