@@ -26,13 +26,13 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
-    (fig7, ExactLinear): (12, 12, 26, 19, 11, 42, 8),
-    (fig7, PseudoArclength): (55, 54, 72, 65, 53, 124, 47),
-    (example1, ExactLinear): (16, 16, 36, 29, 15, 88, 12),
-    (example1, PseudoArclength): (71, 70, 97, 90, 69, 208, 59),
-    (fig10, PseudoArclength): (254, 203, 144, 132, 124, 489, 96),
-    (fig13, PseudoArclength): (20, 20, 24, 17, 19, 41, 14),
-    (example3, PseudoArclength): (20, 20, 24, 17, 19, 49, 14),
+    (fig7, ExactLinear): (12, 12, 23, 16, 11, 42, 8),
+    (fig7, PseudoArclength): (94, 54, 147, 62, 53, 163, 47),
+    (example1, ExactLinear): (16, 16, 31, 24, 15, 88, 12),
+    (example1, PseudoArclength): (116, 70, 181, 84, 69, 253, 59),
+    (fig10, PseudoArclength): (369, 215, 317, 131, 128, 622, 103),
+    (fig13, PseudoArclength): (32, 20, 48, 17, 19, 53, 14),
+    (example3, PseudoArclength): (32, 20, 48, 17, 19, 61, 14),
 }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import PwscontError
 from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.graph.refinement import solve_between
 from pwscont.numerics.curve import Curve, State
@@ -32,12 +31,8 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
     if len(points) == 2:
         nearest = _nearest_on_chord(curve, points, x)
     else:
-        try:
-            selection = curve.selection
-            around = (selection.system, selection.character, points, alpha, interval)
-            nearest = solve_between(*around)[0]
-        except PwscontError:  # alpha stands on an end of the piece, which is a node
-            nearest = points[np.argmin(np.abs(points[:, -1] - alpha))]
+        around = (curve.selection.system, curve.selection.character, points, alpha, interval)
+        nearest = solve_between(*around)[0]
     if metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)):
         return True
     both = 2.0 * magnitude(x, state.error)  # the piece is as uncertain as the state

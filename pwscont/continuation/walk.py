@@ -14,11 +14,12 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.detection import (
     Event,
+    Joined,
     Watch,
     first_on_curve,
     first_on_ray,
 )
-from pwscont.transitions.detector import Arrival, Reading
+from pwscont.transitions.detector import Arrival
 from pwscont.transitions.rays import Ray
 
 #: A piece of more steps is lost: at the default step it is thousands of intervals long.
@@ -84,8 +85,8 @@ class Walker(Follower):
         return self._stopped(points, Ray(ray.curve, state), Failure(Trouble.TOO_MANY_STEPS))
 
     def _first_event(
-        self, segment: Segment, reading: Reading
-    ) -> tuple[Event | Failure | None, Reading]:
+        self, segment: Segment, reading: Joined
+    ) -> tuple[Event | Failure | None, Joined]:
         """Return the first event on the segment, and what is read at its end."""
         if not isinstance(segment, CurvedSegment):
             return first_on_ray(self.watch, segment, reading), reading

@@ -24,6 +24,17 @@ class Trouble(Enum):
         "the residual, the Jacobian or a test function is not finite here; is the parameter "
         "outside its domain?"
     )
+    OUTSIDE = "the way on leaves the interval of the parameter and comes back into it"
+    JUMP = (
+        "every step that was tried, down to the smallest, leads away from the curve or to another "
+        "one close by; allow a smaller StepSize.smallest"
+    )
+    THIN_CELL = (
+        "a test function vanishes within every step that was tried, but not at its ends; does it "
+        "depend continuously on z and alpha?"
+    )
+    HIDDEN_FOLDS = "alpha turns more than once within every step that was tried"
+    FLAT = "the parameter does not change any more: the branch runs to infinity, or is flat"
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
     TOO_MANY_STEPS = (

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from scipy.optimize import brentq
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
-from pwscont.foundation.errors import PwscontError, SystemNeededError
-from pwscont.foundation.outcome import Failure
+from pwscont.foundation.errors import SystemNeededError
 from pwscont.foundation.records import Piece, Solution, significant
 from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
+from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import last_unit
+from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.uncertainty import magnitude
 from pwscont.stepping.stepper import CurvedSegment
@@ -59,24 +61,61 @@ def solve_between(
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
-        The solution and an estimate of its error.
-
-    Raises
-    ------
-    PwscontError
-        If Newton fails between the two stored points.
+        The solution and an estimate of its error; where Newton fails or leads to another sheet,
+        the point of the chord, and an error as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
-    start, end = (State(x, b - a, np.zeros_like(x), 0) for x in (a, b))
-    segment = CurvedSegment.between(curve, start, end, suggestion=0.0)
     row = -last_unit(len(a))
-    found = locate_zero(segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length))
-    if isinstance(found, Failure):
-        label = system.label(character)
-        raise PwscontError(f"no solution found in {label} at alpha = {alpha}: {found}")
-    found.x[-1] = alpha
-    return found.x, magnitude(found.x, found.error)
+    for start, end in _tangents(curve, a, b):
+        first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
+        segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
+        s = _where(segment, alpha)
+        found = locate_zero(
+            segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length), s
+        )
+        if isinstance(found, State):
+            found.x[-1] = alpha
+            return found.x, magnitude(found.x, found.error)
+    return _unrefined(segment, s, alpha)
+
+
+def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield the directions of the curve at two points, then what may serve where one is wrong.
+
+    Where two curves cross the Jacobian knows no direction: there it is that of the parabola which
+    the other point and its direction give, or of the chord.
+    """
+    chord = curve.metric.normalised(b - a)
+    if isinstance(curve.selection.system, PiecewiseLinearSystem):
+        yield chord, chord
+        return
+    start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
+    yield start, end
+    yield start, 2.0 * chord - start
+    yield 2.0 * chord - end, end
+    yield chord, chord
+
+
+def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
+    metric = curve.metric
+    factor = bordered(curve.selection.jacobian(x), metric.covector(chord), metric.binary)
+    return chord if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
+
+
+def _unrefined(segment: CurvedSegment, s: float, alpha: float) -> tuple[Array, Array]:
+    """Return the point of a chord, as uncertain as the chord is long."""
+    x = segment.near(s)
+    x[-1] = alpha
+    return x, np.abs(segment.end.x - segment.start.x)
+
+
+def _where(segment: CurvedSegment, alpha: float) -> float:
+    """Return the distance at which the cubic of a segment has this alpha."""
+    ends = segment.start.alpha - alpha, segment.end.alpha - alpha
+    if ends[0] * ends[1] >= 0.0:
+        return 0.0 if abs(ends[0]) <= abs(ends[1]) else segment.length
+    return float(brentq(lambda s: segment.near(s)[-1] - alpha, 0.0, segment.length))
 
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:

@@ -14,16 +14,28 @@ from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.newton import MOST_CHORDS, TURNED, newton
-from pwscont.numerics.root import Root, joined
+from pwscont.numerics.root import Root, first_quotient, joined
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Corrected:
-    """A point on the curve and how hard it was to get there."""
+    """A point on the curve and how hard it was to get there.
+
+    Attributes
+    ----------
+    state : State
+    iterations : int
+    factor : Factor
+        A factorisation of [J; border] near the point, with which points beside it are corrected.
+    contraction : float
+        Ratio of the first two corrections: small where the prediction belongs to this curve.
+    """
 
     state: State
     iterations: int
+    factor: Factor
+    contraction: float
 
 
 class Corrector(ABC):
@@ -57,7 +69,7 @@ class BorderedNewton(Corrector):
         if factor.failed:
             return Failure(Trouble.SINGULAR)
         state = State(root.x, curve.metric.normalised(along), root.error[np.newaxis], factor.sign)
-        return Corrected(state, root.iterations)
+        return Corrected(state, root.iterations, factor, root.contraction)
 
 
 def _tangent(curve: Curve, root: Root) -> tuple[Factor, Array]:
@@ -95,7 +107,10 @@ class MoorePenrose(Corrector):
         """Solve H_chi(x) = 0 by corrections normal to the current null vector."""
         selection, metric = curve.selection, curve.metric
         x, t = predicted, tangent
+        sizes: list[float] = []
         for iteration in range(1, self.most_iterations + 1):
+            if not metric.admits(x):
+                return Failure(Trouble.OUTSIDE)
             factor = bordered(selection.jacobian(x), metric.covector(t), metric.binary)
             if factor.failed:
                 return Failure(Trouble.SINGULAR)
@@ -106,6 +121,8 @@ class MoorePenrose(Corrector):
             size = metric.relative(dx, x)
             if not np.isfinite(size):
                 return Failure(Trouble.NOT_FINITE)
-            if size <= CONVERGED:
-                return Corrected(State(x, t, np.abs(dx)[np.newaxis], factor.sign), iteration)
+            sizes.append(size)
+            if size <= CONVERGED and metric.admits(x):
+                state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
+                return Corrected(state, iteration, factor, first_quotient(sizes))
         return Failure(Trouble.NOT_CONVERGED)

@@ -9,11 +9,13 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
+from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import power_of_two
 
 #: Squares and products of magnitudes up to this one stay far from overflow.
 LARGEST = 1e120
+EVERYWHERE = (-math.inf, math.inf)
 
 
 @final
@@ -24,6 +26,8 @@ class Metric:
     ----------
     scale : ndarray, shape (n + 1,)
         Positive typical magnitudes of (z, alpha).
+    interval : tuple of float
+        The values of alpha at which a system may be asked for anything.
 
     Attributes
     ----------
@@ -31,8 +35,8 @@ class Metric:
         The magnitudes, and the powers of two next above them.
     """
 
-    def __init__(self, scale: Array) -> None:
-        self.scale = scale
+    def __init__(self, scale: Array, interval: tuple[float, float] = EVERYWHERE) -> None:
+        self.scale, self.interval = scale, interval
         self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
 
@@ -52,7 +56,19 @@ class Metric:
                 f"the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be "
                 "computed; choose other units"
             )
-        return cls(everything)
+        return cls(everything, (lo, hi))
+
+    def admits(self, x: Array) -> bool:
+        """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
+        lo, hi = self.interval
+        alpha = float(x[-1])
+        if lo <= alpha <= hi:
+            return True
+        end = lo if alpha < lo else hi
+        if not abs(alpha - end) <= SAME_ALPHA * max(abs(end), hi - lo):
+            return False
+        x[-1] = end
+        return True
 
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""

@@ -7,6 +7,9 @@ Failure modes and answers
 -------------------------
 - The selection is undefined far from its cell: non-finite values are a failure, and the caller
   shortens its step.
+- H need not be defined outside the interval of alpha: an iterate that leaves it is a failure.
+- Newton converges from far away, to another curve: the sizes of its corrections are kept, by
+  whose first ratio the caller judges (Deuflhard 2011, chapter 5).
 - Scale: convergence is judged by the correction of each unknown relative to its own size, which
   neither the units of z nor those of the equations change.
 - Ill conditioning: corrections stall at the condition number times rounding. They are accepted
@@ -30,7 +33,7 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import Factor, bordered
-from pwscont.numerics.root import Root, joined
+from pwscont.numerics.root import Root, first_quotient, joined
 from pwscont.numerics.uncertainty import is_rounding
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
@@ -48,7 +51,10 @@ TURNED = math.sqrt(CONVERGED)
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
     """Solve {H_chi = 0, border = 0} from the guess ``x``."""
     selection, metric, before = curve.selection, curve.metric, 0.0
+    sizes: list[float] = []
     for iteration in range(1, most_iterations + 1):
+        if not metric.admits(x):
+            return Failure(Trouble.OUTSIDE)
         value, row = border(x)
         jacobian = selection.jacobian(x)
         factor = bordered(jacobian, row, metric.binary)
@@ -59,29 +65,34 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         size = metric.relative(dx, x)
         if not math.isfinite(size):
             return Failure(Trouble.NOT_FINITE)
+        sizes.append(size)
         ratio, stale = contraction(size, before), False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
-            x, dx, size = _chords(curve, border, factor, x)
-        root = Root(x, np.abs(dx), jacobian, row, factor, metric.scale, iteration, stale)
+            x, dx = _chords(curve, border, factor, x, sizes)
+            size = sizes[-1]
+        last, quotient = np.abs(dx), first_quotient(sizes)
+        root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
         if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
-            return root
+            return root if metric.admits(x) else Failure(Trouble.OUTSIDE)
         before = size
     return Failure(Trouble.NOT_CONVERGED)
 
 
-def _chords(curve: Curve, border: Border, factor: Factor, x: Array) -> tuple[Array, Array, float]:
+def _chords(
+    curve: Curve, border: Border, factor: Factor, x: Array, sizes: list[float]
+) -> tuple[Array, Array]:
     """Correct ``x`` with the last factorisation until the next correction is rounding.
 
-    Returns the point, the last correction and its relative size.
+    Returns the point and the last correction; appends the relative sizes of all.
     """
-    dx, size = x, math.inf
+    dx = x
     for _ in range(MOST_CHORDS):
-        if size > CONVERGED:
+        if sizes[-1] > CONVERGED and curve.metric.admits(x):
             dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
             x = x - dx
-            size = curve.metric.relative(dx, x)
-    return x, dx, size
+            sizes.append(curve.metric.relative(dx, x))
+    return x, dx
 
 
 def contraction(size: float, before: float) -> float:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.linalg import Factor
+
+#: A first correction below this relative size is followed by one that is rounding.
+SMALL = CONVERGED**0.5
 
 
 @final
@@ -30,6 +35,8 @@ class Root:
     iterations : int
     stale : bool
         Whether the factorisation is too old for the tangent.
+    contraction : float
+        Ratio of the first two corrections, see :func:`first_quotient`.
     """
 
     x: Array
@@ -40,6 +47,12 @@ class Root:
     scale: Array
     iterations: int
     stale: bool = False
+    contraction: float = 0.0
+
+
+def first_quotient(sizes: Sequence[float]) -> float:
+    """Return the ratio of the first two corrections, 0 where the first was small itself."""
+    return sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] > SMALL else 0.0
 
 
 def joined(residual: Array, value: float) -> Array:

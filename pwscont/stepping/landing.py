@@ -1,4 +1,4 @@
-"""The step that ends on the end of the interval instead of beyond it.
+"""The step to a given alpha: to the end of the interval instead of beyond it.
 
 A load path may be undefined outside the interval, so no residual is evaluated there.
 """
@@ -9,20 +9,35 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.numerics.corrector import BorderedNewton, Corrected
+from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.step_size import StepSize
+from pwscont.stepping.acceptance import accepted
+from pwscont.stepping.stepper import CurvedSegment
+
+#: The end is stepped to where it is no farther than this many times the step that overshoots it.
+STRETCH = 1.5
 
 
-def overshoots(interval: tuple[float, float], alpha: float) -> float | None:
-    """Return the end of the interval that ``alpha`` lies on or beyond, if any."""
-    lo, hi = interval
-    if alpha >= hi:
-        return hi
-    return lo if alpha <= lo else None
+def land_on_end(
+    curve: Curve,
+    interval: tuple[float, float],
+    state: State,
+    direction: Array,
+    length: float,
+    step_size: StepSize,
+) -> CurvedSegment | Failure:
+    """Return the step to the end of the interval that one of ``length`` overshoots."""
+    end = interval[1] if direction[-1] > 0.0 else interval[0]
+    if abs(end - state.alpha) > STRETCH * length * abs(direction[-1]):
+        return Failure(Trouble.OUTSIDE)
+    return land_on(curve, state, direction, end, step_size)
 
 
-def land_on(curve: Curve, state: State, direction: Array, alpha: float) -> Corrected | Failure:
-    """Return the state of the curve at ``alpha``, predicted from ``state`` along ``direction``."""
+def land_on(
+    curve: Curve, state: State, direction: Array, alpha: float, step_size: StepSize
+) -> CurvedSegment | Failure:
+    """Return the step to ``alpha``, predicted from ``state`` along ``direction``."""
     if direction[-1] * (alpha - state.alpha) <= 0.0:
         return Failure(Trouble.NO_TURN)
     predicted = state.x + (alpha - state.alpha) / direction[-1] * direction
@@ -30,6 +45,8 @@ def land_on(curve: Curve, state: State, direction: Array, alpha: float) -> Corre
     along_alpha = np.zeros_like(predicted)
     along_alpha[-1] = np.copysign(curve.metric.scale[-1], direction[-1])
     corrected = BorderedNewton().correct(curve, predicted, along_alpha)
-    if isinstance(corrected, Corrected):
-        corrected.state.x[-1] = alpha  # equal but for rounding in the border
-    return corrected
+    if isinstance(corrected, Failure):
+        return corrected
+    corrected.state.x[-1] = alpha  # equal but for rounding in the border
+    length = curve.metric.norm(predicted - state.x)
+    return accepted(curve, state, predicted, corrected, length, step_size)

@@ -44,11 +44,8 @@ class NaturalParameter(Stepper):
         sign = 1.0 if state.tangent[-1] > 0.0 else -1.0
         while length >= self.step_size.smallest:
             alpha = min(max(state.alpha + sign * length * (hi - lo), lo), hi)
-            corrected = land_on(curve, state, state.tangent, alpha)
-            if not isinstance(corrected, Failure):
-                cosine = curve.metric.covector(state.tangent).dot(corrected.state.tangent)
-                if self.step_size.accepts(cosine):
-                    longer = self.step_size.after(length, corrected.iterations, cosine)
-                    return CurvedSegment.between(curve, state, corrected.state, longer)
+            segment = land_on(curve, state, state.tangent, alpha, self.step_size)
+            if not isinstance(segment, Failure):
+                return segment
             length *= 0.5
         return Failure(Trouble.NO_TURN)

@@ -10,7 +10,8 @@ from pwscont.numerics.corrector import BorderedNewton, Corrected, Corrector
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.predictor import Hermite, Predictor
 from pwscont.numerics.step_size import StepSize
-from pwscont.stepping.landing import land_on, overshoots
+from pwscont.stepping.acceptance import accepted
+from pwscont.stepping.landing import land_on_end
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 
 
@@ -49,15 +50,10 @@ class PseudoArclength(Stepper):
         length = min(length, longest)
         failure = Failure(Trouble.NOT_CONVERGED)
         while length >= self.step_size.smallest:
-            corrected = self._try(curve, interval, previous, state, length)
-            if isinstance(corrected, Failure):
-                failure = corrected
-            else:
-                cosine = curve.metric.covector(state.tangent).dot(corrected.state.tangent)
-                if self.step_size.accepts(cosine):
-                    longer = self.step_size.after(length, corrected.iterations, cosine)
-                    return CurvedSegment.between(curve, state, corrected.state, longer)
-            length *= 0.5
+            segment = self._try(curve, interval, previous, state, length)
+            if not isinstance(segment, Failure):
+                return segment
+            failure, length = segment, 0.5 * length
         return failure
 
     def _try(
@@ -67,10 +63,15 @@ class PseudoArclength(Stepper):
         previous: State | None,
         state: State,
         length: float,
-    ) -> Corrected | Failure:
-        """Return the next state, on the end of the interval where the step would overshoot it."""
+    ) -> CurvedSegment | Failure:
+        """Return a step, to the end of the interval where it would overshoot it."""
         predicted, direction = self.predictor.predict(curve, previous, state, length)
-        end = overshoots(interval, predicted[-1])
-        if end is None:
-            return self.corrector.correct(curve, predicted, direction)
-        return land_on(curve, state, direction, end)
+        lo, hi = interval
+        corrected: Corrected | Failure = Failure(Trouble.OUTSIDE)
+        if lo < predicted[-1] < hi:
+            corrected = self.corrector.correct(curve, predicted, direction)
+        if not isinstance(corrected, Failure):
+            return accepted(curve, state, predicted, corrected, length, self.step_size)
+        if corrected.trouble is Trouble.OUTSIDE:
+            return land_on_end(curve, interval, state, direction, length, self.step_size)
+        return corrected

@@ -9,12 +9,16 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure
+from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.rounding import CONVERGED
 from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
+#: The curve is beside the cubic through two of its points by less than this part of the chord; a
+#: step is accepted where it is a tenth of this at points inside.
+BESIDE = 1e-3
 
 
 class Segment(ABC):
@@ -36,6 +40,10 @@ class Segment(ABC):
     @abstractmethod
     def position(self, x: Array) -> float:
         """Return the distance s of a point of the curve."""
+
+    def is_beside(self, x: Array, s: float) -> bool:
+        """Tell whether a point at distance ``s`` is near enough to belong to this stretch."""
+        return True
 
 
 @final
@@ -65,6 +73,8 @@ class CurvedSegment(Segment):
     end : State
     chord : ndarray, shape (n + 1,)
         Direction from start to end, of length one.
+    bends : tuple of two ndarrays, shape (n + 1,)
+        How the tangents at both ends deviate from the chord, per distance along it, normal to it.
     length : float
         Length of the chord.
     suggestion : float
@@ -75,6 +85,7 @@ class CurvedSegment(Segment):
     start: State
     end: State
     chord: Array
+    bends: tuple[Array, Array]
     length: float
     suggestion: float
 
@@ -83,7 +94,15 @@ class CurvedSegment(Segment):
         """Return the segment between two states."""
         difference = end.x - start.x
         length = curve.metric.norm(difference)
-        return cls(curve, start, end, difference / length, length, suggestion)
+        chord = difference / length
+        row = curve.metric.covector(chord)
+        bends = _bend(start.tangent, chord, row), _bend(end.tangent, chord, row)
+        return cls(curve, start, end, chord, bends, length, suggestion)
+
+    def suggesting(self, length: float) -> CurvedSegment:
+        """Return this segment with a length for the step after it."""
+        same = self.curve, self.start, self.end, self.chord, self.bends, self.length
+        return CurvedSegment(*same, length)
 
     def until(self, end: State) -> CurvedSegment:
         """Return the part of this segment up to a state on it."""
@@ -91,9 +110,12 @@ class CurvedSegment(Segment):
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through both ends and along their tangents."""
-        u = s / self.length
-        leaving, arriving = self._deviation(self.start), self._deviation(self.end)
-        return self.start.x + s * (self.chord + (1.0 - u) * ((1.0 - u) * leaving - u * arriving))
+        u, (leaving, arriving) = s / self.length, self.bends
+        v = s * (1.0 - u)
+        point: Array = (
+            self.start.x + s * self.chord + (v * (1.0 - u)) * leaving - (v * u) * arriving
+        )
+        return point
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on the chord, at the end."""
@@ -102,22 +124,31 @@ class CurvedSegment(Segment):
         first, last = (float(t[-1]) / (float(covector.dot(t)) or 1.0) for t in ends)
         return first, float(self.chord[-1]), last
 
-    def _deviation(self, state: State) -> Array:
-        """Return how a tangent deviates from the chord, per distance along it, normal to it."""
-        along = float(self.curve.metric.covector(self.chord).dot(state.tangent))
-        if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
-            return np.zeros_like(self.chord)
-        deviation: Array = state.tangent / along - self.chord
-        return deviation
-
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""
         return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
 
+    def is_beside(self, x: Array, s: float) -> bool:
+        """Tell whether a point of the curve at ``s`` is no farther from the cubic than this is."""
+        metric = self.curve.metric
+        slack = BESIDE * self.length + CONVERGED * (1.0 + metric.norm(x))
+        return metric.norm(x - self.near(s)) <= slack
+
     def at(self, s: float) -> State | Failure:
         """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
         found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
-        return found if isinstance(found, Failure) else found.state
+        if isinstance(found, Failure):
+            return found
+        return found.state if self.is_beside(found.state.x, s) else Failure(Trouble.JUMP)
+
+
+def _bend(tangent: Array, chord: Array, row: Array) -> Array:
+    """Return how a tangent deviates from a chord; ``row @ x`` is the distance of x along it."""
+    along = float(row.dot(tangent))
+    if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
+        return np.zeros_like(chord)
+    bend: Array = tangent / along - chord
+    return bend
 
 
 class Stepper(ABC):

@@ -9,13 +9,13 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
+from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.uncertainty import magnitude_of_values
-from pwscont.stepping.stepper import Segment
+from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.cone import Fan, fan, opposite, same_piece
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
@@ -25,6 +25,8 @@ from pwscont.transitions.simple_corner import SLANT
 #: Tests smaller than this part of the largest, or of the largest slope times the length of the
 #: interval, are looked at more closely.
 NEAR = 1e-9
+#: Where within a step the tests are looked at, as parts of it.
+INSIDE = (1.0 / 3.0, 2.0 / 3.0)
 
 
 @final
@@ -50,6 +52,20 @@ class BoundingTests(TransitionDetector):
             riding = riding[_rides(gradients[riding], values[riding], slopes[riding], state, scale)]
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
+
+    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+        """Say that a test that is positive at both ends is negative inside.
+
+        A dip that is rounding of the largest test is none.
+        """
+        if not len(start.values):
+            return None
+        tests = segment.curve.selection.tests
+        for part in INSIDE:
+            values = tests(segment.near(part * segment.length))
+            if values.min() < 0.0 and _is_dip(values, start, end):
+                return Failure(Trouble.THIN_CELL)
+        return None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""
@@ -80,6 +96,17 @@ class BoundingTests(TransitionDetector):
         )
         kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
         return Arrival(kind, x, message, (back, forth))
+
+
+def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
+    """Tell whether a test is negative inside a step and positive at both ends.
+
+    One that is zero all along has no slope at either end.
+    """
+    positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
+    rides = (start.slopes == 0.0) & (end.slopes == 0.0)
+    deep = inside < -NEAR * np.abs(end.values).max()
+    return bool((deep & positive & ~rides).any())
 
 
 def _is_apart(met: Arrival, zero: frozenset[int]) -> bool:

@@ -5,7 +5,9 @@ Failure modes and answers
 - A cell thinner than the step: the character is frozen, so the far end of the step lies
   outside the cell whatever is beyond it (docs/theory, F7).
 - A test that dips below zero and comes back within one step: its slopes at both ends differ in
-  sign, and where the tangent lines at both ends cross below zero, the dip is searched.
+  sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
+  that neither end knows of is seen by the tests at points inside the step; what it cannot hide in
+  is a third of a step.
 - The test that was just crossed starts at zero, with a sign that is rounding: its slope says
   that it is inside, and a bracket starts where its value is positive.
 """
@@ -48,27 +50,43 @@ class Watch:
     def __init__(self, detectors: Sequence[TransitionDetector]) -> None:
         self._detectors = detectors
 
-    def read(self, curve: Curve, state: State) -> Reading:
+    def read(self, curve: Curve, state: State) -> Joined:
         """Return what all detectors read at ``state``."""
-        readings = [detector.read(curve, state) for detector in self._detectors]
-        values = np.concatenate([reading.values for reading in readings])
-        return Reading(values, np.concatenate([reading.slopes for reading in readings]))
+        return Joined.of([detector.read(curve, state) for detector in self._detectors])
 
-    def overlooks(self, segment: CurvedSegment) -> bool:
-        """Tell whether a detector asks for a shorter step."""
-        return any(detector.overlooks(segment) for detector in self._detectors)
+    def overlooks(self, segment: CurvedSegment, start: Joined, end: Joined) -> Failure | None:
+        """Say why a shorter step must be taken, if a detector asks for one."""
+        for detector, *readings in zip(self._detectors, start.parts, end.parts, strict=True):
+            if failure := detector.overlooks(segment, *readings):
+                return failure
+        return None
 
-    def owner(self, curve: Curve, state: State, index: int) -> tuple[TransitionDetector, int]:
-        """Return the detector that an index of the joined reading belongs to, and its own index."""
-        for detector in self._detectors:
-            size = len(detector.read(curve, state).values)
-            if index < size:
+    def owner(self, reading: Joined, index: int) -> tuple[TransitionDetector, int]:
+        """Return the detector that an index of a joined reading belongs to, and its own index."""
+        for detector, part in zip(self._detectors, reading.parts, strict=True):
+            if index < len(part.values):
                 return detector, index
-            index -= size
+            index -= len(part.values)
         raise IndexError(index)
 
 
-def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Failure:
+@final
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """The readings of all detectors, and their values and slopes end to end."""
+
+    parts: Sequence[Reading]
+    values: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, parts: Sequence[Reading]) -> Joined:
+        """Join readings."""
+        values = np.concatenate([part.values for part in parts])
+        return cls(parts, values, np.concatenate([part.slopes for part in parts]))
+
+
+def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
     """Return the first event on a straight segment, by the ratio test."""
     if np.isnan(start.values).any():
         return Failure(Trouble.NOT_FINITE)
@@ -76,12 +94,12 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
     first = int(np.argmin(distances))
     if np.isinf(best := float(distances[first])):
         return Failure(Trouble.UNBOUNDED)
-    detector, index = watch.owner(segment.curve, segment.start, first)
+    detector, index = watch.owner(start, first)
     state = detector.locate(segment, index, (best, best))
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
 
 
-def _ratios(reading: Reading) -> Array:
+def _ratios(reading: Joined) -> Array:
     """Return the distance at which each affine function falls to zero, infinite if never."""
     falling = reading.slopes < 0.0
     distances = np.full(len(falling), np.inf)
@@ -90,7 +108,7 @@ def _ratios(reading: Reading) -> Array:
 
 
 def first_on_curve(
-    watch: Watch, segment: CurvedSegment, start: Reading, end: Reading
+    watch: Watch, segment: CurvedSegment, start: Joined, end: Joined
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
@@ -99,8 +117,8 @@ def first_on_curve(
     """
     if np.isnan(end.values).any():
         return Failure(Trouble.NOT_FINITE)
-    if watch.overlooks(segment):
-        return Failure(Trouble.NOT_CONVERGED)
+    if too_long := watch.overlooks(segment, start, end):
+        return too_long
     first: Event | None = None
     located: set[int] = set()
     while suspects := set(_suspects(start, end, segment.length)) - located:
@@ -118,13 +136,13 @@ def first_on_curve(
     return first
 
 
-def _before(reading: Reading) -> Reading:
+def _before(reading: Joined) -> Joined:
     """Return what is read just before an event: what vanishes together with it is positive."""
     values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
-    return Reading(values, reading.slopes)
+    return Joined(reading.parts, values, reading.slopes)
 
 
-def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
+def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
     crossed = (after.values <= 0.0) & ((before.values > 0.0) | (before.slopes > 0.0))
     turned = before.slopes * after.slopes < 0.0
@@ -140,10 +158,10 @@ def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
 
 
 def _event(
-    watch: Watch, suspect: int, segment: CurvedSegment, before: Reading, after: Reading
+    watch: Watch, suspect: int, segment: CurvedSegment, before: Joined, after: Joined
 ) -> Event | Failure | None:
     """Return the located event, None for a dip that stays above zero."""
-    detector, index = watch.owner(segment.curve, segment.start, suspect)
+    detector, index = watch.owner(before, suspect)
     bracket: tuple[float, float] | Failure | None = (0.0, segment.length)
     if after.values[suspect] > 0.0:
         bracket = _bracket_of_dip(detector, index, segment)

@@ -66,12 +66,21 @@ class TransitionDetector(ABC):
         Its tangent points in the direction of the segment.
         """
 
-    def overlooks(self, segment: CurvedSegment) -> bool:
-        """Tell whether something seems to come and go within a step that its ends do not show.
+    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+        """Say why a shorter step must be taken, if something comes and goes within this one.
 
-        The step is then taken shorter.
+        Parameters
+        ----------
+        segment : CurvedSegment
+        start, end : Reading
+            What this detector reads at both ends.
+
+        Returns
+        -------
+        Failure or None
+            What is said of the branch where no shorter step helps.
         """
-        return False
+        return None
 
     @abstractmethod
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:

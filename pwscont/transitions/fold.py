@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
+from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -30,20 +30,19 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), np.zeros(2))
 
-    def overlooks(self, segment: CurvedSegment) -> bool:
-        """Tell whether alpha turns twice on the cubic through both ends and along their tangents.
+    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+        """Say that alpha turns twice on the cubic of the segment, or does not change at its end.
 
-        Its slope is a parabola; where that only seems to touch zero is left alone. After a fold,
-        where the slope is zero, alpha may turn once.
+        The slope of the cubic is a parabola; where that only seems to touch zero is left alone.
+        After a fold, where the slope is zero, alpha may turn once. At a fold alpha changes on both
+        sides: a shorter step ends before it, and where none does the branch is flat.
         """
-        if not (segment.curve.slope(segment.start) or segment.curve.slope(segment.end)):
-            return False  # a vertical piece
-        first, chord, last = segment.slopes_of_alpha()
-        a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
-        if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
-            return False
-        least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-        return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
+        first, last = float(start.values[0]), float(end.values[0])
+        if not (first or last):
+            return None  # a vertical piece
+        if first and not last:
+            return Failure(Trouble.FLAT)
+        return Failure(Trouble.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
@@ -57,6 +56,15 @@ class SmoothFolds(TransitionDetector):
         forth = Ray(curve, state)
         message = f"fold on {curve.selection.label}"
         return Arrival(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+
+
+def _turns_twice(segment: CurvedSegment) -> bool:
+    first, chord, last = segment.slopes_of_alpha()
+    a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
+    if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
+        return False
+    least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
+    return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
 
 
 def _settled(segment: CurvedSegment, state: State) -> State:

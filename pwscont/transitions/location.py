@@ -2,8 +2,8 @@
 
 Failure modes and answers
 -------------------------
-- Newton runs off to another zero: what it finds counts only within the bracket, which is
-  otherwise halved on the curve itself.
+- Newton runs off to another zero, or to another sheet: what it finds counts only within the
+  bracket and beside the cubic of the segment, which is otherwise halved on the curve itself.
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
   :class:`~pwscont.foundation.outcome.Failure`, not a point.
 - The curve is nearly tangent: at the angle d, the correction after one of size c is about
@@ -39,7 +39,9 @@ NARROW = EPS**0.6
 MOST_HALVINGS = 60
 
 
-def locate_zero(segment: Segment, border: Border, bracket: tuple[float, float]) -> State | Failure:
+def locate_zero(
+    segment: Segment, border: Border, bracket: tuple[float, float], guess: float | None = None
+) -> State | Failure:
     """Return the state where ``border`` falls to zero, by Newton within a bracket.
 
     Parameters
@@ -49,16 +51,18 @@ def locate_zero(segment: Segment, border: Border, bracket: tuple[float, float]) 
         x -> (value, gradient); positive at the lower end of the bracket, not at the upper.
     bracket : tuple of float
         Distances along the segment; equal where the zero is known in advance.
+    guess : float, optional
+        Where in the bracket to begin; in its middle by default.
     """
     lo, hi = bracket
-    guess = 0.5 * (lo + hi)
+    guess = 0.5 * (lo + hi) if guess is None else guess
     for _ in range(MOST_HALVINGS):
         found = _newton(segment, border, guess)
         if isinstance(found, State) and _within(segment, found, lo, hi):
             return found
         if not isinstance(segment, CurvedSegment):
             return found if isinstance(found, Failure) else Failure(Trouble.NOT_CONVERGED)
-        middle = segment.at(0.5 * (lo + hi))
+        middle = segment.at(guess)
         if isinstance(middle, Failure):
             return middle
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
@@ -68,8 +72,10 @@ def locate_zero(segment: Segment, border: Border, bracket: tuple[float, float]) 
 
 def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
     """Tell whether a point lies in the bracket, but for the accuracy of its location."""
-    slack = CONVERGED * (1.0 + segment.curve.metric.norm(found.x)) if lo < hi else np.inf
-    return bool(lo - slack <= segment.position(found.x) <= hi + slack)
+    if lo == hi:
+        return True
+    s, slack = segment.position(found.x), CONVERGED * (1.0 + segment.curve.metric.norm(found.x))
+    return lo - slack <= s <= hi + slack and segment.is_beside(found.x, s)
 
 
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
@@ -126,6 +132,8 @@ def locate_sign_change(
         return function(known[s])
 
     try:
+        if not along(bracket[0]) * along(bracket[1]) <= 0.0:  # a change that is rounding
+            return Failure(Trouble.NOT_CONVERGED)
         s = brentq(along, *bracket, xtol=NARROW * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure
