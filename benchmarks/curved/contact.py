@@ -26,7 +26,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from curved.case import Case, Truth
 from curved.planar import Rng, log_uniform
-from curved.truth import MARGIN, Component, Monotone, Special
+from curved.truth import EPS, MARGIN, Component, Monotone, Special
 
 NONE, STICK, PLUS, MINUS = range(4)
 #: Samples of an interval.
@@ -66,7 +66,10 @@ class Problem:
                 B[:, p + i], b[:, p + i] = C[p + i], -free[:, p + i]
             else:
                 B[:, p + i, p + i], B[:, p + i, i] = 1.0, F if mode == MINUS else -F
-        lam = np.linalg.solve(B, b[..., None])[..., 0]
+        try:
+            lam = np.linalg.solve(B, b[..., None])[..., 0]
+        except np.linalg.LinAlgError:  # a root finder that closes in on a pole may hit it
+            return self.state(modes, alpha * (1.0 + 8.0 * EPS))
         u = free + lam @ C.T
         return np.hstack([u, lam]), np.column_stack(list(self._slacks(modes, u, lam, F)))
 

@@ -93,7 +93,6 @@ def near_sheets(rng: Rng) -> Case:
     f, frequency, amplitude, drawn = oscillation(rng)
     h = float(rng.uniform(-1.2, 1.2)) * amplitude
     curve = graph_of(f, interval, frequency, tests=[lambda s: f(s) - h])
-    curve.noise = EPS * max(1.0, amplitude) / abs(d)
     system = system_of(
         rng,
         lambda z, alpha, signs: (z - f(alpha)) * (z - f(alpha) - d),
