@@ -100,11 +100,13 @@ def summary(family: str, done: list[Row]) -> None:
 
 def thin_table(done: list[Row]) -> None:
     """Print the share of thin cells that were seen, by their width."""
-    tried = [(row.width, row.verdict.reasons) for row in done if row.width is not None]
+    tried = [row for row in done if row.width is not None and row.verdict.word != "wrong"]
     for low in range(-6, 0):
-        of_width = [r for width, r in tried if 10.0**low <= width < 10.0 ** (low + 1)]
+        of_width = [row for row in tried if 10.0**low <= (row.width or 0.0) < 10.0 ** (low + 1)]
         if of_width:
-            seen = sum(not any(r.startswith("thin") for r in reasons) for reasons in of_width)
+            seen = sum(
+                not any(r.startswith("thin") for r in row.verdict.reasons) for row in of_width
+            )
             print(f"    cells 1e{low} to 1e{low + 1} wide: all seen in {seen} of {len(of_width)}")
 
 

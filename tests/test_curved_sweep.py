@@ -20,6 +20,8 @@ from curved.truth import Curve
 from pwscont import PiecewiseSystem
 
 NUMBERS = range(12)
+#: Families with branches that run to infinity.
+NO_END = {"flat", "steppers"}
 
 
 # -- the truth ---------------------------------------------------------------------------------
@@ -82,6 +84,22 @@ def test_the_truth_solves_the_system(family, number):
             slack = 1e-6 * (1.0 + np.abs(J) @ np.abs(x))
             assert (np.abs(case.system.residual(z, alpha, character)) <= slack).all()
     assert answered or len(case.truth.components) == 0 or family in ("ellipses", "steppers", "flat")
+
+
+@pytest.mark.parametrize(
+    ("family", "number"), list(product(sorted(set(FAMILIES) - NO_END), range(30)))
+)
+def test_components_of_the_truth_end_at_the_interval(family, number):
+    """F5: a curve that is cut off before would make right solutions look invented."""
+    case, _ = case_of(family, 2, number)
+    for component in case.truth.components:
+        if component.closed:
+            continue
+        first, last = component.stretches[0], component.stretches[-1]
+        if family in ("contact", "friction"):
+            assert any({s.alpha_a, s.alpha_b} & set(case.interval) for s in component.stretches)
+        else:
+            assert {first.alpha_a, last.alpha_b} <= set(case.interval)
 
 
 # -- the judge ---------------------------------------------------------------------------------

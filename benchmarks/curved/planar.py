@@ -194,7 +194,7 @@ def kinks(rng: Rng) -> Case:
     inner = alpha(np.linspace(knots[0] - 0.5, knots[-1] + 0.5, 500))
     middle, half = 0.5 * (inner.max() + inner.min()), 0.5 * np.ptp(inner) + 0.01
     interval = tuple(float(x) for x in middle + half * rng.uniform(0.4, 1.3, 2) * [-1, 1])
-    reach = 2 * half / min(abs(slopes[0, 0]), abs(slopes[-1, 0])) + 1.0
+    reach = 3 * half / min(abs(slopes[0, 0]), abs(slopes[-1, 0])) + 1.0
     near = np.linspace(knots[0], knots[-1], 3000)
     far = [knots[0] - reach, knots[-1] + reach]
     samples = np.unique(np.concatenate([near, knots, np.linspace(*far, 200)]))
