@@ -10,11 +10,11 @@ said so   something is left out, and the graph stops there, is not balanced, or 
 unfound   whole components are left out that the guarantee does not promise ("balanced" promises
           nothing, "complete but for closed loops" no loops)
 missed    a cell thinner than a step was passed unseen, all else is right: a statement, no fault
-outside   right, but the system was asked beyond the interval of alpha
 wrong     anything else: a wrong or missing solution without a word, a point that is not there,
           equal solutions, an exception, a hang
 
-and each case that is outside or wrong, with its parameters. Exit status 1 if there is any.
+and in how many of all these the system was asked outside the interval of alpha; then each case
+that is wrong or asked outside, with its parameters. Exit status 1 if there is any.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ import numpy as np
 from curved.families import FAMILIES, case_of
 from curved.judge import Verdict, judge
 
-WORDS = ("right", "said so", "unfound", "missed", "outside", "wrong")
-FAULTS = ("outside", "wrong")
+WORDS = ("right", "said so", "unfound", "missed", "wrong")
 
 
 class Row(NamedTuple):
@@ -88,9 +87,12 @@ def summary(family: str, done: list[Row]) -> None:
     """Print how many cases came out how, the reasons, and the times."""
     words = Counter(row.verdict.word for row in done)
     seconds = np.array([row.verdict.seconds for row in done])
+    outside = sum(row.verdict.is_outside for row in done)
     counts = "".join(f"{words[word]:9d}" for word in WORDS)
-    print(f"{family:12s}{len(done):7d}{counts}{seconds.sum():10.1f}{seconds.max():9.2f}")
-    for word in FAULTS:
+    print(
+        f"{family:12s}{len(done):7d}{counts}{outside:9d}{seconds.sum():10.1f}{seconds.max():9.2f}"
+    )
+    for word in WORDS:
         reasons = Counter(
             r for row in done if row.verdict.word == word for r in row.verdict.reasons
         )
@@ -130,15 +132,14 @@ def main() -> int:
     numbers = range(given.first, given.first + given.count)
     if given.only is not None:
         numbers = range(given.only, given.only + 1)
-    print(
-        f"{'family':12s}{'cases':>7s}" + "".join(f"{w:>9s}" for w in WORDS) + "   seconds  longest"
-    )
+    words = "".join(f"{word:>9s}" for word in (*WORDS, "outside"))
+    print(f"{'family':12s}{'cases':>7s}{words}{'seconds':>10s}{'longest':>9s}")
     faults = 0
     for family in given.family or FAMILIES:
         done = list(rows(family, numbers, given.seed, given.limit, given.workers))
         summary(family, done)
         thin_table(done)
-        bad = [row for row in done if row.verdict.word in FAULTS]
+        bad = [row for row in done if row.verdict.is_fault]
         faults += len(bad)
         for row in done if given.only is not None else bad:
             if not given.quiet:

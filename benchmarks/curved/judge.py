@@ -40,7 +40,7 @@ class Verdict:
     ----------
     word : str
         "right", "said so", "unfound" (whole components that the guarantee does not promise),
-        "missed" (in a thin cell only), "outside" (the interval, else right), "wrong".
+        "missed" (in a thin cell only), or "wrong".
     reasons : dict
         What is not right, and an example of it.
     guarantee : str
@@ -52,6 +52,16 @@ class Verdict:
     reasons: dict[str, str]
     guarantee: str
     seconds: float
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the system was asked for an alpha outside the interval."""
+        return any(reason.startswith("outside") for reason in self.reasons)
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether this must not be."""
+        return self.word == "wrong" or self.is_outside
 
 
 def judge(case: Case, rng: np.random.Generator, limit: float) -> Verdict:
@@ -270,13 +280,11 @@ class Look:
         reasons = set(self.reasons)
         if reasons & hard or (reasons & soft and not self.said):
             return "wrong"
-        if any(reason.startswith("outside") for reason in reasons):
-            return "outside"
         if reasons & soft:
             return "said so"
         if "unfound" in reasons:
             return "said so" if self.said else "unfound"
-        return "missed" if reasons else "right"
+        return "missed" if any(r.startswith("thin") for r in reasons) else "right"
 
 
 def _near(z: list[np.ndarray]) -> float:

@@ -228,7 +228,7 @@ def flat(rng: Rng) -> Case:
     alpha = lambda s: a * g(b * s)  # noqa: E731
     peak = a * float(np.abs(g(np.linspace(0, 5, 999))).max())
     interval = tuple(float(x) for x in peak * rng.uniform(0.3, 1.5, 2) * [-1, 1])
-    half = np.geomspace(1e-3, 1.0, 3000)
+    half = np.geomspace(1e-8, 1.0, 6000)
     samples = np.unique(np.concatenate([first * half, [0.0], last * half])) / b
     if name.startswith("exp"):
         samples = np.linspace(first, last, 12001) / b
