@@ -1,0 +1,1 @@
+"""Random curved systems with independent truth, and a judge, for ``curved_sweep.py``."""
