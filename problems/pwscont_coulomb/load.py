@@ -68,6 +68,10 @@ class CoulombLoad(Coulomb):
         straight = cls is CoulombLoad and isinstance(load, AffineLoad)
         return super().__new__(AffineCoulombLoad if straight else cls)
 
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        """Return what ``copy`` and ``pickle`` make the object with."""
+        return self.body, self.load, self.friction
+
     def __init__(
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:

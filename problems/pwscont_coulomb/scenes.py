@@ -79,15 +79,18 @@ def _panels(body: ContactBody) -> tuple[Panel, ...]:
 
 def _load_paths(body: ContactBody, load: Callable[[float], Array]) -> tuple[ParameterPath, ...]:
     """Return the load path of each node, in the plane of its normal and tangential load."""
-
-    def at(node: int, alpha: float) -> tuple[float, float]:
-        f = load(alpha)
-        return float((body.N @ f)[node]), float((body.T @ f)[node])
-
+    axes = ("$f_ν$", "$f_t$")
     return tuple(
-        ParameterPath(partial(at, node), ("$f_ν$", "$f_t$"), f"load path{_of(node, body.p)}")
+        ParameterPath(partial(_load_on, body, load, node), axes, f"load path{_of(node, body.p)}")
         for node in range(body.p)
     )
+
+
+def _load_on(
+    body: ContactBody, load: Callable[[float], Array], node: int, alpha: float
+) -> tuple[float, float]:
+    f = load(alpha)
+    return float((body.N @ f)[node]), float((body.T @ f)[node])
 
 
 def _of(node: int, p: int) -> str:

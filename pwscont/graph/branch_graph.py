@@ -456,8 +456,12 @@ class BranchGraph:
         ------
         GraphFileError
             If the file is missing, damaged, or no branch graph.
+        InvalidInputError
+            If the system has another number of unknowns or tests than the graph.
         """
         points, pieces, starts, interval, parameter, searched = storage.read(path)
+        if pieces and system is not None:
+            _check_system(path, system, points[0], pieces[0])
         return cls(
             points,
             pieces,
@@ -483,3 +487,20 @@ def _leaves_doubt(point: SpecialPoint) -> bool:
     """Tell whether a search cannot keep its promise, because of what was found at this point."""
     doubtful = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) or point.lost
     return bool(doubtful) or point.digits < TOO_FEW_DIGITS
+
+
+def _check_system(
+    path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
+) -> None:
+    """Refuse a system with other numbers of unknowns or tests than those of a file."""
+    unknowns, name = len(point.z), type(system).__name__
+    if unknowns != system.size:
+        raise InvalidInputError(
+            f"{path} is of another system: it has {unknowns} unknowns, {name} has {system.size}"
+        )
+    tests = len(bytes(piece.character))
+    given = len(bytes(system.character(point.z, point.alpha)))
+    if tests != given:
+        raise InvalidInputError(
+            f"{path} is of another system: it has {tests} tests, {name} has {given}"
+        )

@@ -1,21 +1,34 @@
-"""One file for one branch graph: arrays and a JSON header in a zip, as numpy writes it."""
+"""One file for one branch graph: arrays and a JSON header in a zip, as numpy writes it.
+
+Failure modes and answers
+-------------------------
+- The file is cut off or bytes of it have changed: a zip holds a checksum of every entry.
+- It was edited by hand: every entry is checked for its type, every array for its shape, and every
+  reference for what it refers to, before a graph is made.
+- The disk is full, or the program is interrupted: the file appears whole or not at all.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import GraphFileError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Stored
 from pwscont.foundation.records import Piece, SpecialPoint, Track
+from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.graph.fields import DamagedError, Fields
 
 FORMAT = "pwscont branch graph"
 VERSION = 1
@@ -56,14 +69,23 @@ def write(
         "starts": _stack([point.z for point in starts]),
         "points": _stack([piece.points for piece in pieces]),
     }
-    target = Path(path)
-    temporary = target.with_name(target.name + ".part")
+    content = BytesIO()
+    np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
     try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-        os.replace(temporary, target)
+        _replace(Path(path), content.getvalue())
     except OSError as error:
         raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _replace(target: Path, content: bytes) -> None:
+    """Write a file that appears whole or not at all, and leaves nothing else behind."""
+    temporary = target.with_name(target.name + ".part")
+    try:
+        temporary.write_bytes(content)
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def _stack(rows: list[Any]) -> Any:
@@ -109,61 +131,178 @@ def read(path: str | Path) -> Contents:
         with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in ("header", "nodes", "starts", "points")}
         header = json.loads(str(arrays["header"]))
-        _check(path, header)
-        return _contents(header, arrays)
     except OSError as error:
         raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
-    except GraphFileError:
-        raise
     except Exception as error:  # a damaged zip fails in a dozen ways
         raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged") from error
+    try:
+        fields = Fields("the header", header)
+        _check_format(path, fields)
+        return _contents(fields, arrays)
+    except DamagedError as error:
+        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
 
 
-def _check(path: str | Path, header: dict[str, Any]) -> None:
-    if header["format"] != FORMAT:
-        raise GraphFileError(f"{path} holds {header['format']!r}, not a {FORMAT}")
-    if header["version"] != VERSION:
+def _check_format(path: str | Path, header: Fields) -> None:
+    if header.entry("format") != FORMAT:
+        raise GraphFileError(f"{path} holds {header.entry('format')!r}, not a {FORMAT}")
+    if header.entry("version") != VERSION:
         raise GraphFileError(
-            f"{path} has format version {header['version']}; this pwscont reads {VERSION}"
+            f"{path} has format version {header.entry('version')}; this pwscont reads {VERSION}"
         )
 
 
-def _contents(header: dict[str, Any], arrays: dict[str, Any]) -> Contents:
-    nodes = [_node(h, z) for h, z in zip(header["nodes"], arrays["nodes"], strict=True)]
-    starts = [_node(h, z) for h, z in zip(header["starts"], arrays["starts"], strict=True)]
-    ends = np.cumsum([h["count"] for h in header["pieces"]], dtype=int)
-    if ends.size and ends[-1] != len(arrays["points"]):
-        raise ValueError("points are missing")
-    pieces = [
-        _piece(h, arrays["points"][end - h["count"] : end])
-        for h, end in zip(header["pieces"], ends, strict=True)
-    ]
-    lo, hi = header["interval"]
-    what, promise = header["searched"]
-    searched = Searched(what, Promise(promise))
-    return nodes, pieces, starts, (float(lo), float(hi)), str(header["parameter"]), searched
+def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
+    rows = _Rows.of(arrays)
+    points = [_node(*row) for row in rows.each("nodes", header.objects("nodes"))]
+    starts = [_node(*row) for row in rows.each("starts", header.objects("starts"))]
+    pieces = _pieces(header.objects("pieces"), rows)
+    interval = _interval(header)
+    _check_references(points, pieces, starts)
+    _check_places(points, pieces, interval)
+    return points, pieces, starts, interval, header.text("parameter"), _searched(header)
 
 
-def _node(header: dict[str, Any], z: Any) -> SpecialPoint:
+@final
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """The arrays of a file, finite, with n columns for states and n + 1 for points of pieces."""
+
+    nodes: Array
+    starts: Array
+    points: Array
+
+    @classmethod
+    def of(cls, arrays: dict[str, Any]) -> _Rows:
+        rows = cls(*(_table(name, arrays[name]) for name in ("nodes", "starts", "points")))
+        states = {len(a.T) for a in (rows.nodes, rows.starts, rows.points[:, :-1]) if len(a)}
+        if len(states) > 1:
+            raise DamagedError("nodes, starts and points have different numbers of unknowns")
+        return rows
+
+    def each(self, name: str, headers: list[Fields]) -> list[tuple[Fields, Array]]:
+        """Return each header with its row."""
+        rows = getattr(self, name)
+        if len(rows) != len(headers):
+            raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
+        return list(zip(headers, rows, strict=True))
+
+
+def _table(name: str, values: Any) -> Array:
+    if values.dtype.kind != "f" or values.ndim != 2:
+        raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
+    if not np.isfinite(values).all():
+        raise DamagedError(f"{name} must be finite")
+    return np.asarray(values, dtype=float)
+
+
+def _node(header: Fields, z: Array) -> SpecialPoint:
+    piece = header.entry("piece")
     return SpecialPoint(
-        id=header["id"],
-        kind=Kind(header["kind"]),
-        place=Stored(np.append(z, header["alpha"]), np.array(header["error"], dtype=float)),
-        message=header["message"],
-        backward=header["backward"],
-        piece=header["piece"],
-        digits=header["digits"],
-        lost=header["lost"],
+        id=header.integer("id", -1),
+        kind=_kind(header),
+        place=Stored(np.append(z, header.finite("alpha")), _error(header, len(z) + 1)),
+        message=header.text("message"),
+        backward=header.text("backward"),
+        piece=None if piece is None else header.integer("piece", 0),
+        digits=header.number("digits"),
+        lost=header.integer("lost", 0),
     )
 
 
-def _piece(header: dict[str, Any], points: Any) -> Piece:
+def _kind(header: Fields) -> Kind:
+    if header.text("kind") not in set(Kind):
+        raise DamagedError(f"kind of {header.name} must be one of {', '.join(Kind)}")
+    return Kind(header.text("kind"))
+
+
+def _error(header: Fields, size: int) -> Array:
+    error = header.numbers("error")
+    if len(error) not in (0, size) or (error < 0.0).any():
+        raise DamagedError(f"error of {header.name} must be {size} numbers, none negative")
+    return error
+
+
+def _pieces(headers: list[Fields], rows: _Rows) -> list[Piece]:
+    """Return the pieces, each with the rows that follow those of the one before."""
+    counts = [header.integer("count", 2) for header in headers]
+    if sum(counts) != len(rows.points):
+        raise DamagedError(f"pieces have {sum(counts)} points, there are {len(rows.points)}")
+    parts = np.split(rows.points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
+    return [_piece(header, points) for header, points in zip(headers, parts, strict=True)]
+
+
+def _piece(header: Fields, points: Array) -> Piece:
+    signs, det_sign = header.text("signs"), header.integer("det_sign", -1)
+    if set(signs) - {"+", "-"}:
+        raise DamagedError(f"signs of {header.name} must be + or -")
+    if det_sign > 1:
+        raise DamagedError(f"det_sign of {header.name} must be -1, 0 or 1, got {det_sign}")
     return Piece(
-        id=header["id"],
-        start=header["start"],
-        end=header["end"],
-        character=Character(tuple(sign == "+" for sign in header["signs"])),
-        naming=lambda _: str(header["label"]),
+        id=header.integer("id", 0),
+        start=header.integer("start", 0),
+        end=header.integer("end", 0),
+        character=Character(sign == "+" for sign in signs),
+        naming=_Name(header.text("label")),
         track=Track.of(points),
-        det_sign=header["det_sign"],
+        det_sign=det_sign,
     )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Name:
+    """The name that the system gave to a piece's character."""
+
+    name: str
+
+    def __call__(self, character: Character) -> str:
+        return self.name
+
+
+def _check_references(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
+) -> None:
+    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
+    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
+    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
+        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
+    for piece in pieces:
+        if not {piece.start, piece.end} <= nodes:
+            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
+    for start in starts:
+        if start.piece not in known:
+            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
+
+
+def _check_places(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
+) -> None:
+    """Refuse what lies outside the interval, and characters of different systems."""
+    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
+    lo, hi = interval[0] - slack, interval[1] + slack
+    for point in points:
+        if not lo <= point.alpha <= hi:
+            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
+    for piece in pieces:
+        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
+            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
+    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
+        raise DamagedError("pieces have different numbers of signs")
+
+
+def _interval(header: Fields) -> tuple[float, float]:
+    ends = Fields("the interval", dict(zip(("lo", "hi"), header.items("interval", 2), strict=True)))
+    lo, hi = ends.finite("lo"), ends.finite("hi")
+    if not lo < hi:
+        raise DamagedError(f"the interval needs lo < hi, got ({lo}, {hi})")
+    return lo, hi
+
+
+def _searched(header: Fields) -> Searched:
+    words = dict(zip(("what", "promise"), header.items("searched", 2), strict=True))
+    searched = Fields("searched", words)
+    promise = searched.integer("promise", 0)
+    if promise not in set(Promise):
+        raise DamagedError(f"promise of searched must be at most {max(Promise)}, got {promise}")
+    return Searched(searched.text("what"), Promise(promise))

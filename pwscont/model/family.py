@@ -45,9 +45,13 @@ class Family:
     """
 
     def __init__(self, make: MakeSystem, sample: float) -> None:
-        self._make = make
+        self._make, self._sampled_at = make, float(sample)
         self.at = lru_cache(REMEMBERED)(self._checked)
-        self.sample = self.at(float(sample))
+        self.sample = self.at(self._sampled_at)
+
+    def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float]]:
+        """Let copies remember systems of their own."""
+        return Family, (self._make, self._sampled_at)
 
     def _checked(self, mu: float) -> PiecewiseSystem:
         system = self._make(mu)

@@ -1,0 +1,215 @@
+"""Copies and pickles of everything that a user holds, and runs in other processes."""
+
+import copy
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+from elastic_bodies import jammed
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from pwscont_coulomb.plane_scenes import critical_friction
+from pwscont_coulomb.scenes import example1, example3, fig7, fig10
+
+import pwscont
+from pwscont import (
+    AllTransitions,
+    BranchGraph,
+    EndPoints,
+    FoldLocus,
+    MultiStart,
+    PiecewiseSystem,
+    PseudoArclength,
+    Slices,
+    StepSize,
+    TransitionLocus,
+    explore,
+)
+from pwscont.interface.registry import load_scene, scene_names
+
+
+def through_pickle(thing):
+    return pickle.loads(pickle.dumps(thing))
+
+
+EVERY_WAY = pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, through_pickle])
+
+
+def waves(alpha):
+    return np.array([1.0 + 0.5 * np.sin(alpha), np.cos(alpha)])
+
+
+class Arch(PiecewiseSystem):
+    """A curved system with one fold and a kink."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+        return z * (z - 1.0) * (z - 2.0) + stop - alpha
+
+
+def many_nodes(p=33):
+    """Return a body with so many nodes that its factorisation is updated."""
+    rng = np.random.default_rng(2)
+    root, picks = rng.normal(size=(2 * p, 2 * p)), np.eye(2 * p)
+    body = ContactBody(root @ root.T + 2 * p * np.eye(2 * p), picks[0::2], picks[1::2])
+    path = AffineLoad(rng.normal(size=2 * p) + np.tile([2.0, 0.0], p), rng.normal(size=2 * p))
+    return CoulombLoad(body, path, 0.5)
+
+
+def traced(system, interval):
+    start = np.zeros(system.size), interval[0]
+    return pwscont.trace(system, start, interval)
+
+
+CASES = {
+    "affine load": lambda: (fig7().system, (-2.0, 2.0), explore),
+    "curved load": lambda: (fig10().system, (0.0, 1.0), explore),
+    "friction": lambda: (example3().system, (0.001, 15.0), explore),
+    "gaps": lambda: (with_gaps(), (0.0, 1.0), explore),
+    "updated": lambda: (many_nodes(), (0.0, 0.3), traced),
+    "own system": lambda: (Arch(), (-0.5, 1.0), explore),
+    "elastic": lambda: (jammed().condensed().along_load(), (-1.0, 1.0), explore),
+    "sparse": lambda: (jammed().full().along_load(), (-1.0, 1.0), traced),
+}
+EVERY_CASE = pytest.mark.parametrize("case", CASES)
+
+
+def with_gaps():
+    """Return a system of which one node is left out: it cannot touch."""
+    A = np.diag([2.0, 2.0, 2.0, 2.0]) - np.eye(4, k=1) - np.eye(4, k=-1)
+    body = ContactBody(A, np.eye(4)[0::2], np.eye(4)[1::2], gap=[0.0, 1e3])
+    return CoulombLoad(body, AffineLoad([1.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0]), 0.5)
+
+
+def same(a, b):
+    assert len(a.pieces) == len(b.pieces) > 0
+    for one, other in zip(a.pieces, b.pieces, strict=True):
+        assert (one.start, one.end, one.label, one.det_sign, one.character) == (
+            other.start,
+            other.end,
+            other.label,
+            other.det_sign,
+            other.character,
+        )
+        np.testing.assert_array_equal(one.points, other.points)
+    for one, other in zip(a.special_points(), b.special_points(), strict=True):
+        assert (one.id, one.kind, one.message) == (other.id, other.kind, other.message)
+        np.testing.assert_array_equal(one.z, other.z)
+        np.testing.assert_array_equal(one.error, other.error)
+    assert (a.guarantee, a.multiplicity()) == (b.guarantee, b.multiplicity())
+
+
+@EVERY_WAY
+@EVERY_CASE
+def test_systems_before_and_after_use(case, way):
+    """A copy gives the same graph, whatever the original remembers, and so does the original."""
+    system, interval, find = CASES[case]()
+    fresh = way(system)
+    graph = find(system, interval)
+    same(find(fresh, interval), graph)
+    same(find(way(system), interval), graph)
+    same(find(system, interval), graph)
+
+
+@EVERY_WAY
+@EVERY_CASE
+def test_graphs_with_all_they_hold(case, way):
+    system, interval, find = CASES[case]()
+    graph = find(system, interval)
+    same(way(graph), graph)
+    middle = 0.45 * interval[0] + 0.55 * interval[1]
+    found = graph.solutions(middle)  # the graph remembers more from now on
+    again = way(graph).solutions(middle)
+    assert len(again) == len(found) > 0
+    for one, other in zip(again, found, strict=True):
+        np.testing.assert_array_equal(one.z, other.z)
+        np.testing.assert_array_equal(way(other).z, other.z)
+        assert (one.label, one.kind, one.character) == (other.label, other.kind, other.character)
+    for piece in graph.pieces[:3]:
+        assert way(piece).label == piece.label
+        np.testing.assert_array_equal(way(piece).points, piece.points)
+    for point in graph.special_points()[:3]:
+        np.testing.assert_array_equal(way(point).z, point.z)
+        assert way(point).kind is point.kind
+    for stretch in graph.multiplicity():
+        assert (way(stretch), way(stretch).ends) == (stretch, stretch.ends)
+
+
+@EVERY_WAY
+@pytest.mark.parametrize("with_system", [True, False])
+def test_graphs_from_files(way, with_system, tmp_path):
+    graph = fig7().run()
+    graph.save(tmp_path / "graph.npz")
+    loaded = BranchGraph.load(tmp_path / "graph.npz", graph.system if with_system else None)
+    same(way(loaded), loaded)
+
+
+def test_deep_copies_share_nothing_that_changes():
+    graph = fig7().run()
+    other = copy.deepcopy(graph)
+    other.nx.remove_node(0)
+    assert 0 in graph.nx
+    assert other.system is not graph.system
+
+
+@EVERY_WAY
+@pytest.mark.parametrize("kind", [TransitionLocus, FoldLocus])
+def test_loci(way, kind):
+    """What a family remembers is its own: copies build their systems again."""
+    scene = critical_friction()
+    more = {"test": 1} if kind is TransitionLocus else {}
+    locus = kind(scene.family, mu=3.0, **more)
+    other = way(locus)
+    mu, y = 2.5, np.linspace(0.3, 1.7, locus.size)
+    chi = locus.character(y, mu)
+    assert other.character(y, mu) == chi
+    np.testing.assert_array_equal(other.residual(y, mu, chi), locus.residual(y, mu, chi))
+
+
+@EVERY_WAY
+@pytest.mark.parametrize("name", scene_names())
+def test_scenes(name, way):
+    """Those of elastic bodies have rules for their boundaries that only copies can take."""
+    scene = load_scene(name)
+    assert way(scene).title == scene.title
+
+
+@EVERY_WAY
+@pytest.mark.parametrize(
+    "part",
+    [
+        ContactBody(np.eye(2), [[1.0, 0.0]], [[0.0, 1.0]]),
+        AffineLoad([1.0], [2.0]),
+        CoulombFriction(ContactBody(np.eye(2), [[1.0, 0.0]], [[0.0, 1.0]]), [1.0, 2.0]),
+        PseudoArclength(step_size=StepSize(largest=0.1)),
+        EndPoints() + MultiStart(),
+        Slices([0.5]),
+        AllTransitions(),
+    ],
+    ids=lambda part: type(part).__name__,
+)
+def test_parts(part, way):
+    assert type(way(part)) is type(part)
+
+
+def circle(friction):
+    return CoulombLoad(
+        ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]]), waves, friction
+    )
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_explore_in_other_processes(method):
+    """Systems go there, graphs come back, bit by bit those of this process."""
+    systems = [fig7().system, example1().system, circle(0.7)]
+    context = multiprocessing.get_context(method)
+    with ProcessPoolExecutor(2, mp_context=context) as pool:
+        found = list(pool.map(explore, systems, [(-1.0, 1.0)] * 3))
+    for graph, system in zip(found, systems, strict=True):
+        same(graph, explore(system, (-1.0, 1.0)))

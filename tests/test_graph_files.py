@@ -1,0 +1,189 @@
+"""Files of graphs that were edited by hand: refused in words, or read as far as they make sense."""
+
+import contextlib
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+from pwscont_coulomb.scenes import example1, example3, fig7, fig10
+
+from pwscont import BranchGraph, GraphFileError, InvalidInputError, PwscontError
+
+NASTY = (
+    None,
+    True,
+    "",
+    "word",
+    "+-",
+    -1,
+    0,
+    3,
+    99,
+    10**400,
+    1e200,
+    -1e200,
+    math.nan,
+    math.inf,
+    -0.5,
+    [],
+    [1, 2],
+    ["a", None],
+    [[0.0]],
+    {},
+    {"id": 0},
+)
+ARRAYS = (
+    np.zeros(3),
+    np.zeros((2, 2)),
+    np.zeros((0, 0)),
+    np.zeros((0, 5)),
+    np.array("text"),
+    np.zeros((4, 3), dtype=int),
+    np.zeros((4, 3), dtype=complex),
+    np.zeros((4, 3), dtype=bool),
+    np.full((4, 3), np.nan),
+    np.zeros((4, 3, 1)),
+    np.array(1.0),
+)
+
+
+@pytest.fixture(params=[fig7, example3, fig10], ids=lambda scene: scene.__name__)
+def saved(request, tmp_path):
+    """Return the path of a saved graph, its arrays and header, and its system."""
+    scene, path = request.param(), tmp_path / "graph.npz"
+    scene.run().save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    return path, arrays, json.loads(str(arrays["header"])), scene.system
+
+
+def places(data, way=()):
+    """Yield the way to every entry of a JSON value."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, value in entries:
+        yield (*way, key)
+        if isinstance(value, dict | list):
+            yield from places(value, (*way, key))
+
+
+def edited(header, way, value):
+    """Return the header with one entry changed, or deleted if ``value`` is Ellipsis."""
+    header = copy.deepcopy(header)
+    at = header
+    for key in way[:-1]:
+        at = at[key]
+    if value is ...:
+        del at[way[-1]]
+    else:
+        at[way[-1]] = value
+    return header
+
+
+def write(path, arrays, header):
+    with path.open("wb") as file:
+        np.savez(file, **(arrays | {"header": np.array(json.dumps(header))}))
+
+
+def asked_everything(graph):
+    """Ask a graph all that can be asked; what it cannot answer it refuses in words."""
+    lo, hi = graph.interval
+    for alpha in (lo, 0.3 * lo + 0.7 * hi, hi):
+        for ask in (graph.count, graph.solutions, graph.balance):
+            with contextlib.suppress(PwscontError):
+                ask(alpha)
+    graph.multiplicity(), graph.balances(), graph.sums(), graph.components(), graph.guarantee
+    graph.special_points(), graph.to_dict(), repr(graph), graph._repr_html_()
+
+
+def check(path, system):
+    """Load a file; returns whether it was refused."""
+    refusals = []
+    try:
+        asked_everything(BranchGraph.load(path, system))
+    except (GraphFileError, InvalidInputError) as error:
+        refusals.append(str(error))
+    assert all(message.startswith(str(path)) for message in refusals)
+    return bool(refusals)
+
+
+def test_an_edited_header_is_refused_in_words_or_makes_sense(saved):
+    path, arrays, header, system = saved
+    rng, ways, refused = np.random.default_rng(11), list(places(header)), 0
+    for _ in range(250):
+        way = ways[rng.integers(len(ways))]
+        value = [*NASTY, ...][rng.integers(len(NASTY) + 1)]
+        write(path, arrays, edited(header, way, value))
+        refused += check(path, system if rng.random() < 0.5 else None)
+    assert refused > 150
+
+
+@pytest.mark.slow
+def test_every_entry_with_every_nasty_value(saved):
+    path, arrays, header, system = saved
+    ways = list(places(header))
+    for way in ways[:: max(1, len(ways) // 60)]:
+        for value in [*NASTY, ...]:
+            write(path, arrays, edited(header, way, value))
+            check(path, system)
+
+
+@pytest.mark.parametrize("name", ["header", "nodes", "starts", "points"])
+def test_arrays_that_do_not_fit_are_refused(saved, name):
+    path, arrays, _, system = saved
+    for wrong in ARRAYS:
+        if wrong.ndim == 2 and not wrong.size + arrays[name].size:
+            continue  # no rows are no rows
+        with path.open("wb") as file:
+            np.savez(file, **(arrays | {name: wrong}))
+        assert check(path, system), f"{name} with shape {wrong.shape}"
+    others = {key: value for key, value in arrays.items() if key != name}
+    with path.open("wb") as file:
+        np.savez(file, **others)
+    assert check(path, system)
+
+
+@pytest.mark.parametrize(
+    ("way", "value", "words"),
+    [
+        (("nodes", 1, "alpha"), None, "alpha of entry 1 of nodes must be a number, got None"),
+        (("nodes", 0, "kind"), "knot", "kind of entry 0 of nodes must be one of start, end"),
+        (("nodes", 0, "id"), -1, "each node and each piece needs an id of its own"),
+        (("pieces", 1, "start"), 77, "piece 1 begins or ends at a node that is not there"),
+        (("pieces", 0, "count"), 0, "count of entry 0 of pieces must be a whole number from 2 on"),
+        (("pieces", 0, "label"), ..., "entry 0 of pieces has no label"),
+        (("interval",), [1.0, -1.0], r"the interval needs lo < hi, got \(1.0, -1.0\)"),
+        (("searched", 1), 9, "promise of searched must be at most 2, got 9"),
+    ],
+)
+def test_messages_name_the_entry(tmp_path, way, value, words):
+    path = tmp_path / "graph.npz"
+    fig7().run().save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    write(path, arrays, edited(json.loads(str(arrays["header"])), way, value))
+    with pytest.raises(GraphFileError, match=words):
+        BranchGraph.load(path)
+
+
+def test_a_graph_of_another_system_is_refused(tmp_path):
+    fig7().run().save(tmp_path / "graph.npz")
+    with pytest.raises(InvalidInputError, match="it has 4 unknowns, AffineCoulombLoad has 8"):
+        BranchGraph.load(tmp_path / "graph.npz", example1().system)
+
+
+def test_a_failed_write_leaves_nothing_behind(tmp_path, monkeypatch):
+    """The old file stays, and no part of a new one."""
+    graph, path = fig7().run(), tmp_path / "graph.npz"
+    graph.save(path)
+    before = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(GraphFileError, match="No space left on device"):
+        graph.save(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["graph.npz"]
+    assert path.read_bytes() == before
