@@ -164,6 +164,145 @@ def test_a_second_process_is_kept_out(tmp_path, capsys):
     assert main(["run", "fig7", "-o", str(tmp_path), "--resume"]) == 0
 
 
+# -- damage -------------------------------------------------------------------------------------
+
+
+def flipped(content, rng):
+    at = rng.integers(len(content))
+    return content[:at] + bytes([content[at] ^ (1 << rng.integers(8))]) + content[at + 1 :]
+
+
+def overwritten(content, rng):
+    at, count = rng.integers(len(content)), rng.integers(1, 40)
+    return content[:at] + rng.bytes(count) + content[at + count :]
+
+
+def zeroed(content, rng):
+    """Lose a page, as a disk does."""
+    page = 512 * rng.integers(len(content) // 512 + 1)
+    return content[:page] + bytes(len(content[page : page + 512])) + content[page + 512 :]
+
+
+def truncated(content, rng):
+    return content[: rng.integers(len(content))]
+
+
+def cut_out(content, rng):
+    at, count = rng.integers(len(content)), rng.integers(1, 600)
+    return content[:at] + content[at + count :]
+
+
+def doubled(content, rng):
+    at, count = rng.integers(len(content)), rng.integers(1, 600)
+    return content[: at + count] + content[at:]
+
+
+def lengthened(content, rng):
+    """Return the content with zeros behind, as after a failure of the power."""
+    return content + bytes(int(rng.integers(1, 5000)))
+
+
+DAMAGES = (flipped, overwritten, zeroed, truncated, cut_out, doubled, lengthened)
+
+
+def recorded(path, made, **how):
+    journal = Journal(path)
+    try:
+        return explore(made.system, made.interval, journal=journal, **how)
+    finally:
+        journal.close()
+
+
+def damaged(path, made, content, truth, damage, rng):
+    """Go on with a damaged journal; returns whether it was refused in words."""
+    path.write_bytes(damage(content, rng))
+    try:
+        graph = recorded(path, made)
+    except InvalidInputError as refusal:
+        words = str(refusal)
+    else:
+        same(graph, truth)
+        same(recorded(path, made), truth)  # what was written behind the damage is read again
+        return False
+    assert "remove it, or write elsewhere" in words or "is no journal" in words
+    assert str(path) in words
+    return True
+
+
+def check_damages(scene, path, times, seed):
+    made = scene()
+    truth = recorded(path, made)
+    content, rng, refused = path.read_bytes(), np.random.default_rng(seed), 0
+    for i in range(times):
+        refused += damaged(path, made, content, truth, DAMAGES[i % len(DAMAGES)], rng)
+    assert 0.3 * times < refused < 0.9 * times
+
+
+@pytest.mark.parametrize("scene", [fig7, example3])
+def test_a_damaged_journal_is_refused_or_gives_an_equal_graph(scene, tmp_path):
+    check_damages(scene, tmp_path / "journal", 42, seed=5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [fig7, example1, example3])
+@pytest.mark.parametrize("seed", [6, 7])
+def test_many_damages(scene, tmp_path, seed):
+    check_damages(scene, tmp_path / "journal", 350, seed)
+
+
+def test_every_bit_of_the_first_records_counts(tmp_path):
+    """Those that say what the run is about, and where it begins."""
+    made, path = fig7(), tmp_path / "journal"
+    truth = recorded(path, made)
+    content = path.read_bytes()
+    for at in range(0, min(900, len(content)), 7):
+        for bit in (0, 6):
+            other = bytearray(content)
+            other[at] ^= 1 << bit
+            damaged(path, made, bytes(other), truth, lambda content, _: content, None)
+
+
+def test_records_are_not_missing_between_others(tmp_path):
+    """A walk that is taken out whole leaves a gap that is seen."""
+    made, path = fig7(), tmp_path / "journal"
+    recorded(path, made)
+    journal = Journal(path)
+    first, second = journal._places[b"w"][:2]
+    journal.close()
+    content = path.read_bytes()
+    path.write_bytes(content[:first] + content[second:])
+    with pytest.raises(InvalidInputError, match=rf"damaged after 0 pieces \(byte {first}\)"):
+        Journal(path)
+
+
+def test_a_full_disk_stops_the_record_and_not_the_run(tmp_path, monkeypatch):
+    made, path = example1(), tmp_path / "journal"
+    truth, journal = made.run(), Journal(path)
+
+    class Full:
+        """A file with room for a thousand bytes more."""
+
+        def __init__(self, file):
+            self.file, self.room = file, 1000
+
+        def write(self, content):
+            self.room -= (written := self.file.write(content[: self.room]))
+            if not written:
+                raise OSError(28, "No space left on device")
+            return written
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+    journal._file = Full(journal._file)
+    same(explore(made.system, made.interval, journal=journal), truth)
+    assert journal.trouble.errno == 28
+    assert not journal.is_finished
+    journal.close()
+    same(recorded(path, made), truth)
+    assert len(path.read_bytes()) > 1100
+
+
 # -- the command line -----------------------------------------------------------------------------
 
 

@@ -3,10 +3,17 @@
 A run is the same sequence of walks each time, and walks are all that takes long. So a run goes on
 where it stopped by being repeated with the walks that the journal knows.
 
+The file is a line that names it, and records behind each other, each with a checksum and never
+written to again. So whatever is lost at the end, what stands before it is the journal of a run
+that was stopped earlier, and leads to the same graph.
+
 Failure modes and answers
 -------------------------
-- The process is killed between any two instructions: each walk is one transaction of an SQLite
-  database with a write-ahead log, and is there whole or not at all.
+- The process is killed between any two instructions, or the power fails: a last record that is
+  not whole is left out.
+- Bytes change: a checksum does not fit, and the journal is refused. It covers the place in the
+  file, too, so that no record is missing between others.
+- The disk is full: the run goes on and is not recorded any more, see ``Journal.trouble``.
 - Two processes work on one journal: the first locks it until it ends, however it ends.
 - The journal is of another problem, perhaps one that begins alike: names, interval, stepper, and
   the values of H and of the tests at generic points are compared before any work, and each walk
@@ -17,14 +24,19 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import struct
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
+from pwscont.continuation.locking import lock
 from pwscont.continuation.transcript import Transcript, walk_of, written
 from pwscont.continuation.walk import Follower, Walk
 from pwscont.foundation.arrays import Array
@@ -33,17 +45,31 @@ from pwscont.foundation.rounding import EPS
 from pwscont.search.enumeration import Found
 from pwscont.transitions.rays import Ray
 
-TABLES = """
-create table if not exists about (facts text);
-create table if not exists starts (number integer primary key, header text, rows blob);
-create table if not exists walks (number integer primary key, ray blob, header text, rows blob);
-"""
+FIRST_LINE = b"pwscont journal 2\n"
+#: A record begins with its kind, the lengths of its header and of its rows, and a checksum.
+LENGTHS, CHECKSUM = struct.Struct("<cQQ"), 16
+PREFIX = LENGTHS.size + CHECKSUM
+ABOUT, START, SEARCHED, WALK, FINISHED = b"a", b"s", b"e", b"w", b"f"
 
 #: Values of the same functions, evaluated in another order, differ by far less than this.
 SAME = EPS**0.5
-#: Seconds to wait for another process to close the file.
-PATIENCE = 0.5
 ADVICE = "remove it, or write elsewhere"
+
+
+class _Record(NamedTuple):
+    """A record: its kind, a header in JSON, and rows of doubles."""
+
+    kind: bytes
+    header: bytes = b""
+    rows: bytes = b""
+
+    def at(self, place: int) -> bytes:
+        """Return what stands in the file from a place on."""
+        lengths = LENGTHS.pack(self.kind, len(self.header), len(self.rows))
+        checksum = blake2b(lengths, digest_size=CHECKSUM)
+        for part in (place.to_bytes(8, "little"), self.header, self.rows):
+            checksum.update(part)
+        return b"".join([lengths, checksum.digest(), self.header, self.rows])
 
 
 @final
@@ -55,34 +81,53 @@ class Journal:
     path : path
         Made if it does not exist; otherwise the run goes on from there.
 
+    Attributes
+    ----------
+    trouble : OSError or None
+        Why nothing more is recorded, such as a full disk; the run does not stop for it.
+
     Raises
     ------
     InvalidInputError
-        If the file cannot be opened, or is no journal.
+        If the file cannot be opened, is in use, is damaged, or is no journal.
     """
 
     def __init__(self, path: str | Path) -> None:
-        import sqlite3  # noqa: PLC0415  only for runs that keep a journal
-
         self.path = Path(path)
-        self._errors = sqlite3.Error
+        self.trouble: OSError | None = None
+        self._places: dict[bytes, list[int]] = defaultdict(list)
+        self._end = 0
         try:
-            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
-            self._base.execute("pragma locking_mode = exclusive")
-            self._base.execute("pragma journal_mode = wal")
-            self._base.execute("pragma synchronous = normal")
-            self._base.executescript(TABLES)
-        except sqlite3.OperationalError as error:
-            if "locked" in str(error):
-                why = "another process is writing to it: wait for it, or write elsewhere"
-                raise InvalidInputError(f"the journal {self.path} is in use; {why}") from error
-            raise InvalidInputError(f"cannot write the journal {self.path}: {error}") from error
-        except sqlite3.Error as error:
-            raise InvalidInputError(f"{self.path} is no journal of a run: {error}") from error
+            self._file = self.path.open("a+b", buffering=0)  # a record is one call of the system
+        except OSError as error:
+            why = error.strerror or error
+            raise InvalidInputError(f"cannot write the journal {path}: {why}") from error
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self) -> None:
+        if not lock(self._file):
+            why = "another process is writing to it: wait for it, or write elsewhere"
+            raise InvalidInputError(f"the journal {self.path} is in use; {why}")
+        first = self._bytes(0, len(FIRST_LINE))
+        if not FIRST_LINE.startswith(first):
+            raise InvalidInputError(f"{self.path} is no journal of a run")
+        if first == FIRST_LINE:
+            self._scan()
+        else:  # new, or killed at once
+            self._write(FIRST_LINE)
 
     def __len__(self) -> int:
         """Return the number of finished pieces."""
-        return int(self._base.execute("select count(*) from walks").fetchone()[0])
+        return len(self._places[WALK])
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the run came to its end."""
+        return bool(self._places[FINISHED])
 
     @property
     def _of_another_run(self) -> str:
@@ -90,12 +135,80 @@ class Journal:
 
     def close(self) -> None:
         """Close the file."""
-        self._base.close()
+        self._file.close()
 
     def remove(self) -> None:
         """Close and delete the file, when what it holds is kept elsewhere."""
         self.close()
         self.path.unlink(missing_ok=True)
+
+    # -- records -------------------------------------------------------------------------
+
+    def _scan(self) -> None:
+        """Note where the records are, and where the last one ends that is whole."""
+        self._end, size = len(FIRST_LINE), self._file.seek(0, os.SEEK_END)
+        while self._end < size:
+            record = self._record(self._end, size)
+            if record is not None:
+                self._places[record.kind].append(self._end)
+                self._end += len(record.at(self._end))
+            elif self._is_cut_off(size):
+                return
+            else:
+                where = f"after {len(self)} pieces (byte {self._end})"
+                raise InvalidInputError(f"the journal {self.path} is damaged {where}; {ADVICE}")
+
+    def _record(self, place: int, size: int) -> _Record | None:
+        """Return the record at a place, None if there is none in a file of this size."""
+        prefix = self._bytes(place, PREFIX)
+        if len(prefix) < PREFIX or place + _length(prefix) > size:
+            return None
+        kind, header, _ = LENGTHS.unpack_from(prefix)
+        content = self._bytes(place + PREFIX, _length(prefix) - PREFIX)
+        record = _Record(kind, content[:header], content[header:])
+        return record if record.at(place) == prefix + content else None
+
+    def _is_cut_off(self, size: int) -> bool:
+        """Tell whether what is no record may be the last one, not written to its end."""
+        prefix = self._bytes(self._end, PREFIX)
+        if len(prefix) < PREFIX or self._end + _length(prefix) >= size:
+            return True
+        return not self._bytes(self._end, size - self._end).strip(b"\0")  # the power failed
+
+    def _bytes(self, place: int, count: int) -> bytes:
+        self._file.seek(place)
+        return self._file.read(count) or b""
+
+    def _nth(self, kind: bytes, number: int) -> _Record | None:
+        """Return a record of a kind, None if there are not so many."""
+        places = self._places[kind]
+        if number >= len(places):
+            return None
+        record = self._record(places[number], self._end)
+        if record is None:
+            raise InvalidInputError(f"the journal {self.path} was written to by others; {ADVICE}")
+        return record
+
+    def _add(self, record: _Record) -> None:
+        place = self._end
+        if self._write(record.at(place)):
+            self._places[record.kind].append(place)
+
+    def _write(self, content: bytes) -> bool:
+        """Append, behind what is whole; returns False if nothing is recorded any more."""
+        if self.trouble is not None:
+            return False
+        try:
+            self._file.truncate(self._end)
+            if self._file.write(content) != len(content):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError as error:
+            self.trouble = error
+            return False
+        self._end += len(content)
+        return True
+
+    # -- what a run records --------------------------------------------------------------
 
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
         """Compare what the run is about with what was recorded of it; record it the first time.
@@ -112,43 +225,36 @@ class Journal:
         InvalidInputError
             If they differ.
         """
-        known = self._base.execute("select facts from about").fetchone()
+        known = self._nth(ABOUT, 0)
         if known is None:
-            recorded = json.dumps([dict(facts), list(probes)])
-            self._base.execute("insert into about values (?)", (recorded,))
+            self._add(_Record(ABOUT, json.dumps([dict(facts), list(probes)]).encode()))
             return
-        before, values = json.loads(known[0])
+        before, values = json.loads(known.header)
         different = [
-            f"{name} was {before[name]}, is {now}"
+            f"{name} was {before.get(name)}, is {now}"
             for name, now in facts.items()
-            if before[name] != now
+            if before.get(name) != now
         ]
-        if not different and not np.allclose(values, probes, rtol=SAME, atol=0.0):
+        if not different and not _agree(values, probes):
             different = ["the values of its functions have changed"]
         if different:
             raise InvalidInputError(f"{self._of_another_run}: {'; '.join(different)}; {ADVICE}")
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further ones, which are recorded first."""
-        known = self._base.execute("select header, rows from starts order by number").fetchall()
-        for header, rows in known:
-            everything = _rows(rows, json.loads(header))
+        known = 0
+        while record := self._nth(START, known):
+            everything = _rows(record.rows, json.loads(record.header))
+            known += 1
             yield everything[0], everything[1:]
-        if self._search_is_finished:
+        if self._places[SEARCHED]:
             return
         for number, (x, error) in enumerate(searched):
-            if number >= len(known):
-                self._add_start(number, np.vstack([x[np.newaxis], error]))
+            if number >= known:
+                rows = np.vstack([x[np.newaxis], error])
+                self._add(_Record(START, json.dumps(rows.shape[1]).encode(), rows.tobytes()))
                 yield x, error
-        self._base.execute("pragma user_version = 1")
-
-    @property
-    def _search_is_finished(self) -> bool:
-        return bool(self._base.execute("pragma user_version").fetchone()[0])
-
-    def _add_start(self, number: int, rows: Array) -> None:
-        values = (number, json.dumps(rows.shape[1]), rows.tobytes())
-        self._base.execute("insert into starts values (?, ?, ?)", values)
+        self._add(_Record(SEARCHED))
 
     def find(self, number: int, ray: Ray) -> Walk | None:
         """Return a recorded walk, None if there is none.
@@ -158,20 +264,34 @@ class Journal:
         InvalidInputError
             If it was begun from another ray.
         """
-        query = "select ray, header, rows from walks where number = ?"
-        found = self._base.execute(query, (number,)).fetchone()
+        found = self._nth(WALK, number)
         if found is None:
             return None
-        if found[0] != _digest(ray):
+        digest = _digest(ray)
+        if not found.rows.startswith(digest):
             where = f"piece {number + 1} began elsewhere"
             raise InvalidInputError(f"{self._of_another_run}: {where}; {ADVICE}")
-        return walk_of(Transcript(found[1], found[2]), ray)
+        return walk_of(Transcript(found.header.decode(), found.rows[len(digest) :]), ray)
 
-    def add(self, number: int, ray: Ray, walk: Walk) -> None:
-        """Record a walk, in one transaction."""
+    def add(self, ray: Ray, walk: Walk) -> None:
+        """Record the next walk."""
         transcript = written(walk)
-        values = (number, _digest(ray), transcript.header, transcript.rows)
-        self._base.execute("insert into walks values (?, ?, ?, ?)", values)
+        self._add(_Record(WALK, transcript.header.encode(), _digest(ray) + transcript.rows))
+
+    def finish(self) -> None:
+        """Record that the run came to its end."""
+        if not self.is_finished:
+            self._add(_Record(FINISHED))
+
+
+def _length(prefix: bytes) -> int:
+    """Return the length of the record that begins so."""
+    _, header, rows = LENGTHS.unpack_from(prefix)
+    return PREFIX + int(header) + int(rows)
+
+
+def _agree(values: Sequence[float], others: Sequence[float]) -> bool:
+    return len(values) == len(others) and np.allclose(values, others, rtol=SAME, atol=0.0)
 
 
 def _rows(data: bytes, columns: int) -> Array:
@@ -207,5 +327,5 @@ class Recorded(Follower):
         known = self._journal.find(number, ray)
         if known is None:
             known = self._follower.walk(ray)
-            self._journal.add(number, ray, known)
+            self._journal.add(ray, known)
         return known

@@ -153,6 +153,8 @@ class Plan:
         network = Network(walker, report)
         for x, error in starts:
             network.add(departures(self.followed, self.metric, x, error))
+        if journal is not None:
+            journal.finish()
         return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
 
     def _check(self, journal: Journal) -> None:
