@@ -1,101 +1,22 @@
 """pwscont: continuation of piecewise-smooth systems through kinks and folds."""
 
-from typing import Any
+from __future__ import annotations
 
-from pwscont.continuation import explore, trace
-from pwscont.continuation.journal import Journal
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import (
-    GraphFileError,
-    InvalidInputError,
-    InvalidSystemError,
-    PwscontError,
-    SceneNotFoundError,
-    StartNotFoundError,
-    SystemNeededError,
-)
-from pwscont.graph import BranchGraph
-from pwscont.interface.scene import Panel, ParameterPath, Scene
-from pwscont.model.check import check_system
-from pwscont.model.fold_locus import FoldLocus
-from pwscont.model.locus import TransitionLocus
-from pwscont.model.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
-from pwscont.numerics.banded import BandedJacobian
-from pwscont.numerics.corrector import BorderedNewton, MoorePenrose
-from pwscont.numerics.predictor import Hermite, Secant, Tangent
-from pwscont.numerics.step_size import StepSize
-from pwscont.search import (
-    AllTransitions,
-    EndPoints,
-    MultiStart,
-    Search,
-    Slices,
-    enumerate_solutions,
-)
-from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
-from pwscont.transitions import TransitionDetector
+from importlib import import_module
+
+TYPE_CHECKING = False  # not from typing: the command line wants to be there at once
+if TYPE_CHECKING:
+    from typing import Any
+
+    from pwscont.public import *  # noqa: F403
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "AllTransitions",
-    "BandedJacobian",
-    "Block",
-    "BorderedNewton",
-    "BranchGraph",
-    "Character",
-    "EndPoints",
-    "ExactLinear",
-    "FoldLocus",
-    "GraphFileError",
-    "Hermite",
-    "InvalidInputError",
-    "InvalidSystemError",
-    "Journal",
-    "MoorePenrose",
-    "MultiStart",
-    "NaturalParameter",
-    "Panel",
-    "ParameterPath",
-    "PiecewiseLinearSystem",
-    "PiecewiseSystem",
-    "PseudoArclength",
-    "PwscontError",
-    "Scene",
-    "SceneNotFoundError",
-    "Search",
-    "Secant",
-    "Slices",
-    "SlicewiseLinearSystem",
-    "StartNotFoundError",
-    "StepSize",
-    "Stepper",
-    "SystemNeededError",
-    "Tangent",
-    "TransitionDetector",
-    "TransitionLocus",
-    "check_system",
-    "draw_counts",
-    "enumerate_solutions",
-    "explore",
-    "plot",
-    "trace",
-]
-
 
 def __getattr__(name: str) -> Any:
-    """Import matplotlib only when a picture is asked for."""
-    if name == "plot":
-        from pwscont.interface.plotting import plot  # noqa: PLC0415
+    """Load numpy and all else with the first name: the command line limits threads before."""
+    return getattr(import_module("pwscont.public"), name)
 
-        return plot
-    if name == "draw_counts":
-        from pwscont.interface.counting import draw_counts  # noqa: PLC0415
 
-        return draw_counts
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return [*import_module("pwscont.public").__all__, "__version__"]

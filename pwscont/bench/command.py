@@ -14,7 +14,7 @@ from pwscont.bench.measure import Row, measure
 from pwscont.bench.report import as_dict
 from pwscont.bench.table import as_text
 from pwscont.bench.truth import UnknownAnswerError
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.errors import BrokenSceneError, InvalidInputError
 from pwscont.interface.running import make_directory
 
 #: Problems of the short form: straight pieces, curved ones, a smooth fold.
@@ -58,7 +58,7 @@ def _load(
     for name in [name for name in QUICK if name in installed] if quick else installed:
         try:
             cases.append(load_case(name))
-        except UnknownAnswerError as unknown:
+        except (UnknownAnswerError, BrokenSceneError) as unknown:
             left_out[name] = str(unknown)
     return cases, left_out
 

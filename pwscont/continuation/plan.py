@@ -23,6 +23,7 @@ from pwscont.graph import BranchGraph
 from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.threads import few_threads
 from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.transitions import (
@@ -146,6 +147,13 @@ class Plan:
         journal: Journal | None = None,
     ) -> BranchGraph:
         """Return the graph of everything that is reached from starts of the followed system."""
+        with few_threads(self.followed.size):
+            network = self._discover(starts, report, journal)
+        return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+
+    def _discover(
+        self, starts: Iterable[Found], report: Report, journal: Journal | None
+    ) -> Network:
         walker: Follower = Walker(self.stepper, Watch(self.detectors), self.interval)
         if journal is not None:
             self._check(journal)
@@ -155,7 +163,7 @@ class Plan:
             network.add(departures(self.followed, self.metric, x, error))
         if journal is not None:
             journal.finish()
-        return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+        return network
 
     def _check(self, journal: Journal) -> None:
         """Refuse a journal of another run."""

@@ -29,5 +29,9 @@ class SystemNeededError(PwscontError, RuntimeError):
     """A graph read from a file was asked for what only its system can tell."""
 
 
+class BrokenSceneError(PwscontError, RuntimeError):
+    """A package offers a scene that cannot be made, or one whose name is taken."""
+
+
 class SceneNotFoundError(PwscontError, LookupError):
     """No installed package registers a scene of that name."""

@@ -12,7 +12,8 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont.foundation.errors import PwscontError
-from pwscont.interface.registry import load_scene, scene_names, scene_settings
+from pwscont.interface.arguments import spread
+from pwscont.interface.registry import described_scene, scene_names
 from pwscont.interface.running import run_scene
 from pwscont.interface.settings import add_settings
 
@@ -23,28 +24,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
-    options = _parser().parse_args([_as_value(argument) for argument in given])
+    if sys.stdout is None:  # closed by who started us
+        return _failed("standard output is closed: redirect it to a file, or to /dev/null")
     try:
+        options = _parser().parse_args(list(spread(given)))
         status = int(options.command(options))
         sys.stdout.flush()
         return status
     except BrokenPipeError:  # who reads, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         return 0
-    except (PwscontError, OSError) as error:
-        print(f"pwscont: {error}", file=sys.stderr)  # noqa: T201
-        return 2
     except KeyboardInterrupt:
         print("pwscont: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+    except (PwscontError, OSError, MemoryError) as error:
+        _close_output()
+        return _failed(_in_words(error))
 
 
-def _as_value(argument: str) -> str:
-    """Return a negative number so that it is a value: with a space before it, it is no option."""
+def _in_words(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return f"not enough memory; try smaller settings. {error}".strip()
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+def _failed(message: str) -> int:
+    """Say in one line what went wrong; returns the exit status."""
+    if sys.stderr is not None:
+        print(f"pwscont: {message}", file=sys.stderr)  # noqa: T201
+    return 2
+
+
+def _close_output() -> None:
+    """Drop what is left of standard output, so that Python does not try again at its end."""
     try:
-        return f" {argument}" if float(argument) < 0.0 else argument
-    except ValueError:
-        return argument
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -60,11 +78,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("scene", metavar="SCENE", help="a name from 'pwscont scenes'")
     run.add_argument(
         "--at",
-        nargs="+",
-        action="extend",
+        action="append",
         type=float,
         metavar="ALPHA",
-        help="list the solutions at these parameter values",
+        help="list the solutions at these parameter values: --at 1 2, or --at 1 --at 2",
     )
     run.add_argument(
         "-o",
@@ -87,7 +104,5 @@ def _parser() -> argparse.ArgumentParser:
 
 def _scenes(options: argparse.Namespace) -> int:
     for name in scene_names():
-        settings = scene_settings(name)
-        more = f" [-s {settings.replace(', ', ' ')}]" if settings else ""
-        print(f"{name:<26} {load_scene(name).title}{more}")  # noqa: T201
+        print(f"{name:<26} {described_scene(name)}")  # noqa: T201
     return 0

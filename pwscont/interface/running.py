@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.errors import GraphFileError, InvalidInputError
 from pwscont.interface.answer import Answer, Runnable
 from pwscont.interface.progress import Progress
 from pwscont.interface.registry import load_scene
@@ -29,14 +31,44 @@ def run_scene(options: argparse.Namespace) -> int:
         answer = _solved(kept, at)
         seconds = time.perf_counter() - begin
         left_out = _omissions(scene, options) if options.explain else None
-        if options.json:
-            print(_as_json(answer, left_out, seconds))  # noqa: T201
-        else:
-            print(_as_text(answer, left_out))  # noqa: T201
+        text = _as_json(answer, left_out, seconds) if options.json else _as_text(answer, left_out)
+        unprinted = _print(text)
         if options.output:
-            written = answer.write(options.output)
+            written = write_whole(answer, options.output)
             print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
+    if unprinted:
+        raise unprinted
     return 0
+
+
+def _print(text: str) -> OSError | None:
+    """Print the answer; returns why not, for the files may be written all the same."""
+    try:
+        print(text, flush=True)  # noqa: T201
+    except OSError as error:
+        return error
+    return None
+
+
+def write_whole(answer: Answer, directory: Path) -> list[Path]:
+    """Write the files of an answer into a directory; where the disk is full, none of them.
+
+    Raises
+    ------
+    InvalidInputError
+        If they cannot be written.
+    """
+    try:
+        with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
+            written = [file.relative_to(temporary) for file in answer.write(Path(temporary))]
+            for name in os.listdir(temporary):
+                os.replace(Path(temporary, name), directory / name)
+    except (OSError, GraphFileError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        reason = getattr(cause, "strerror", None) or error
+        where = getattr(cause, "filename2", None) or f"to {directory}"
+        raise InvalidInputError(f"cannot write {where}: {reason}") from error
+    return [directory / file for file in written]
 
 
 def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
@@ -73,6 +105,8 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
         journal.close()
         raise
     except BaseException:
+        if journal.trouble:  # it may lack what was found since, and would be in the way
+            journal.remove()
         journal.close()
         raise
     journal.remove()
@@ -85,14 +119,22 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
         if resume:
             raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
     elif path.exists() and not resume:
-        Journal(path).close()  # refuses one that another process is writing
-        raise InvalidInputError(
-            f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
-        )
+        _make_way(path)
     elif resume and not path.exists():
         raise InvalidInputError(
             f"nothing to resume: no {path}, which a finished run does not leave"
         )
+
+
+def _make_way(path: Path) -> None:
+    """Remove the journal of a run that lacks nothing, or has nothing yet; refuse to lose more."""
+    journal = Journal(path)  # refuses one that another process is writing
+    if not journal.is_finished and len(journal):
+        journal.close()
+        raise InvalidInputError(
+            f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
+        )
+    journal.remove()
 
 
 def make_directory(directory: Path) -> None:

@@ -17,13 +17,12 @@ def add_settings(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "-s",
         "--set",
-        nargs="+",
-        action="extend",
+        action="append",
         type=_setting,
         default=[],
         dest="settings",
         metavar="NAME=VALUE",
-        help="settings of the scene, listed by 'pwscont scenes'",
+        help="settings of the scene, listed by 'pwscont scenes': -s A=1 B=2, or -s A=1 -s B=2",
     )
 
 

@@ -68,9 +68,16 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
     )
 
 
+#: With so many contact nodes a body has ten million unknowns.
+MOST_NODES = 3000
+TOO_LARGE = "the mesh would have more unknowns than fit into memory"
+
+
 def _checked(nodes: int) -> None:
     if nodes < 2:
         raise InvalidInputError(f"nodes must be at least 2, got {nodes}")
+    if nodes > MOST_NODES:
+        raise InvalidInputError(f"nodes must be at most {MOST_NODES}, got {nodes}: {TOO_LARGE}")
 
 
 @final

@@ -1,0 +1,45 @@
+"""One thread for BLAS while matrices are small, where threadpoolctl is installed.
+
+Threads that wait for each other cost more than the work on a matrix of a few hundred rows. The
+command line sets environment variables before BLAS is loaded; from Python it is too late for that.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+#: What BLAS libraries and OpenMP read; whoever sets one of them decides.
+VARIABLES = (
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "OMP_NUM_THREADS",
+)
+#: With more unknowns several threads pay.
+SMALL = 1000
+
+
+@contextmanager
+def few_threads(size: int) -> Iterator[None]:
+    """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
+    controller = _controller()
+    if controller is None or size > SMALL or any(name in os.environ for name in VARIABLES):
+        yield
+        return
+    with controller.limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _controller() -> Any | None:
+    """Return what sets numbers of threads, made once: it looks through all loaded libraries."""
+    try:
+        return import_module("threadpoolctl").ThreadpoolController()
+    except ImportError:
+        return None
