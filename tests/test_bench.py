@@ -185,6 +185,7 @@ def test_a_shifted_piece_is_wrong(cases):
     assert errors(bent, case.truth, case.system).points_max > 1e-3
 
 
+@pytest.mark.slow
 def test_a_step_that_sees_nothing_on_its_way_is_a_cross(cases, monkeypatch):
     """An absurd step, with the care taken against it switched off, leaves pieces out."""
     huge = StepSize(first=3.0, largest=3.0, least_cosine=-1.0)

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sweeps import swept
 
 from pwscont import BranchGraph, Scene
 from pwscont.foundation.errors import SceneNotFoundError
@@ -23,6 +24,7 @@ NAMES = scene_names()
 ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
 PLANES = ("fig4", "fig5", "fig6", "example1-critical-friction")
 CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
+LARGE = ("press", "wedge")
 EVERY_SCENE = pytest.mark.parametrize("name", NAMES)
 PNG = b"\x89PNG\r\n"
 
@@ -137,7 +139,7 @@ def test_json_nodes_and_pieces_fit_together(capsys, name):
         assert {"alpha", "z", "label", "det_sign"} <= set(solution)
 
 
-@EVERY_SCENE
+@pytest.mark.parametrize("name", swept([n for n in NAMES if n not in LARGE], LARGE))
 def test_output_writes_readable_files(capsys, tmp_path, name):
     directory = tmp_path / "not yet" / "there"
     status, out, err = run(capsys, "run", name, "-o", str(directory))

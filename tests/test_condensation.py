@@ -152,6 +152,7 @@ def reach(body):
 
 
 @pytest.mark.parametrize("name", BODIES)
+@pytest.mark.sweep(2)
 def test_condensed_and_full_give_the_same_graph(name):
     body = BODIES[name]()
     full, condensed = body.full(), body.condensed()

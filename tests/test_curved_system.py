@@ -177,6 +177,7 @@ def test_loop_closes(stepper, start):
 
 @ALL_VARIANTS
 @pytest.mark.parametrize("alpha", [-1.2, -0.99, -0.96, -0.5, 0.0, 0.94, 0.97, 0.9999, 1.0001])
+@pytest.mark.sweep(4)
 def test_loop_solutions(stepper, alpha):
     graph = trace(Loop(), ([-1.0], 0.0), (-1.5, 1.5), stepper=stepper)
     expected = loop_roots(alpha)

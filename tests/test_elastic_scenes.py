@@ -32,6 +32,7 @@ def jam(nodes):
     return np.array(several[0])
 
 
+@pytest.mark.slow
 def test_the_wedge_jams_on_every_mesh():
     """The interval with three solutions does not depend on the mesh: it converges."""
     coarse, middle, fine = jam(5), jam(9), jam(13)

@@ -10,6 +10,7 @@ from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import Body, exact_pieces, modes_of, slacks
 from reference_enumeration import enumerate_solutions as brute_force
+from sweeps import swept
 
 from pwscont import (
     PiecewiseLinearSystem,
@@ -50,7 +51,13 @@ def random_problem(p, seed):
     return body, 3.0 * random_vector(body.n, [seed, p]), friction
 
 
-@pytest.mark.parametrize(("p", "bodies"), [(1, 400), (2, 300), (3, 200), (4, 80), (5, 20)])
+@pytest.mark.parametrize(
+    ("p", "bodies"),
+    swept(
+        [(1, 80), (2, 60), (3, 40), (4, 16), (5, 4)],
+        [(1, 400), (2, 300), (3, 200), (4, 80), (5, 20)],
+    ),
+)
 def test_random_bodies(p, bodies):
     counts = []
     for seed in range(bodies):
@@ -198,7 +205,7 @@ def affine_problems():
         yield body, load, 6.0, (-2.0, 2.0)
 
 
-@pytest.mark.parametrize("distance", [1e-9, 1e-11, 1e-12])
+@pytest.mark.parametrize("distance", swept([1e-11], [1e-9, 1e-12]))
 def test_around_every_transition_against_fractions(distance):
     """Close to both sides of every transition and fold the number is that of fractions."""
     wrong, folds = [], 0

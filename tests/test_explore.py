@@ -8,6 +8,7 @@ from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad, FromFricti
 from random_bodies import contact_body, load_with_several_solutions, random_body, random_vector
 from reference_enumeration import enumerate_solutions as brute_force
 from reference_enumeration import modes_of, slacks
+from sweeps import swept
 
 from pwscont import (
     AllTransitions,
@@ -46,7 +47,10 @@ def assert_same(found, expected, modes):
         assert solution.det_sign == one.det_sign
 
 
-@pytest.mark.parametrize(("p", "bodies"), [(1, 120), (2, 100), (3, 50), (4, 30)])
+@pytest.mark.parametrize(
+    ("p", "bodies"),
+    swept([(1, 30), (2, 20), (3, 5), (4, 2)], [(1, 120), (2, 100), (3, 50), (4, 30)]),
+)
 def test_random_bodies(p, bodies):
     numbers, components = [], []
     for seed in range(bodies):
@@ -68,6 +72,7 @@ def test_random_bodies(p, bodies):
 
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("everywhere", [True, False])
+@pytest.mark.sweep(4)
 def test_nodes_without_friction(p, everywhere):
     """Their tests kappa2 and kappa3 are one function: the cell of stick has no inside."""
     for seed in range(20):

@@ -11,6 +11,7 @@ from paper_systems import ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import Body, equations, exact_pieces, exact_solve, modes_of, per_node
+from sweeps import swept
 
 from pwscont import (
     BranchGraph,
@@ -104,6 +105,7 @@ def nearly_incompressible(ratio):
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("friction", [0.3, 0.99, 4.0])
 @pytest.mark.parametrize("start", [[0.25, 0.0], [0.25, 0.7], [0.0, 0.0]])
+@pytest.mark.sweep(4)
 def test_nearly_incompressible(ratio, friction, start):
     rate = [0.0, 1.0] if any(start) else [0.4, 1.0]
     path = Path(one_node(nearly_incompressible(ratio)), start, rate, friction)
@@ -175,6 +177,7 @@ def test_the_unloaded_body_is_known_to_all_digits(seed):
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 @pytest.mark.parametrize("friction", [0.7, 4.0])
 @pytest.mark.parametrize("load", [LOADED, UNLOADED], ids=["loaded", "unloaded"])
+@pytest.mark.sweep(4)
 def test_one_node_much_stiffer_than_its_neighbour(stiff, coupling, friction, load):
     body = two_nodes(stiff, coupling * min(1.0, stiff))
     path = Path(body, *load, friction)
@@ -223,6 +226,7 @@ FIVE = np.array([0.4, -1.4, 1.5, -1.5])  # up to five solutions on the paper's t
 
 
 @pytest.mark.parametrize(("stiffness", "force"), list(product([1e-12, 1.0, 1e12], repeat=2)))
+@pytest.mark.sweep(4)
 def test_friction_as_parameter_in_any_unit(stiffness, force):
     body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
     assert_right_over_friction(body, force * FIVE)
@@ -238,6 +242,7 @@ def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
 @pytest.mark.parametrize("stiff", [1e-10, 1e-5, 1e5, 1e10])
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 @pytest.mark.parametrize("force", [FIVE, [1.0, -3.0, 1.0, -2.6]], ids=["five", "nine"])
+@pytest.mark.sweep(5)
 def test_friction_as_parameter_of_nodes_of_different_stiffness(stiff, coupling, force):
     assert_right_over_friction(two_nodes(stiff, coupling * min(1.0, stiff)), np.array(force))
 
@@ -248,6 +253,7 @@ def test_friction_as_parameter_with_any_scale_of_the_multipliers(r):
 
 
 @pytest.mark.parametrize("gap", [1e-300, 1e-12, 1e-6, 1e6, 1e12, 1e100])
+@pytest.mark.sweep(4)
 def test_friction_as_parameter_with_any_gap(gap):
     assert_right_over_friction(two_nodes(gap=(gap, 0.0)), FIVE)
 
@@ -385,6 +391,7 @@ def away_from(ends):
 
 
 @pytest.mark.parametrize("seed", range(30))
+@pytest.mark.sweep(4)
 def test_nodes_that_differ_by_rounding(seed):
     """Their transitions are 1e-15 to 1e-12 apart: one corner or two points, balanced anyway."""
     path = nearly_identical_nodes(seed)
@@ -497,6 +504,7 @@ class RaisedParabola(Parabola):
 @pytest.mark.parametrize("m", [0.3, -0.9, 5.0])
 @pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-7, 3e-8, 1e-8, 1e-10, 0.0])
 @pytest.mark.parametrize("level", [1.0, 0.3, 1e3])
+@pytest.mark.sweep(5)
 def test_a_curved_path_tangent_to_an_interface_within_rounding(level, depth, m):
     """x^2 = d^2 within EPS is x = d within EPS / d. Where d is rounding, the message says so."""
     system = RaisedParabola(level, depth, m)
@@ -526,6 +534,7 @@ def test_any_gap(gap):
 
 @pytest.mark.parametrize("far", [1e3, 1e8, 1e12, 1e16, 1e100])
 @pytest.mark.parametrize("near", [0.0, 1e-12, 1e-3])
+@pytest.mark.sweep(4)
 def test_a_node_that_never_touches(far, near):
     """The gap of one node says nothing of the accuracy that the other one needs."""
     path = Path(two_nodes(gap=(near, far)), *LOADED, 4.0)
@@ -592,6 +601,7 @@ def test_friction_under_loads_near_the_ends_of_the_range_of_numbers(load):
 
 @pytest.mark.parametrize("friction", [0.3, 0.7, 4.0])
 @pytest.mark.parametrize(("p", "seeds"), [(1, 24), (2, 6)])
+@pytest.mark.sweep(4)
 def test_a_path_through_the_unloaded_body(p, seeds, friction):
     """All tests vanish at alpha = 0. The path arrives there with rounding, and must see that."""
     for seed in range(seeds):
@@ -674,8 +684,11 @@ class NestedSawteeth(PiecewiseLinearSystem):
 
 @pytest.mark.parametrize(
     ("stepper", "teeth"),
-    [(ExactLinear(), 101), (PseudoArclength(), 11)],
-    ids=["exact-10200", "arclength-1110"],
+    swept(
+        [(ExactLinear(), 21), (PseudoArclength(), 5)],
+        [(ExactLinear(), 101), (PseudoArclength(), 11)],
+    ),
+    ids=["exact-2120", "arclength-504", "exact-10200", "arclength-1110"],
 )
 def test_thousands_of_transitions_without_drift(stepper, teeth):
     system = NestedSawteeth(teeth, kinks=100)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import example1, example3, fig7, one_node
+from sweeps import swept
 
 from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
 from pwscont.continuation.transcript import walk_of, written
@@ -32,12 +33,13 @@ def same(a, b):
         np.testing.assert_array_equal(one.error, other.error)
 
 
-def test_killed_at_ten_random_moments_and_resumed(tmp_path):
+@pytest.mark.parametrize("times", swept([2], [10]))
+def test_killed_at_random_moments_and_resumed(tmp_path, times):
     """kill -9 in the middle of whatever it does; each time what is finished is kept."""
     journal, graph = tmp_path / "run.journal", tmp_path / "run.npz"
     rng, known, kills = np.random.default_rng(3), [], 0
     command = [sys.executable, long_run.__file__, str(journal), str(graph)]
-    while kills < 10:
+    while kills < times:
         process = subprocess.Popen(command, stdout=subprocess.PIPE)
         process.stdout.readline()
         time.sleep(rng.uniform(0.0, 0.3))

@@ -59,7 +59,7 @@ def test_a_chosen_search_and_a_nonlinear_system_say_why_no_better_one_is_made():
     assert said["a search that also finds every closed loop"] == "the scene chooses its search"
 
 
-@pytest.mark.parametrize("name", ["fig7", "fig5"])
+@pytest.mark.parametrize("name", ["fig7", pytest.param("fig5", marks=pytest.mark.slow)])
 def test_explain_on_the_command_line(name, capsys, tmp_path):
     assert main(["run", name, "--explain"]) == 0
     assert "Left out, and why" in capsys.readouterr().out

@@ -239,6 +239,7 @@ def long_path():
     return system, traced(system)
 
 
+@pytest.mark.slow
 def test_updates_on_and_off_agree(long_path):
     system, updated = long_path
     fresh = traced(strip_system(200, solver=Refactoring()), hi=0.3)
@@ -335,6 +336,7 @@ def test_symmetric_bodies_pass_their_corners(p):
 # -- memory -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_memory_of_a_long_path():
     """Scaled up from the pieces of this path to 1,000, it stays far below 50 MB."""
     system, reached = strip_system(200), []

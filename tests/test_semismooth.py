@@ -60,6 +60,7 @@ def run(system, known, alpha, spread, seed):
 @pytest.mark.parametrize("spread", [0.1, 1.0, 100.0])
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("friction", [0.3, 2.0])
+@pytest.mark.sweep(4)
 def test_load_path(p, spread, friction):
     body = random_body(p, seed=11 + p, gap=True)
     load = AffineLoad(*(random_vector(body.n, seed) for seed in (1, 2)))
@@ -78,6 +79,7 @@ def test_friction(p):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(2)
 def test_strong_friction_with_several_solutions(seed):
     """With F = 10 Newton may fail; what it finds must still be a solution."""
     body = random_body(2, seed=31 + seed)

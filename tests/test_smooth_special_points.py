@@ -130,6 +130,7 @@ def transcritical_graph(system, start=(0, -0.8), **options):
 
 @STEPPERS
 @pytest.mark.parametrize("start", STARTS)
+@pytest.mark.sweep(5)
 def test_transcritical_is_found_from_each_half_branch(stepper, start):
     system = make(transcritical)
     graph = transcritical_graph(system, start, stepper=stepper)
@@ -146,6 +147,7 @@ def test_transcritical_is_found_from_each_half_branch(stepper, start):
 
 @STEPPERS
 @pytest.mark.parametrize("alpha", [-0.99, -0.3, 0.0999, 0.1001, 0.5, 1.29])
+@pytest.mark.sweep(5)
 def test_transcritical_solutions(stepper, alpha):
     system = make(transcritical)
     graph = transcritical_graph(system, stepper=stepper)
@@ -241,6 +243,7 @@ def pitchfork_count(alpha, tilt):
 @STEPPERS
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 1e-3])
 @pytest.mark.parametrize("y", [0.0, 0.9, -0.9], ids=["trivial", "upper", "lower"])
+@pytest.mark.sweep(5)
 def test_pitchfork(stepper, tilt, y):
     """With tilt 0 the second curve is vertical where it begins, else it turns close by."""
     system = make(pitchfork, tilt=tilt)
@@ -269,6 +272,7 @@ def test_a_start_at_the_pitchfork():
 
 @STEPPERS
 @pytest.mark.parametrize("imperfection", [1e-2, 1e-5, 1e-8, 1e-10])
+@pytest.mark.sweep(5)
 def test_imperfect_pitchfork_has_a_fold_and_no_branch_point(stepper, imperfection):
     """y^3 - beta y + e = 0 falls apart; its fold is at beta = 3 (e / 2)^(2/3)."""
 
@@ -301,6 +305,7 @@ def circle_and_line(y, beta):
 
 @STEPPERS
 @pytest.mark.parametrize("start", [(-0.5, 0.0), (0.3, -0.9), (0.5, 0.0), (0.3, 0.1)])
+@pytest.mark.sweep(4)
 def test_circle_cut_by_a_line(stepper, start):
     """Two branch points at beta = +-0.4, and folds of the circle at beta = +-0.5."""
     system = make(circle_and_line, tilt=0.0)
@@ -325,6 +330,7 @@ def lemniscate(y, beta):
 
 @STEPPERS
 @pytest.mark.parametrize("beta", [0.3, -0.3])
+@pytest.mark.sweep(4)
 def test_figure_eight(stepper, beta):
     """Both lobes begin and end at one branch point, and each has a fold at its tip."""
     system = make(lemniscate, tilt=0.0)
@@ -377,6 +383,7 @@ class KinkedTranscritical(PiecewiseSystem):
 
 @STEPPERS
 @pytest.mark.parametrize("start", [(0.0, -0.8), (-0.8, -0.8), (1.2, 1.2), (1.4, 1.2)])
+@pytest.mark.sweep(5)
 def test_a_kink_and_branch_points_in_two_cells(stepper, start):
     """The line z = alpha meets z = 0 at alpha = 0 and z = 2 (alpha - 0.5) at alpha = 1."""
     z, alpha = start
@@ -432,6 +439,7 @@ STORAGES = pytest.mark.parametrize("storage", ["banded", "sparse", "dense"])
 
 @STORAGES
 @pytest.mark.parametrize("n", [4, 40])
+@pytest.mark.sweep(5)
 def test_buckling(storage, n):
     """Three half-waves: pitchforks at the discrete eigenvalues, each mode with its symmetry."""
     graph = trace(Chain(n, storage), (np.zeros(n), -0.5), (-0.5, 9.0))
@@ -524,6 +532,7 @@ def discrete_fold(n):
 
 @pytest.mark.parametrize("n", [5, 101, 301])
 @STORAGES
+@pytest.mark.sweep(4)
 def test_bratu_fold(n, storage):
     if storage == "dense" and n > 200:
         pytest.skip("dense matrices of this size only take time")

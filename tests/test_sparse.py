@@ -29,6 +29,7 @@ def assert_same_graph(sparse, dense):
 
 @BODIES
 @pytest.mark.parametrize("stepper", [ExactLinear(), PseudoArclength()], ids=["exact", "arc"])
+@pytest.mark.sweep(4)
 def test_affine_load(p, seed, stepper):
     body = random_body(p, seed, inner=4, gap=True)
     load = AffineLoad(random_vector(body.n, seed), random_vector(body.n, seed + 1))

@@ -52,6 +52,7 @@ class ThinCell(PiecewiseSystem):
 # steep, folding steeply, folding within rounding of the width, hardly bent
 @pytest.mark.parametrize("c", [2.0**24, -(2.0**24), -3.0, 1.0, -(2.0**10)])
 @ALL_STEPPERS
+@pytest.mark.sweep(4)
 def test_both_transitions_of_a_thin_cell_are_found(c, stepper):
     graph = trace(ThinCell(c), ([0.0], 0.0), (0.0, 2.0), stepper=stepper)
     entry, exit_ = 1.0, 1.0 + WIDTH * (1.0 + c)
@@ -140,6 +141,7 @@ class Staircase(PiecewiseSystem):
 
 
 @ALL_STEPPERS
+@pytest.mark.sweep(4)
 def test_a_row_of_kinks_within_one_step(stepper):
     kinks = 0.5 + np.array([0.0, 1e-9, 2e-6, 2e-6 + 1e-9, 1e-3, 0.2])
     system = Staircase(kinks)

@@ -53,6 +53,7 @@ BODIES = [(2.0, 1.0, 0.7), (2.0, 1.0, 4.0), (2.0, 1.0, 2.0), (3.0, 0.4, 1.5), (5
 
 
 @pytest.mark.parametrize(("a", "b", "friction"), BODIES)
+@pytest.mark.sweep(3)
 def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
     loci = follow_transitions(plane_family(a, b, friction), (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
     ratio = {  # f_nu / f_t on each ray, and the sign of f_t
@@ -70,6 +71,7 @@ def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
 
 
 @pytest.mark.parametrize(("a", "b", "friction"), BODIES)
+@pytest.mark.sweep(3)
 def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
     loci = follow_transitions(plane_family(a, b, friction), (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
     expected = Crossing.TRANSITION
@@ -250,6 +252,7 @@ def largest_count(body, load, friction, alphas):
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.9, 1.5, 1.9, 1.99])
+@pytest.mark.sweep(3)
 def test_enumeration_finds_one_solution_below(friction):
     alphas = [*np.linspace(*ALPHAS, 333), -22.0 / 17.0 + 1e-4, -0.8 - 1e-4]
     assert largest_count(TWO_NODES, PATH, friction, alphas) == 1

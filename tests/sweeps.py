@@ -1,0 +1,9 @@
+"""Parameters of long sweeps."""
+
+import pytest
+
+
+def swept(quick, slow):
+    """Return parameters for the quick tests, and those of the whole sweep, marked slow."""
+    whole = [value if isinstance(value, tuple) else (value,) for value in slow]
+    return [*quick, *(pytest.param(*value, marks=pytest.mark.slow) for value in whole)]
