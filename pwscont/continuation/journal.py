@@ -114,7 +114,7 @@ class Journal:
             raise InvalidInputError(f"the journal {self.path} is in use; {why}")
         first = self._bytes(0, len(FIRST_LINE))
         if not FIRST_LINE.startswith(first):
-            raise InvalidInputError(f"{self.path} is no journal of a run")
+            raise InvalidInputError(f"{self.path} is no journal of a run; write elsewhere")
         if first == FIRST_LINE:
             self._scan()
         else:  # new, or killed at once
