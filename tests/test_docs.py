@@ -282,7 +282,7 @@ def test_ci_finds_one_test_command():
     assert end in script
     assert indented_between(begin, end) == [
         "python3 -m venv .venv && .venv/bin/pip install -q -e '.[test]'"
-        " && .venv/bin/python -m pytest"
+        " && .venv/bin/python -m pytest -n auto"
     ]
 
 

@@ -66,8 +66,9 @@ def test_random_bodies(p, bodies):
                 continue
             assert_same(graph.solutions(alpha), expected, lambda found: found.modes)
             numbers.append(len(expected))
-    assert max(numbers) > 1
-    assert max(components) > 1
+    if bodies > 2:  # enough to meet some of them
+        assert max(numbers) > 1
+        assert max(components) > 1
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
