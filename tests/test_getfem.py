@@ -15,7 +15,7 @@ from pwscont_coulomb.elastic import BodyForce, ContactBoundary, ElasticBody, Lam
 from pwscont import explore
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks" / "peers"))
-from ask import ask  # noqa: E402
+from ask import ask
 
 #: Both solve one system of equations, by other factorisations.
 AGREE = 2e-13

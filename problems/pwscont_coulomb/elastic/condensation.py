@@ -12,6 +12,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.contact_boundary import ContactNodes
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.elimination import Elimination
@@ -35,6 +36,7 @@ class CondensedProblem(ElasticProblem):
 
     def __init__(self, elastic: ElasticBody, elimination: Elimination | None = None) -> None:
         chosen = Multifrontal() if elimination is None else elimination
+        check_kind("elimination", chosen, Elimination)
         positions = elastic.positions[:, elastic.free // 2]
         self.elastic = elastic
         self._eliminated = chosen.eliminate(elastic.A, elastic.contact_unknowns, positions)

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.arguments import check_kind, listed
 from pwscont_coulomb.elastic.contact_boundary import (
     ContactBoundary,
     ContactNodes,
@@ -82,12 +83,17 @@ class ElasticBody:
         state: PlaneState | None = None,
         order: int | None = None,
     ) -> None:
+        supports = listed("supports", supports, Support)
+        loads = listed("loads", loads, Traction, BodyForce)
+        check_kind("contact", contact, ContactBoundary)
+        chosen = PlaneStrain() if state is None else state
+        check_kind("state", chosen, PlaneState)
         self.space = Discretisation(as_mesh(mesh), order)
         self.held, self._given = prescribed(self.space, supports)
         self.contact = contact_nodes(self.space, contact, self.held, self._given)
         apart = _held_of(self.contact, self.held)
         self.free = np.setdiff1d(np.arange(2 * self.space.count), np.setdiff1d(self.held, apart))
-        self._lame = _lame(self.space, material, PlaneStrain() if state is None else state)
+        self._lame = _lame(self.space, material, chosen)
         forces = _forces(self.space, loads)
         stiffness = self.space.stiffness(*self._lame)[self.free]
         self.A = stiffness[:, self.free].tocsr()
@@ -173,7 +179,9 @@ def _lame(
         lam, mu = state.in_plane(*material.lame)
         return np.full(count, lam), np.full(count, mu)
     values, times = np.zeros((2, count)), np.zeros(count, dtype=int)
+    check_kind("material, where it is none for the whole body,", material, Mapping)
     for name, part in material.items():
+        check_kind(f"the material of {name!r}", part, Material)
         elements = elements_of(space.mesh, "a material", name)
         values[:, elements] = np.array(state.in_plane(*part.lame))[:, np.newaxis]
         times[elements] += 1

@@ -79,6 +79,8 @@ def check_elements(mesh: Any) -> None:
     InvalidInputError
         Naming the elements and where the first of them lies.
     """
+    if not np.isfinite(mesh.doflocs).all():
+        raise InvalidInputError("the mesh has nodes whose positions are not finite")
     again = _repeated(mesh)
     _refuse(mesh, again, f"listed again{in_words(_subdomains(mesh, again))}", ONCE)
     _refuse(mesh, _turned(mesh), "inverted or degenerate")

@@ -11,6 +11,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.rounding import CONVERGED
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
@@ -49,6 +50,7 @@ class ElasticProblem(ABC):
             As for :class:`~pwscont_coulomb.CoulombFriction`; by default all nodes have one
             coefficient, whatever that of the contact boundary.
         """
+        check_number("alpha", alpha)
         return CoulombFriction(self.body, self.load(alpha), r, profile)
 
     def load_parameter(self, z: Array, alpha: float) -> float:

@@ -11,6 +11,7 @@ from pwscont import Character
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import Solution
+from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.modes import modes
 
@@ -72,6 +73,8 @@ def recover(
         If the solution is of another size, or does not tell its load
         (:meth:`~pwscont_coulomb.elastic.ElasticProblem.load_parameter`).
     """
+    check_kind("problem", problem, ElasticProblem)
+    check_kind("solution", solution, Solution)
     return state_at(problem, solution.z, solution.alpha, solution.character, load_alpha)
 
 
