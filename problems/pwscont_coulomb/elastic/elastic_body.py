@@ -179,7 +179,7 @@ def _lame(
         lam, mu = state.in_plane(*material.lame)
         return np.full(count, lam), np.full(count, mu)
     values, times = np.zeros((2, count)), np.zeros(count, dtype=int)
-    check_kind("material, where it is none for the whole body,", material, Mapping)
+    check_kind("material", material, Material, Mapping)
     for name, part in material.items():
         check_kind(f"the material of {name!r}", part, Material)
         elements = elements_of(space.mesh, "a material", name)
