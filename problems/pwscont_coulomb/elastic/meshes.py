@@ -81,9 +81,9 @@ def check_elements(mesh: Any) -> None:
     """
     if not np.isfinite(mesh.doflocs).all():
         raise InvalidInputError("the mesh has nodes whose positions are not finite")
+    _refuse(mesh, _turned(mesh), "inverted or degenerate")
     again = _repeated(mesh)
     _refuse(mesh, again, f"listed again{in_words(_subdomains(mesh, again))}", ONCE)
-    _refuse(mesh, _turned(mesh), "inverted or degenerate")
     _refuse(mesh, _crowded(mesh), "at a facet of more than two elements: they overlap")
     _refuse(mesh, _folded(mesh), "inverted: they overlap a neighbour")
 
