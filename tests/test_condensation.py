@@ -275,7 +275,7 @@ def test_friction_as_the_parameter():
     by_friction = explore(problem.along_friction(1.3), (0.1, 1.0)).solutions(0.5)
     assert len(by_load) == len(by_friction) == 1
     first = recover(problem, by_load[0])
-    second = recover(problem, by_friction[0], load_alpha=1.3)
+    second = recover(problem, by_friction[0])
     assert (first.modes == second.modes).all()
     np.testing.assert_allclose(second.displacements, first.displacements, atol=1e-12)
     np.testing.assert_allclose(second.pressure, first.pressure, rtol=1e-9, atol=1e-12)

@@ -528,8 +528,8 @@ def moved(kind, vertex, where, **more):
             r"support 2 prescribes another displacement at \(0, 1\)",
         ),
         (
-            {"supports": [Support("top"), Support("left", directions="x")]},
-            r"contact node at \(0, 0\) is supported in one direction",
+            {"supports": [Support("top"), Support("bottom", directions="y")]},
+            r"contact node at \(0, 0\) is held in direction y, which is not tangential",
         ),
         ({"supports": [Support("top", (1.0, 2.0, 3.0))]}, "must be a pair"),
         ({"loads": [Traction("side", (1.0, 0.0))]}, "boundary of load 1: the mesh has no boundary"),

@@ -29,7 +29,7 @@ def test_the_code_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     namespace = {}
     blocks = python_blocks()
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     for code in blocks:
         exec(compile(code, "elastic.rst", "exec"), namespace)
     problem, body = namespace["problem"], namespace["body"]

@@ -6,6 +6,7 @@ from copy import copy
 from typing import Any, final
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
@@ -30,6 +31,11 @@ class ContactBody:
         displacement of each contact node; of full rank.
     gap : array_like, shape (p,), optional
         Distance of each node to the obstacle, not negative; default 0 (as in the paper).
+    guided : array_like of bool, shape (p,), optional
+        Nodes that a support holds along their tangent, such as those on an axis of symmetry: they
+        touch or not, without friction. So that T keeps its full rank, a guided node has a
+        tangential displacement that A and N couple with no other and that no load acts on: it is
+        zero. Default none.
 
     Attributes
     ----------
@@ -44,10 +50,11 @@ class ContactBody:
     ------
     InvalidInputError
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
-        a gap is negative, or anything is not finite.
+        a gap is negative, the tangential displacement of a guided node is coupled with others,
+        or anything is not finite.
     """
 
-    def __init__(self, A: Any, N: Any, T: Any, gap: Any = None) -> None:
+    def __init__(self, A: Any, N: Any, T: Any, gap: Any = None, guided: Any = None) -> None:
         self.A = _matrix("A", A)
         n = self.A.shape[0]
         if self.A.shape != (n, n):
@@ -60,6 +67,7 @@ class ContactBody:
         self.n, self.p = n, p
         self.numbers = tuple(range(1, p + 1))
         self.gap = finite_array("gap", np.zeros(p) if gap is None else gap, (p,))
+        self.guided = _flags("guided", guided, p)
         self._check()
         self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
 
@@ -73,6 +81,7 @@ class ContactBody:
         body = copy(self)
         body.N, body.T, body.gap = self.N[kept], self.T[kept], self.gap[kept]
         body.p, body.stiffness = len(kept), self.stiffness[kept]
+        body.guided = self.guided[kept]
         body.numbers = tuple(self.numbers[i] for i in kept)
         return body
 
@@ -128,6 +137,35 @@ class ContactBody:
         if (self.gap < 0.0).any():
             node = int(np.argmin(self.gap)) + 1
             raise InvalidInputError(f"gap of node {node} is negative: {self.gap.min():.6g}")
+        self._check_guided()
+
+    def _check_guided(self) -> None:
+        """Refuse guided nodes whose tangential displacement moves with others."""
+        for node in np.flatnonzero(self.guided):
+            t = _dense(self.T[[node]]).ravel()
+            force = self.A @ t
+            coupled = np.abs(force - t * (t @ force) / (t @ t)).max()
+            if coupled > SYMMETRIC * np.abs(force).max() or (self.N @ t).any():
+                raise InvalidInputError(
+                    f"node {node + 1} is guided, but A or N couples its tangential displacement "
+                    "with others: give it one of its own, with nothing but the diagonal in A"
+                )
+
+    def refuse_guided_load(self, f: Array) -> None:
+        """Refuse a load, shape (n,), that would move a guided node along its tangent."""
+        if self.guided.any() and (pushed := (self.T @ f != 0.0) & self.guided).any():
+            node = int(np.argmax(pushed)) + 1
+            raise InvalidInputError(
+                f"the load acts on the tangential displacement of node {node}, which is guided: "
+                "the support takes this force, leave it out"
+            )
+
+
+def _flags(name: str, given: Any, p: int) -> npt.NDArray[np.bool_]:
+    flags = np.zeros(p, dtype=bool) if given is None else np.asarray(given)
+    if flags.shape != (p,) or flags.dtype != bool:
+        raise InvalidInputError(f"{name} must be {p} truth values, got {given!r}")
+    return flags.copy()
 
 
 def _matrix(name: str, values: Any) -> Matrix:

@@ -69,6 +69,7 @@ class ContactAlgebra:
     def __init__(self, body: ContactBody, r: Array, solver: RowSolver) -> None:
         self.A, self.r, self.solver = body.A, r, solver
         self.n, self.p = body.n, body.p
+        self.slides = ~body.guided
         self.normal, self.tangential = picked(body.N), picked(body.T)
         self.partner = np.arange(body.n)
         self.partner[self.tangential] = self.normal
@@ -177,7 +178,9 @@ class ContactMatrix:
 
     def __init__(self, algebra: ContactAlgebra, mode: Indices, friction: Array) -> None:
         self.algebra = algebra
-        self.touches, self.sticks = mode != Mode.NO_CONTACT, mode == Mode.STICK
+        self.touches = mode != Mode.NO_CONTACT
+        #: A guided node has no tangential row but lam_t = 0.
+        self.sticks = (mode == Mode.STICK) & algebra.slides
         #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
         self.slip = friction * np.where(self.touches & ~self.sticks, 1.0, 0.0)
         self.slip = np.where(mode == Mode.SLIP_MINUS, -self.slip, self.slip)

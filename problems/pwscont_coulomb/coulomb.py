@@ -13,6 +13,10 @@ slip-          r (u_nu - gap)        lam_t + F kappa1
 
 after the rows A u - f - N^T lam_nu - T^T lam_t of equilibrium (paper, equations 4 to 7). All
 rows are forces.
+
+A guided node (:class:`~pwscont_coulomb.ContactBody`) is either in no contact or in stick. Its
+tangential row is lam_t in both; kappa1 alone bounds them, and kappa2 = 1 and kappa3 = -1 are
+constant.
 """
 
 from __future__ import annotations
@@ -41,6 +45,7 @@ STICKS = np.array([0.0, 1.0, 0.0, 0.0])
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
 
 MODES = tuple(SIGNS.values())
+GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
@@ -69,6 +74,7 @@ class Coulomb(SlicewiseLinearSystem):
         self.size = body.n + 2 * body.p
         self.r = _positive("r", body.stiffness if r is None else r, body.p)
         self._offset = self.r * body.gap
+        self._inside = np.where(body.guided, 1.0, 0.0)
         self._has_gap = bool(body.gap.any())
         many = body.p >= MANY_NODES and ContactAlgebra.fits(body)
         #: How dH/dz is factorised where there are many contact nodes; None for a general LU.
@@ -95,14 +101,15 @@ class Coulomb(SlicewiseLinearSystem):
 
     def _test_rows(self) -> tuple[Matrix, Matrix]:
         """Return the gradients by z of kappa1 and x, each of shape (p, n + 2 p)."""
-        body, r = self.body, self.r
+        body, r, slides = self.body, self.r, 1.0 - self._inside
         if not self._has_sparse_tests:
             one, none = np.eye(body.p), np.zeros((body.p, body.p))
             N, T = -r[:, np.newaxis] * dense(body.N), -r[:, np.newaxis] * dense(body.T)
-            return np.hstack([N, one, none]), np.hstack([T, none, one])
+            return np.hstack([N, one, none]), slides[:, np.newaxis] * np.hstack([T, none, one])
         one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
         N, T = -sp.diags(r) @ sp.csr_matrix(body.N), -sp.diags(r) @ sp.csr_matrix(body.T)
-        return sp.hstack([N, one, none]).tocsr(), sp.hstack([T, none, one]).tocsr()
+        x = sp.diags(slides) @ sp.hstack([T, none, one])
+        return sp.hstack([N, one, none]).tocsr(), x.tocsr()
 
     # -- what a subclass adds ------------------------------------------------------------
 
@@ -120,7 +127,7 @@ class Coulomb(SlicewiseLinearSystem):
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
         kappa1, x = self.kappa1(z), self._x_rows @ z
         bound = self.friction_at(alpha) * kappa1
-        return _by_node(kappa1, x - bound, x + bound)
+        return _by_node(kappa1, x - bound + self._inside, x + bound - self._inside)
 
     def kappa1(self, z: Array) -> Array:
         """Return lam_nu - r (u_nu - gap), shape (p,)."""
@@ -146,19 +153,25 @@ class Coulomb(SlicewiseLinearSystem):
         """
         bounds = BOUNDS[contact.modes(character)]
         bounds[:, 0] |= self._without_friction
+        bounds[self.body.guided, 1:] = False
         return np.flatnonzero(bounds).tolist()
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each of the 4^p combinations of modes."""
-        for combination in product(MODES, repeat=self.body.p):
+        """Yield one character for each combination of modes: 4^p where no node is guided."""
+        for combination in product(*self._modes()):
             yield Character(tuple(sign for signs in combination for sign in signs))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block of four modes per contact node."""
+        """Return one block per contact node, of four modes or, where it is guided, two."""
         n, p = self.body.n, self.body.p
         return tuple(
-            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), MODES) for i in range(p)
+            Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), modes)
+            for i, modes in enumerate(self._modes())
         )
+
+    def _modes(self) -> list[tuple[tuple[bool, ...], ...]]:
+        """Return the signs of the modes that each node may be in."""
+        return [GUIDED_MODES if guided else MODES for guided in self.body.guided]
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
         """Return lam_nu <= 0, u_nu <= gap and |lam_t| <= F |lam_nu| for all nodes."""

@@ -35,7 +35,8 @@ class CoulombFriction(Coulomb):
     def __init__(self, body: ContactBody, force: Any, r: Any = None, profile: Any = 1.0) -> None:
         super().__init__(body, r)
         self.force = finite_array("force", force, (body.n,))
-        self.profile = not_negative("profile", profile, body.p)
+        body.refuse_guided_load(self.force)
+        self.profile = np.where(body.guided, 0.0, not_negative("profile", profile, body.p))
         self._without_friction = self.profile == 0.0
 
     def load_at(self, alpha: float) -> Array:

@@ -76,7 +76,7 @@ class CoulombLoad(Coulomb):
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:
         super().__init__(body, r)
-        self.friction = not_negative("friction", friction, body.p)
+        self.friction = np.where(body.guided, 0.0, not_negative("friction", friction, body.p))
         self._without_friction = self.friction == 0.0
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
@@ -91,6 +91,7 @@ class CoulombLoad(Coulomb):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
         if not np.isfinite(f).all():
             raise InvalidInputError(f"load({alpha}) is not finite: {f}")
+        self.body.refuse_guided_load(f)
         return f
 
     def friction_at(self, alpha: float) -> Array:

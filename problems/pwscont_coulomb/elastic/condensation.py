@@ -12,6 +12,8 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.elastic.arguments import check_kind
+from pwscont_coulomb.elastic.contact_boundary import ContactNodes
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.elimination import Elimination
 from pwscont_coulomb.elastic.multifrontal import Multifrontal
@@ -34,11 +36,12 @@ class CondensedProblem(ElasticProblem):
 
     def __init__(self, elastic: ElasticBody, elimination: Elimination | None = None) -> None:
         chosen = Multifrontal() if elimination is None else elimination
+        check_kind("elimination", chosen, Elimination)
         positions = elastic.positions[:, elastic.free // 2]
         self.elastic = elastic
         self._eliminated = chosen.eliminate(elastic.A, elastic.contact_unknowns, positions)
         self._rotation = elastic.contact.rotation()
-        self.body = _body(self._turned(self._eliminated.schur), elastic.contact.gap)
+        self.body = _body(self._turned(self._eliminated.schur), elastic.contact)
         loads = (self._rotation @ self._eliminated.reduce(f) for f in (elastic.f0, elastic.f1))
         self.load = AffineLoad(*loads)
         self.friction = elastic.contact.friction
@@ -57,6 +60,6 @@ class CondensedProblem(ElasticProblem):
         return self.elastic.all_displacements(free, alpha)
 
 
-def _body(stiffness: Array, gap: Array) -> ContactBody:
-    picks = np.eye(len(stiffness))
-    return ContactBody(stiffness, picks[: len(gap)], picks[len(gap) :], gap)
+def _body(stiffness: Array, contact: ContactNodes) -> ContactBody:
+    picks, p = np.eye(len(stiffness)), contact.count
+    return ContactBody(stiffness, picks[:p], picks[p:], contact.gap, contact.guided)

@@ -2,8 +2,18 @@
 
 Contact is nodal: every node of the boundary, with quadratic elements also the middle node of
 each edge, touches or not for itself. The normal of a node is the mean of the outward normals of
-its contact edges, weighted with its shape function; the tangent is the normal turned
-counter-clockwise, so that with the body on the left it points forward along the boundary.
+its contact edges, weighted with its shape function, or what the user gives; the tangent is the
+normal turned counter-clockwise, so that with the body on the left it points forward along the
+boundary.
+
+Failure modes and answers
+-------------------------
+- On a round body the normals spread where those of a plane obstacle do not: the contact is a little
+  too stiff. Give the obstacle's normal.
+- A given normal may point out of the obstacle into the body, which turns contact inside out: it is
+  refused.
+- Gaps computed from positions err by rounding. Below zero they would be refused; above, all nodes
+  would touch one after the other, within rounding. Both count as zero.
 """
 
 from __future__ import annotations
@@ -13,14 +23,17 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias, final
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.rounding import EPS, GUARD
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.edges import Edges
-from pwscont_coulomb.elastic.loads import Region
+from pwscont_coulomb.elastic.loads import Field, Region, evaluate
 from pwscont_coulomb.elastic.regions import facets_of
+from pwscont_coulomb.elastic.rollers import ACROSS, across, held_directions, refuse_moving
 
 #: A number, one per contact node, or a function of positions (2, p) that returns them.
 PerNode: TypeAlias = float | Array | Callable[[Array], Any]
@@ -39,13 +52,18 @@ class ContactBoundary:
     friction : PerNode
         Coulomb's coefficient F >= 0.
     gap : PerNode
-        Initial distance of each contact node to the obstacle along its outward normal (length,
-        not negative).
+        Initial distance of each contact node to the obstacle along its normal (length, not
+        negative; rounding of the mesh's size counts as zero).
+    normal : Field, optional
+        The direction in which each contact node meets the obstacle, from the body into it: a pair,
+        pairs of shape (2, p), or a function of positions; any length but zero. Default: the
+        outward normals of the body at its nodes.
     """
 
     boundary: Region
     friction: PerNode = 0.0
     gap: PerNode = 0.0
+    normal: Field | None = None
 
 
 @final
@@ -66,6 +84,9 @@ class ContactNodes:
     part : ndarray of int, shape (p,)
         The connected part of the boundary that a node lies on: 0, 1, ...
     friction, gap : ndarray, shape (p,)
+        No friction where a node is guided.
+    guided : ndarray of bool, shape (p,)
+        Nodes that a roller holds along their tangent, such as those on an axis of symmetry.
     """
 
     nodes: Indices
@@ -77,6 +98,7 @@ class ContactNodes:
     part: Indices
     friction: Array
     gap: Array
+    guided: npt.NDArray[np.bool_]
 
     @property
     def count(self) -> int:
@@ -92,21 +114,25 @@ class ContactNodes:
         return sp.csr_matrix((values, (rows, columns)), shape=(2 * p, 2 * p))
 
 
-def contact_nodes(space: Discretisation, contact: ContactBoundary, held: Indices) -> ContactNodes:
+def contact_nodes(
+    space: Discretisation, contact: ContactBoundary, held: Indices, given: Array
+) -> ContactNodes:
     """Return the contact nodes; those that supports hold entirely are none.
 
     Parameters
     ----------
     space : Discretisation
     contact : ContactBoundary
-    held : ndarray of int
+    held : ndarray of int, shape (m,)
         The prescribed unknowns.
+    given : ndarray, shape (2, m)
+        Their constant and growing values.
 
     Raises
     ------
     InvalidInputError
-        If the boundary is empty or unknown, overlaps a support, has no free node, or gap or
-        friction do not fit.
+        If the boundary is empty or unknown, overlaps a support, has no free node, or normal, gap
+        or friction do not fit; if a roller holds a node otherwise than fixed along its tangent.
     """
     facets = facets_of(space.mesh, WHAT, contact.boundary)
     along = space.edges(facets)
@@ -116,10 +142,11 @@ def contact_nodes(space: Discretisation, contact: ContactBoundary, held: Indices
     nodes = order[free]
     if not len(nodes):
         raise InvalidInputError(f"{WHAT} has no free node: supports hold both ends of its edges")
-    _refuse_rollers(space, nodes, held)
-    normals = np.stack([along.assemble(n, space.count)[nodes] for n in along.normals])
-    normals /= np.hypot(*normals)
-    x = space.positions[:, nodes]
+    x, direction = space.positions[:, nodes], held_directions(nodes, held)
+    one_sided = np.isin(nodes, _ends(along)) & (contact.normal is None)
+    normals = across(direction, _normals(space, along, nodes, contact.normal), one_sided, x)
+    refuse_moving(direction, nodes, _everywhere(held, given, space.count), x)
+    guided, size = direction >= 0, float(np.ptp(space.positions, axis=1).max())
     return ContactNodes(
         nodes,
         x,
@@ -128,9 +155,44 @@ def contact_nodes(space: Discretisation, contact: ContactBoundary, held: Indices
         along.assemble(np.ones(along.lengths.shape), space.count)[nodes],
         arc[free],
         part[free],
-        _per_node("friction", contact.friction, x),
-        _per_node("gap", contact.gap, x),
+        np.where(guided, 0.0, _not_negative("friction", contact.friction, x)),
+        _not_negative("gap", contact.gap, x, GUARD * EPS * size),
+        guided,
     )
+
+
+def _ends(along: Edges) -> Indices:
+    """Return the nodes at which the boundary begins or ends."""
+    nodes, times = np.unique(along.nodes[:, :2], return_counts=True)
+    return np.asarray(nodes[times == 1], dtype=np.intp)
+
+
+def _everywhere(held: Indices, given: Array, count: int) -> Array:
+    moves = np.zeros((2, 2 * count))
+    moves[:, held] = given
+    return moves
+
+
+def _normals(space: Discretisation, along: Edges, nodes: Indices, given: Field | None) -> Array:
+    """Return the unit normals of contact nodes, shape (2, p): the body's, or those given."""
+    own: Array = np.stack([along.assemble(n, space.count)[nodes] for n in along.normals])
+    own /= np.hypot(*own)
+    if given is None:
+        return own
+    x = space.positions[:, nodes]
+    pairs = np.array(evaluate("the obstacle's normal", given, x))
+    length = np.hypot(*pairs)
+    inward = ~((pairs * own).sum(axis=0) > ACROSS * length)
+    if inward.any():
+        node = int(np.argmax(inward))
+        raise InvalidInputError(
+            f"the obstacle's normal ({pairs[0, node]:.6g}, {pairs[1, node]:.6g}) at contact node "
+            f"{node + 1}, ({x[0, node]:.6g}, {x[1, node]:.6g}), does not point out of the body, "
+            f"whose own is ({own[0, node]:.6g}, {own[1, node]:.6g}): give the direction from the "
+            "body into the obstacle"
+        )
+    unit: Array = pairs / length
+    return unit
 
 
 def _refuse_overlap(space: Discretisation, along: Edges, held: Indices) -> None:
@@ -142,16 +204,6 @@ def _refuse_overlap(space: Discretisation, along: Edges, held: Indices) -> None:
         raise InvalidInputError(
             f"{WHAT} overlaps a clamped one on {np.count_nonzero(overlap)} of {len(along.nodes)} "
             f"facets, the first near ({x:.6g}, {y:.6g}); they may share end nodes only"
-        )
-
-
-def _refuse_rollers(space: Discretisation, nodes: Indices, held: Indices) -> None:
-    sliding = np.isin(2 * nodes, held) | np.isin(2 * nodes + 1, held)
-    if sliding.any():
-        x, y = space.positions[:, nodes[np.argmax(sliding)]]
-        raise InvalidInputError(
-            f"the contact node at ({x:.6g}, {y:.6g}) is supported in one direction: a contact node "
-            "must be free or clamped in both; end the support or the contact before it"
         )
 
 
@@ -186,7 +238,8 @@ def _chain(
     return chain
 
 
-def _per_node(name: str, given: PerNode, x: Array) -> Array:
+def _not_negative(name: str, given: PerNode, x: Array, rounding: float = 0.0) -> Array:
+    """Return a value per contact node, shape (p,); what is rounding on either side is zero."""
     values = finite_array(name, given(x) if callable(given) else given)
     p = x.shape[1]
     if values.shape not in ((), (p,)):
@@ -194,7 +247,11 @@ def _per_node(name: str, given: PerNode, x: Array) -> Array:
             f"{name} must be a number, {p} numbers (one per contact node, in order along the "
             f"boundary) or a function of positions that returns them; got shape {values.shape}"
         )
-    if (values < 0.0).any():
-        node = int(np.argmin(np.broadcast_to(values, (p,)))) + 1
-        raise InvalidInputError(f"{name} of contact node {node} is negative: {values.min():.6g}")
-    return np.broadcast_to(values, (p,)).copy()
+    found = np.where(np.abs(values) <= rounding, 0.0, np.broadcast_to(values, (p,)))
+    if (found < 0.0).any():
+        node = int(np.argmin(found))
+        raise InvalidInputError(
+            f"{name} of contact node {node + 1} is negative: {found[node]:.6g} at "
+            f"({x[0, node]:.6g}, {x[1, node]:.6g})"
+        )
+    return found

@@ -7,10 +7,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
+import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
-from pwscont_coulomb.elastic.contact_boundary import ContactBoundary, contact_nodes
+from pwscont_coulomb.elastic.arguments import check_kind, listed
+from pwscont_coulomb.elastic.contact_boundary import (
+    ContactBoundary,
+    ContactNodes,
+    contact_nodes,
+)
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.loads import BodyForce, Support, Traction
 from pwscont_coulomb.elastic.material import Material, PlaneState, PlaneStrain
@@ -55,7 +61,9 @@ class ElasticBody:
     f0, f1 : ndarray, shape (n,)
         Load at alpha = 0 and per unit of alpha; it contains what prescribed displacements do.
     free, held : ndarray of int
-        Free and prescribed unknowns; unknown 2 k + a is component a of node k.
+        Unknowns of these equations, and prescribed ones; unknown 2 k + a is component a of node k.
+        Where a contact node is guided its tangential unknown is both: zero, and in an equation of
+        its own, so that every contact node has two.
 
     Raises
     ------
@@ -75,15 +83,37 @@ class ElasticBody:
         state: PlaneState | None = None,
         order: int | None = None,
     ) -> None:
+        supports = listed("supports", supports, Support)
+        loads = listed("loads", loads, Traction, BodyForce)
+        check_kind("contact", contact, ContactBoundary)
+        chosen = PlaneStrain() if state is None else state
+        check_kind("state", chosen, PlaneState)
         self.space = Discretisation(as_mesh(mesh), order)
         self.held, self._given = prescribed(self.space, supports)
-        self.free = np.setdiff1d(np.arange(2 * self.space.count), self.held)
-        self.contact = contact_nodes(self.space, contact, self.held)
-        self._lame = _lame(self.space, material, PlaneStrain() if state is None else state)
+        self.contact = contact_nodes(self.space, contact, self.held, self._given)
+        apart = _held_of(self.contact, self.held)
+        self.free = np.setdiff1d(np.arange(2 * self.space.count), np.setdiff1d(self.held, apart))
+        self._lame = _lame(self.space, material, chosen)
         forces = _forces(self.space, loads)
         stiffness = self.space.stiffness(*self._lame)[self.free]
         self.A = stiffness[:, self.free].tocsr()
         self.f0, self.f1 = forces[:, self.free] - (stiffness[:, self.held] @ self._given.T).T
+        if len(apart):
+            self._separate(np.searchsorted(self.free, apart))
+
+    def _separate(self, apart: Indices) -> None:
+        """Leave of the equations of some unknowns the diagonal alone: they are zero."""
+        kept = np.ones(len(self.free))
+        kept[apart] = 0.0
+        D = sp.diags(kept)
+        self.A = (D @ self.A @ D + sp.diags((1.0 - kept) * self.A.diagonal())).tocsr()
+        self.A.eliminate_zeros()
+        self.f0, self.f1 = kept * self.f0, kept * self.f1
+
+    @property
+    def grows(self) -> bool:
+        """Whether loads or prescribed displacements depend on alpha."""
+        return bool(self.f1.any() or self._given[1].any())
 
     @property
     def positions(self) -> Array:
@@ -134,6 +164,12 @@ class ElasticBody:
         return np.stack([mean + 2.0 * mu * xx, mean + 2.0 * mu * yy, mu * xy])
 
 
+def _held_of(contact: ContactNodes, held: Indices) -> Indices:
+    """Return the prescribed unknowns of guided contact nodes."""
+    nodes = contact.nodes[contact.guided]
+    return np.intersect1d(np.concatenate([2 * nodes, 2 * nodes + 1]), held)
+
+
 def _lame(
     space: Discretisation, material: Material | Mapping[str, Material], state: PlaneState
 ) -> tuple[Array, Array]:
@@ -143,18 +179,31 @@ def _lame(
         lam, mu = state.in_plane(*material.lame)
         return np.full(count, lam), np.full(count, mu)
     values, times = np.zeros((2, count)), np.zeros(count, dtype=int)
+    check_kind("material", material, Material, Mapping)
     for name, part in material.items():
+        check_kind(f"the material of {name!r}", part, Material)
         elements = elements_of(space.mesh, "a material", name)
         values[:, elements] = np.array(state.in_plane(*part.lame))[:, np.newaxis]
         times[elements] += 1
+    _refuse_other_than_one(space, times, material)
+    return values[0], values[1]
+
+
+def _refuse_other_than_one(
+    space: Discretisation, times: Indices, material: Mapping[str, Material]
+) -> None:
+    """Refuse elements without a material, and those of subdomains that overlap."""
     for wrong, words in ((times == 0, "no material"), (times > 1, "more than one material")):
         if wrong.any():
-            x, y = space.mesh.p[:, space.mesh.t[:, np.argmax(wrong)]].mean(axis=1)
+            first, of = int(np.argmax(wrong)), space.mesh.subdomains
+            x, y = space.mesh.p[:, space.mesh.t[:, first]].mean(axis=1)
+            holding = [repr(name) for name in material if first in of[name]]
             raise InvalidInputError(
-                f"{np.count_nonzero(wrong)} of {count} elements have {words}, the first at "
-                f"({x:.6g}, {y:.6g}); materials are given for {', '.join(map(repr, material))}"
+                f"{np.count_nonzero(wrong)} of {len(times)} elements have {words}, the first at "
+                f"({x:.6g}, {y:.6g})"
+                + (f", in {' and '.join(holding)}; subdomains must not overlap" if holding else "")
+                + f"; materials are given for {', '.join(map(repr, material))}"
             )
-    return values[0], values[1]
 
 
 def _forces(space: Discretisation, loads: Sequence[Traction | BodyForce]) -> Array:

@@ -31,7 +31,7 @@ class FullProblem(ElasticProblem):
         )
         rotated = (contact.rotation() @ picks).tocsr()
         self.elastic = elastic
-        self.body = ContactBody(elastic.A, rotated[:p], rotated[p:], contact.gap)
+        self.body = ContactBody(elastic.A, rotated[:p], rotated[p:], contact.gap, contact.guided)
         self.load = AffineLoad(elastic.f0, elastic.f1)
         self.friction = contact.friction
 

@@ -83,7 +83,7 @@ def evaluate(name: str, field: Field, x: Array) -> Array:
     """
     try:
         found = np.asarray(field(x) if callable(field) else field, dtype=float)
-        if not callable(field):
+        if found.ndim != x.ndim:  # one pair for all, which would broadcast over two positions
             found = found.reshape((2,) + (1,) * (x.ndim - 1))
         values = np.broadcast_to(found, x.shape)
     except (TypeError, ValueError) as error:

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.errors import InvalidInputError
+from pwscont_coulomb.elastic.arguments import check_number
 
 
 class Material(ABC):
@@ -40,6 +41,8 @@ class Lame(Material):
     mu: float
 
     def __post_init__(self) -> None:
+        check_number("lam", self.lam)
+        check_number("mu", self.mu)
         if not (np.isfinite(self.lam) and np.isfinite(self.mu)):
             raise InvalidInputError(f"lam and mu must be finite, got {self.lam} and {self.mu}")
         if self.mu <= 0.0:
@@ -77,6 +80,8 @@ class Young(Material):
     nu: float
 
     def __post_init__(self) -> None:
+        check_number("E", self.E)
+        check_number("nu", self.nu)
         if not (np.isfinite(self.E) and self.E > 0.0):
             raise InvalidInputError(f"E must be positive and finite, got {self.E}")
         if not -1.0 < self.nu < 0.5:

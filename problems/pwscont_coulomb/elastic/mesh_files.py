@@ -11,6 +11,7 @@ import numpy as np
 
 from pwscont.foundation.errors import InvalidInputError
 from pwscont_coulomb.elastic.libraries import loaded
+from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
 #: Number of corners of the elements that a body may have.
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
@@ -33,7 +34,11 @@ def read_mesh(path: Path) -> Any:
         with redirect_stdout(sys.stderr):  # some readers print, and ours is for the answer
             read = meshio.read(path)
         _refuse_other_cells(path, read)
-        return bridge.from_meshio(_as_scikit_fem_expects(read))
+        _name_groups(read)
+        _refuse_repeated_cells(path, read)
+        mesh = bridge.from_meshio(_as_scikit_fem_expects(read))
+        _refuse_lost_facets(path, read, mesh)
+        return mesh
     except InvalidInputError:
         raise
     except (Exception, SystemExit) as error:  # whatever a reader of a foreign format trips over
@@ -54,6 +59,49 @@ def _refuse_other_cells(path: Path, read: Any) -> None:
         )
     if read.points.shape[1] > 2 and np.ptp(read.points[:, 2]) > PLANE * np.ptp(read.points):
         raise InvalidInputError(f"the mesh in {path} is not plane: its z coordinates differ")
+
+
+def _name_groups(read: Any) -> None:
+    """Name cells by physical groups alone; those of MSH 2.2 are numbers, one for each cell.
+
+    Groups of lines and of surfaces may have the same number: their dimensions tell them apart.
+    """
+    read.cell_sets = {k: v for k, v in read.cell_sets.items() if not k.startswith("gmsh:")}
+    numbers = read.cell_data.pop("gmsh:physical", None)
+    if numbers is None or read.cell_sets:
+        return
+    for name, (number, dimension) in read.field_data.items():
+        read.cell_sets[name] = [
+            np.flatnonzero((tags == number) & (block.dim == dimension))
+            for block, tags in zip(read.cells, numbers, strict=True)
+        ]
+
+
+def _refuse_repeated_cells(path: Path, read: Any) -> None:
+    """Refuse cells that are listed twice; of lines, scikit-fem keeps one group only."""
+    for kind in sorted({block.type for block in read.cells} - {"vertex"}):
+        corners = read.cells_dict[kind][:, : CORNERS.get(kind, 2)].T
+        again = repeated(corners)
+        if len(again):
+            same, sets = copies(corners, again[0]), read.cell_sets_dict
+            names = [k for k, part in sets.items() if np.isin(same, part.get(kind, ())).any()]
+            x, y = read.points[corners[:, again[0]], :2].mean(axis=0)
+            raise InvalidInputError(
+                f"{path} lists {len(again)} of its {corners.shape[1]} {kind} cells again"
+                f"{in_words(names)}, the first at ({x:.6g}, {y:.6g}); {ONCE}"
+            )
+
+
+def _refuse_lost_facets(path: Path, read: Any, mesh: Any) -> None:
+    """Refuse named lines that are edges of no element: scikit-fem would leave them out."""
+    lines = [k for k, block in enumerate(read.cells) if block.type == "line"]
+    for name, parts in read.cell_sets.items():
+        given = sum(len(parts[k]) for k in lines)
+        found = len((mesh.boundaries or {}).get(name, ()))
+        if given != found:
+            raise InvalidInputError(
+                f"{given - found} of {given} lines of {name!r} in {path} are edges of no element"
+            )
 
 
 def _as_scikit_fem_expects(read: Any) -> Any:

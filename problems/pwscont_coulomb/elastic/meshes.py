@@ -11,6 +11,7 @@ from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.mesh_files import read_mesh
+from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
 #: An element whose Jacobian falls below this part of its own size is degenerate.
 FLAT = 1e-12
@@ -71,25 +72,55 @@ def element_for(mesh: Any, order: int | None) -> Any:
 
 
 def check_elements(mesh: Any) -> None:
-    """Refuse inverted and degenerate elements, and elements that overlap across a facet.
+    """Refuse repeated, inverted and degenerate elements, and elements that overlap at a facet.
 
     Raises
     ------
     InvalidInputError
         Naming the elements and where the first of them lies.
     """
+    if not np.isfinite(mesh.doflocs).all():
+        raise InvalidInputError("the mesh has nodes whose positions are not finite")
     _refuse(mesh, _turned(mesh), "inverted or degenerate")
+    again = _repeated(mesh)
+    _refuse(mesh, again, f"listed again{in_words(_subdomains(mesh, again))}", ONCE)
+    _refuse(mesh, _crowded(mesh), "at a facet of more than two elements: they overlap")
     _refuse(mesh, _folded(mesh), "inverted: they overlap a neighbour")
 
 
-def _refuse(mesh: Any, elements: Indices, words: str) -> None:
+def _refuse(mesh: Any, elements: Indices, words: str, remedy: str = "mend the mesh") -> None:
     if len(elements):
         x, y = mesh.p[:, mesh.t[:, elements[0]]].mean(axis=1)
         listed = ", ".join(map(str, elements[:5])) + (", ..." if len(elements) > 5 else "")
         raise InvalidInputError(
             f"{len(elements)} of {mesh.nelements} elements are {words}: {listed} "
-            f"(counted from 0; the first lies at ({x:.6g}, {y:.6g})); mend the mesh"
+            f"(counted from 0; the first lies at ({x:.6g}, {y:.6g})); {remedy}"
         )
+
+
+def _places(mesh: Any) -> Indices:
+    """Return numbers of the corners of each element, equal where corners lie at one place."""
+    _, place = np.unique(mesh.p[0] + 1j * mesh.p[1], return_inverse=True)
+    return np.asarray(place[mesh.t], dtype=np.intp)
+
+
+def _repeated(mesh: Any) -> Indices:
+    """Return the elements whose corners lie where those of an element before them lie."""
+    return repeated(_places(mesh))
+
+
+def _subdomains(mesh: Any, again: Indices) -> list[str]:
+    """Return the subdomains of all copies of the first repeated element."""
+    if not len(again):
+        return []
+    same = copies(_places(mesh), again[0])
+    return [name for name, part in (mesh.subdomains or {}).items() if np.isin(same, part).any()]
+
+
+def _crowded(mesh: Any) -> Indices:
+    """Return the elements at facets that more than two elements have."""
+    sharing = np.bincount(mesh.t2f.ravel())
+    return np.flatnonzero((sharing[mesh.t2f] > 2).any(axis=0))
 
 
 def _turned(mesh: Any) -> Indices:

@@ -5,8 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.rounding import CONVERGED
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
@@ -45,7 +50,47 @@ class ElasticProblem(ABC):
             As for :class:`~pwscont_coulomb.CoulombFriction`; by default all nodes have one
             coefficient, whatever that of the contact boundary.
         """
+        check_number("alpha", alpha)
         return CoulombFriction(self.body, self.load(alpha), r, profile)
+
+    def load_parameter(self, z: Array, alpha: float) -> float:
+        """Return the parameter of the loads under which a state is in equilibrium.
+
+        That is ``alpha`` for a state of :meth:`along_load`. For one of :meth:`along_friction`,
+        where alpha is the friction coefficient, it is the a of A u - N^T lam_nu - T^T lam_t =
+        f0 + a f1, by least squares.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n + 2 p,)
+        alpha : float
+            The parameter of the system that z is a state of.
+
+        Raises
+        ------
+        InvalidInputError
+            If the loads grow without any effect on the contact nodes: then z does not tell.
+        """
+        if not self.elastic.grows:
+            return alpha
+        f0, f1, growth = self.load.f0, self.load.f1, np.abs(self.load.f1).max()
+        if growth <= CONVERGED * np.abs(self.elastic.f1).max():
+            raise InvalidInputError(
+                "the loads grow with alpha, but not at the contact nodes: a solution does not tell "
+                "under which load it was found; give load_alpha"
+            )
+        force, rounding = self._resisted(z)
+        unit = f1 / growth
+        found = float(unit @ (force - f0) / (unit @ unit)) / growth
+        off = abs(found - alpha) * growth
+        return alpha if off <= CONVERGED * float((rounding + np.abs(f0)).max()) else found
+
+    def _resisted(self, z: Array) -> tuple[Array, Array]:
+        """Return A u - N^T lam_nu - T^T lam_t, and the sum of magnitudes of its terms."""
+        body, u, (normal, tangential) = self.body, z[: self.body.n], self.multipliers(z)
+        force = body.A @ u - body.N.T @ normal - body.T.T @ tangential
+        sizes = abs(body.A) @ np.abs(u) + abs(body.N.T) @ np.abs(normal)
+        return force, sizes + abs(body.T.T) @ np.abs(tangential)
 
     @abstractmethod
     def displacements(self, z: Array, alpha: float) -> Array:

@@ -9,7 +9,9 @@ import numpy as np
 
 from pwscont import Character
 from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.errors import InvalidInputError
 from pwscont.graph import Solution
+from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.modes import modes
 
@@ -62,9 +64,17 @@ def recover(
     solution : Solution
         From ``graph.solutions(alpha)``.
     load_alpha : float, optional
-        Parameter of the loads where the system's parameter is the friction coefficient; default
-        the parameter of the solution.
+        Parameter of the loads; default that under which the solution is in equilibrium, which
+        is not its own where the system's parameter is the friction coefficient.
+
+    Raises
+    ------
+    InvalidInputError
+        If the solution is of another size, or does not tell its load
+        (:meth:`~pwscont_coulomb.elastic.ElasticProblem.load_parameter`).
     """
+    check_kind("problem", problem, ElasticProblem)
+    check_kind("solution", solution, Solution)
     return state_at(problem, solution.z, solution.alpha, solution.character, load_alpha)
 
 
@@ -77,8 +87,14 @@ def state_at(
 ) -> BodyState:
     """Return what a point of a piece means on the whole body; see :func:`recover`."""
     contact, body = problem.elastic.contact, problem.body
+    if z.shape != (body.n + 2 * body.p,):
+        raise InvalidInputError(
+            f"the state has {len(z)} unknowns, the problem {body.n + 2 * body.p}: is it a solution "
+            "of this problem, condensed or full as it was solved?"
+        )
     normal, tangential = problem.multipliers(z)
-    moved = problem.displacements(z, alpha if load_alpha is None else load_alpha)
+    load = problem.load_parameter(z, alpha) if load_alpha is None else load_alpha
+    moved = problem.displacements(z, load)
     u = z[: body.n]
     return BodyState(
         alpha,

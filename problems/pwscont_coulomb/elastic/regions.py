@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from pwscont.foundation.arrays import Indices
+from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
 from pwscont_coulomb.elastic.loads import Region
 
@@ -59,4 +60,14 @@ def _named(known: Any, what: str, kind: str, name: str) -> Indices:
 def _predicate(what: str, region: Any) -> Any:
     if not callable(region):
         raise InvalidInputError(f"{what} must be a name or a predicate, got {region!r}")
-    return lambda x: np.broadcast_to(np.asarray(region(x), dtype=bool), x.shape[1:])
+
+    def chosen(x: Array) -> npt.NDArray[np.bool_]:
+        found = np.asarray(region(x))
+        if found.dtype != bool or found.shape not in ((), x.shape[1:]):
+            raise InvalidInputError(
+                f"{what}: the predicate must return {x.shape[1]} truth values, one for each "
+                f"midpoint, got shape {found.shape} of type {found.dtype}"
+            )
+        return np.broadcast_to(found, x.shape[1:])
+
+    return chosen

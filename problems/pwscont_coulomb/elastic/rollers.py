@@ -1,0 +1,93 @@
+"""Contact nodes that a support holds in one direction: on rollers, such as an axis of symmetry.
+
+A node that may touch needs its normal displacement. Where a roller holds the tangential one, the
+node is *guided*: it touches or not, at the place where it is, and bears no friction. What is
+tangential the support takes; on an axis of symmetry that is nothing.
+
+Failure modes and answers
+-------------------------
+- At the end of the contact boundary the mean normal is that of one side. The whole of which the
+  model is a half has the mirror image of this side beyond the roller: the mean of both is the part
+  of the normal across the held direction. Elsewhere, or where the two sides would meet at a sharp
+  angle, a roller across the tangent means something else, and is refused.
+- A node held in its normal direction can neither touch nor leave. It is refused, not left out:
+  it may stand in the obstacle.
+- A roller that moves a node along its tangent makes it slip: the friction there is a force between
+  obstacle and support that no equation of the body tells. It is refused.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.rounding import EPS
+
+#: A unit vector is across a direction when its part along it is below this: an edge as short as
+#: this part of the mesh has a normal that errs by so much.
+ACROSS = EPS**0.5
+#: The mean normal at a mirror is that of one side less its part along the held direction, which
+#: is at most this: the two sides meet at a blunt angle, of 120 degrees and more.
+BLUNT = 0.5
+
+REMEDY = "end the support or the contact boundary before this node"
+
+
+def held_directions(nodes: Indices, held: Indices) -> Indices:
+    """Return 0 or 1 where x or y of a node is held, -1 where none is, shape (p,)."""
+    return np.where(np.isin(2 * nodes, held), 0, np.where(np.isin(2 * nodes + 1, held), 1, -1))
+
+
+def across(
+    direction: Indices, normals: Array, at_end: npt.NDArray[np.bool_], positions: Array
+) -> Array:
+    """Return the normals of contact nodes, those of guided nodes across their held direction.
+
+    Parameters
+    ----------
+    direction : ndarray of int, shape (p,)
+        From :func:`held_directions`.
+    normals, positions : ndarray, shape (2, p)
+    at_end : ndarray of bool, shape (p,)
+        Whether the normal is the mean of one side of the node, which a mirror image completes.
+
+    Raises
+    ------
+    InvalidInputError
+        If a roller holds a node otherwise than along its tangent.
+    """
+    found = normals.copy()
+    for node in np.flatnonzero(direction >= 0):
+        held = direction[node]
+        if abs(normals[held, node]) > (BLUNT if at_end[node] else ACROSS):
+            (x, y), (nx, ny) = positions[:, node], normals[:, node]
+            raise InvalidInputError(
+                f"the contact node at ({x:.6g}, {y:.6g}) is held in direction {'xy'[held]}, which "
+                f"is not tangential: its normal is ({nx:.6g}, {ny:.6g}), and a node on a roller "
+                f"must be free to move along it; {REMEDY}, or give the obstacle's normal"
+            )
+        found[held, node] = 0.0
+        found[1 - held, node] = np.sign(normals[1 - held, node])
+    return found
+
+
+def refuse_moving(direction: Indices, nodes: Indices, moves: Array, positions: Array) -> None:
+    """Refuse rollers that move a contact node along its tangent.
+
+    Parameters
+    ----------
+    direction, nodes : ndarray of int, shape (p,)
+    moves : ndarray, shape (2, 2 k)
+        Constant and growing prescribed displacement of all unknowns, 0 where there is none.
+    positions : ndarray, shape (2, p)
+    """
+    guided = np.flatnonzero(direction >= 0)
+    moving = moves[:, 2 * nodes[guided] + direction[guided]].any(axis=0)
+    if moving.any():
+        x, y = positions[:, guided[np.argmax(moving)]]
+        raise InvalidInputError(
+            f"a support moves the contact node at ({x:.6g}, {y:.6g}) along its tangent, and would "
+            f"take its friction; {REMEDY}"
+        )
