@@ -207,5 +207,6 @@ class Recorded(Follower):
         known = self._journal.find(number, ray)
         if known is None:
             known = self._follower.walk(ray)
-            self._journal.add(number, ray, known)
+            if not known.is_cut:
+                self._journal.add(number, ray, known)
         return known

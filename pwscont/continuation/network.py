@@ -18,6 +18,7 @@ import numpy as np
 from pwscont.continuation.marks import JOIN, Mark, Trail, direction, names
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Follower, Walk
+from pwscont.foundation.budget import Budget
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Place, Stored
 from pwscont.foundation.records import Track
@@ -49,11 +50,11 @@ class Node:
             self.rays.append(ray)
             self.marks.append(Mark.of(ray, place))
 
-    def stop(self, message: str) -> None:
-        """Note that a ray could not be followed; a degenerate point stays what it is."""
+    def stop(self, message: str, rays: int = 1) -> None:
+        """Note that rays could not be followed; a degenerate point stays what it is."""
         if self.kind != Kind.DEGENERATE:
             self.kind = Kind.STOPPED
-        self.lost += 1
+        self.lost += rays
         self.message = f"{self.message}; {message}"
 
 
@@ -81,11 +82,16 @@ class Network:
     walker : Follower
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
+    budget : Budget
+        Where it is spent, rays are left that nobody has followed, see :meth:`close`.
     """
 
-    def __init__(self, walker: Follower, report: Callable[[int, float], None]) -> None:
+    def __init__(
+        self, walker: Follower, report: Callable[[int, float], None], budget: Budget
+    ) -> None:
         self._walker = walker
         self._report = report
+        self._budget = budget
         self._queue: deque[tuple[int, int]] = deque()
         self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
         self._next = 0
@@ -103,6 +109,8 @@ class Network:
             self._follow_all(after_first=None)
         if known or self._is_isolated_twin(arrival) or (interior and self._is_known(rays[0])):
             return
+        if not self._budget.allows(len(self.edges)):
+            return
         start = self._new(arrival, _place(arrival))
         if not interior:
             self._register(start, arrival.rays)
@@ -116,14 +124,29 @@ class Network:
         if after_first:
             after_first()
         while self._queue:
-            self._follow(*self._queue.popleft())
+            node, index = self._queue.popleft()
+            if self.nodes[node].rays[index] is None:
+                continue
+            if not self._budget.allows(len(self.edges)):
+                return
+            self._follow(node, index)
+
+    def close(self, why: str) -> None:
+        """Note at the nodes that they have rays left, and why; nothing can be added then."""
+        for node in self.nodes.values():
+            left = sum(ray is not None for ray in node.rays)
+            if left:
+                node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
+                node.kind = Kind.STOPPED
 
     def _follow(self, node: int, index: int) -> None:
         ray = self.nodes[node].rays[index]
         if ray is None:
             return
-        self.nodes[node].rays[index] = None
         walk = self._within(self._walker.walk(ray).sharing(ray))
+        if walk.is_cut and len(walk.points) == 1:
+            return
+        self.nodes[node].rays[index] = None
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return

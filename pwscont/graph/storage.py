@@ -46,7 +46,7 @@ def write(
         "version": VERSION,
         "interval": interval,
         "parameter": parameter,
-        "searched": [searched.what, int(searched.promise)],
+        "searched": [searched.what, int(searched.promise), searched.spent],
         "nodes": [_node_header(point) for point in points],
         "starts": [_node_header(point) for point in starts],
         "pieces": [_piece_header(piece) for piece in pieces],
@@ -139,8 +139,8 @@ def _contents(header: dict[str, Any], arrays: dict[str, Any]) -> Contents:
         for h, end in zip(header["pieces"], ends, strict=True)
     ]
     lo, hi = header["interval"]
-    what, promise = header["searched"]
-    searched = Searched(what, Promise(promise))
+    what, promise, *spent = header["searched"]
+    searched = Searched(what, Promise(promise), *map(str, spent))
     return nodes, pieces, starts, (float(lo), float(hi)), str(header["parameter"]), searched
 
 
