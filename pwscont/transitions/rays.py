@@ -50,8 +50,8 @@ class Ray:
     shared : tuple of Character
         For a ray along an interface, all cells that it belongs to; else empty.
     index : int
-        For a ray along an interface, the sign of det(dH/dz) where all these cells agree on it,
-        0 where they do not: small changes of H leave no solution there, or two.
+        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
+        small changes of H make of it, see :mod:`pwscont.transitions.index`.
     """
 
     curve: Curve
