@@ -302,12 +302,12 @@ class BranchGraph:
         """Return both ends of the interval and the alphas of all nodes, without repetition."""
         lo, hi = self.interval
         breaks = [lo]
-        for alpha in sorted(self._clean(point.alpha) for point in self._points):
+        for alpha in sorted(self.clean(point.alpha) for point in self._points):
             if not self.same(alpha, breaks[-1]) and not self.same(alpha, hi):
                 breaks.append(alpha)
         return [*breaks, hi]
 
-    def _clean(self, alpha: float) -> float:
+    def clean(self, alpha: float) -> float:
         """Return zero where alpha is nothing but rounding."""
         return 0.0 if bool(self.same(alpha, 0.0)) else alpha
 

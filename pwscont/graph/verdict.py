@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: A special point known to fewer digits may hide others: no promise of a search is kept then.
 TOO_FEW_DIGITS = 2.0
-#: A piece that stops closer than this part of the interval to the end of the domain stops there.
+#: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
 #: More places of one kind are counted, not listed.
 MOST_PLACES = 3
@@ -169,18 +169,22 @@ def _doubts(graph: BranchGraph) -> Iterator[str]:
 
 def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:
     """Yield where pieces were stopped, and why; where the model ends they could not go on."""
-    beyond = [point for point in points if _model_ends(graph, point)]
-    yield from _places("the model ends", graph, beyond, _reason)
-    others = [point for point in points if point not in beyond]
-    yield from _places("a piece was stopped", graph, others, _reason)
+    groups: dict[str, list[SpecialPoint]] = {}
+    for point in points:
+        groups.setdefault(_what_happened(graph, point), []).append(point)
+    for what, some in groups.items():
+        yield from _places(what, graph, some, _reason)
 
 
-def _model_ends(graph: BranchGraph, point: SpecialPoint) -> bool:
-    """Tell whether H is not defined beyond a point."""
-    domain = graph.system.domain if graph.system else ()
+def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
+    """Tell a piece that was stopped from one beyond which H is not defined, or degenerates."""
+    if Trouble.NOT_FINITE.value in point.message:
+        return "the model ends"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
-    at_the_end = any(abs(point.alpha - end) <= near for end in domain)
-    return at_the_end or Trouble.NOT_FINITE.value in point.message
+    domain = graph.system.domain if graph.system else ()
+    if any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval)):
+        return "the model seems to end"
+    return "a piece was stopped"
 
 
 def _reason(point: SpecialPoint) -> str:
@@ -193,15 +197,17 @@ def _reason(point: SpecialPoint) -> str:
 def _places(
     what: str,
     graph: BranchGraph,
-    points: list[SpecialPoint],
+    points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
-    """Yield what is the matter with some points, and where, in one line."""
-    alphas = dict.fromkeys(f"{point.alpha:.8g}{why(point)}" for point in points)
-    if alphas:
-        shown, rest = list(alphas)[:MOST_PLACES], len(alphas) - MOST_PLACES
+    """Yield what is the matter with some points, and where; those with one reason in one line."""
+    alphas: dict[str, dict[str, None]] = {}
+    for point in points:
+        alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None
+    for reason, found in alphas.items():
+        shown, rest = list(found)[:MOST_PLACES], len(found) - MOST_PLACES
         more = f" and {rest} more" if rest > 0 else ""
-        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}"
+        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
 
 
 def _unfinished(graph: BranchGraph) -> str:
