@@ -21,6 +21,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.continuation.endless import accumulation
 from pwscont.continuation.walk import Walker
 from pwscont.foundation.budget import Budget, check_budget
 from pwscont.interface.cli import main
@@ -268,3 +269,82 @@ def _pressing(press):
         return original(self, segment, reading)
 
     return pressing
+
+
+# -- paths without an end ------------------------------------------------------------------------
+
+
+class Spiral(PiecewiseSystem):
+    """z = (r sin s, s), alpha = 0.3 + r cos s with r = exp(-s / 10): folds and kinks near 0.3."""
+
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return np.array([z[0]])
+
+    def residual(self, z, alpha, character):
+        r = np.exp(-z[1] / 10.0)
+        return np.array([z[0] - r * np.sin(z[1]), alpha - 0.3 - r * np.cos(z[1])])
+
+
+def accumulates_at(text):
+    return float(text.split("accumulate at alpha = ")[1].split(")")[0].split(";")[0])
+
+
+def test_kinks_that_accumulate_are_said_to_with_the_alpha():
+    graph = trace(Spiral(), (np.zeros(2), 1.3), (-1.0, 1.5), limits=Limits(pieces=45))
+    (stopped,) = graph.special_points("stopped")
+    assert accumulates_at(stopped.message) == pytest.approx(0.3, abs=1e-5)
+    assert abs(stopped.alpha - 0.3) > 1e-4
+    assert accumulates_at(graph.guarantee) == pytest.approx(0.3, abs=1e-5)
+
+
+@pytest.mark.parametrize("make", [Helix, Spiral])
+def test_a_path_that_repeats_itself_is_stopped_without_limits(make):
+    start = {Helix: 0.5, Spiral: 1.3}[make]
+    graph = trace(make(), (np.zeros(2), start), (-1.0, 1.5))
+    for stopped in graph.special_points("stopped"):
+        assert "repeats itself without end" in stopped.message
+        assert ("accumulate" in stopped.message) == (make is Spiral)
+    assert "a piece was stopped" in graph.guarantee
+    assert graph.special_points("stopped")
+
+
+class Teeth(PiecewiseSystem):
+    """alpha = sin(5 z) up to z = 30, where it goes on straight: a repeating path that ends."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([z[0] - 30.0])
+
+    def residual(self, z, alpha, character):
+        end = np.sin(150.0) + 5.0 * np.cos(150.0) * (z - 30.0)
+        return alpha - (end if character.signs[0] else np.sin(5.0 * z))
+
+
+def test_limits_let_a_path_repeat_itself_as_long_as_they_last():
+    graph = trace(Teeth(), (np.zeros(1), 0.0), (-2.0, 2.0), limits=Limits(pieces=30))
+    assert len(graph.pieces) == 30
+    assert not any("repeats" in point.message for point in graph.special_points())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_limits_of_sequences(seed):
+    rng, k = np.random.default_rng(seed), np.arange(10.0, 40.0)
+    limit, ratio = rng.normal(), rng.uniform(0.05, 0.9)
+    assert accumulation(limit - 3.0 * ratio ** (k - 10.0)) == pytest.approx(limit, abs=1e-9)
+    assert accumulation(limit + 1.0 / k) == pytest.approx(limit, abs=2e-3)
+    taking_turns = limit + (-0.5) ** np.arange(20.0)
+    assert accumulation(taking_turns) == pytest.approx(limit, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sequences_without_a_limit(seed):
+    rng, k = np.random.default_rng(seed), np.arange(10.0, 40.0)
+    assert accumulation(np.sqrt(k)) is None
+    assert accumulation(np.log(k)) is None
+    assert accumulation(k) is None
+    assert accumulation(rng.normal(size=30)) is None
+    assert accumulation(np.cumsum(np.sort(rng.random(12))[::-1])) is None
+    assert accumulation(k[:3]) is None

@@ -15,6 +15,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.marks import JOIN, Mark, Trail, direction, names
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Follower, Walk
@@ -94,6 +95,7 @@ class Network:
         self._budget = budget
         self._queue: deque[tuple[int, int]] = deque()
         self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
+        self._past = Past()
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
@@ -138,10 +140,17 @@ class Network:
             if left:
                 node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
                 node.kind = Kind.STOPPED
+        for number, node in self.nodes.items():
+            if node.kind == Kind.STOPPED:
+                node.message += self._past.accumulation(number, is_special=node.lost > 0)
 
     def _follow(self, node: int, index: int) -> None:
         ray = self.nodes[node].rays[index]
         if ray is None:
+            return
+        if self._is_endless(node, ray):
+            self.nodes[node].rays[index] = None
+            self.nodes[node].stop(REPEATS)
             return
         walk = self._within(self._walker.walk(ray).sharing(ray))
         if walk.is_cut and len(walk.points) == 1:
@@ -152,8 +161,16 @@ class Network:
             return
         start, end = self.nodes[node].marks[index].place, _place(walk.arrival)
         track = Track(start, walk.points[1:-1].copy(), end)
-        self.edges.append(Edge(node, self._reach(walk, end, node), Trail.of(ray), track))
+        edge = Edge(node, self._reach(walk, end, node), Trail.of(ray), track)
+        self.edges.append(edge)
+        self._past.add(node, edge.end, end, edge.trail.names)
         self._report(len(self.edges), float(walk.points[-1, -1]))
+
+    def _is_endless(self, node: int, ray: Ray) -> bool:
+        """Tell now and then whether the path to a node repeats itself; not where limits are set."""
+        if self._budget.is_limited or (len(self.edges) + 1) % EVERY:
+            return False
+        return self._past.repeats(node, ray.curve.metric.scale)
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that do not leave the interval at once."""

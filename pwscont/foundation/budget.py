@@ -92,6 +92,11 @@ class Budget:
         """What ran out, in words; empty while nothing has."""
         return self._reason or (INTERRUPTED if self._is_interrupted else "")
 
+    @property
+    def is_limited(self) -> bool:
+        """Whether a user has set a limit."""
+        return self._limits != Limits()
+
     def check(self) -> None:
         """Raise if the budget is spent, or that of a run around this one."""
         if self._is_interrupted:

@@ -24,7 +24,7 @@ import numpy as np
 from pwscont.foundation.errors import PwscontError
 from pwscont.foundation.guarantee import Promise
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Trouble
+from pwscont.foundation.outcome import ACCUMULATE, Trouble
 from pwscont.foundation.records import Piece, Solution, SpecialPoint
 from pwscont.foundation.rounding import CONFIDENCE
 
@@ -188,10 +188,18 @@ def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
 
 
 def _reason(point: SpecialPoint) -> str:
-    """Return why a piece was stopped, without the advice."""
+    """Return why a piece was stopped, without the advice, and where kinks accumulate."""
     known = [trouble.value for trouble in Trouble if trouble.value in point.message]
     words = (known or point.message.split("; ")[-1:])[0]
-    return f" ({words.split(';')[0].split(': ')[0]})"
+    near = _accumulation(point)
+    words = words.split(";")[0].split(": ")[0]
+    return f" ({'; '.join(filter(None, ['' if words == near else words, near]))})"
+
+
+def _accumulation(point: SpecialPoint) -> str:
+    """Return what the message says of kinks that accumulate."""
+    _, what, limit = point.message.partition(ACCUMULATE)
+    return f"{what}{limit.split(';')[0]}"
 
 
 def _places(
@@ -214,4 +222,9 @@ def _unfinished(graph: BranchGraph) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
-    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points)])
+    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points, _beyond)])
+
+
+def _beyond(point: SpecialPoint) -> str:
+    near = _accumulation(point)
+    return f" ({near})" if near else ""
