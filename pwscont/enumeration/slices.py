@@ -110,6 +110,7 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     for choices in leaves(problem):
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
+                check_budget()
                 faces += _face(problem, choices[k : k + 1], alpha)
         else:
             points.add(choices)

@@ -17,6 +17,7 @@ import numpy as np
 
 from pwscont.enumeration import Point, Slice, solve_slice
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.budget import check_budget
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import CONFIDENCE, EPS
@@ -159,6 +160,7 @@ def _with_index(ray: Ray, zero: frozenset[int]) -> Ray:
 
 def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface leaves it into this cell."""
+    check_budget()
     corrected = BorderedNewton().correct(curve, state.x + PROBE * state.tangent, state.tangent)
     if isinstance(corrected, Failure):
         return False

@@ -63,9 +63,7 @@ class Ray:
     def cells(self) -> tuple[bytes, ...]:
         """The cells in which the ray may be met again."""
         selection = self.curve.selection
-        if not self.shared:
-            return (selection.cell,)
-        return tuple(selection.system.cell(character) for character in self.shared)
+        return selection.cells_beside if self.shared else (selection.cell,)
 
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
