@@ -188,7 +188,8 @@ class BranchGraph:
         return np.array([point.error[-1] if len(point.error) else 0.0 for point in self._points])
 
     @cached_property
-    def _verticals(self) -> list[Piece]:
+    def verticals(self) -> list[Piece]:
+        """The pieces on which alpha is one value."""
         return [piece for piece in self.pieces if piece.is_vertical]
 
     def _nodes_at(self, alpha: float) -> list[int]:
@@ -205,7 +206,7 @@ class BranchGraph:
         A solution at which two pieces meet counts once.
         """
         self._inside(alpha)
-        if any(self.same(piece.interval[0], alpha) for piece in self._verticals):
+        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
             return math.inf
         return len(self._through(alpha)) + len(self._nodes_at(alpha))
 

@@ -14,6 +14,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -25,7 +26,7 @@ from pwscont.foundation.errors import PwscontError
 from pwscont.foundation.guarantee import Promise
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import ACCUMULATE, Trouble
-from pwscont.foundation.records import Piece, Solution, SpecialPoint
+from pwscont.foundation.records import Solution, SpecialPoint
 from pwscont.foundation.rounding import CONFIDENCE
 
 if TYPE_CHECKING:
@@ -67,42 +68,37 @@ def verdict(graph: BranchGraph) -> str:
 
 def loose_ends(graph: BranchGraph) -> dict[SpecialPoint, int]:
     """Return the points within the interval by which the sum of signs jumps, and how much."""
-    found = {}
-    for nodes in _joined_by_verticals(graph):
+    jumps, found = _jumps(graph), {}
+    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
         points = [graph.point(node) for node in nodes]
-        at_ends = any(graph.same(points[0].alpha, end) for end in graph.interval)
-        jump = sum(_jump(graph, point) for point in points)
-        if jump and not at_ends:
+        jump = sum(jumps.get(node, 0) for node in nodes)
+        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
             found[min(points, key=_suspicion)] = jump
     return found
+
+
+def _jumps(graph: BranchGraph) -> dict[int, int]:
+    """Return by how much the pieces at each node change the sum of signs from left to right."""
+    jumps: dict[int, int] = defaultdict(int)
+    for piece in graph.pieces:
+        first, last = piece.track.start.alpha, piece.track.end.alpha
+        sign = piece.det_sign if first < last else -piece.det_sign
+        jumps[piece.start] += sign
+        jumps[piece.end] -= sign
+    return jumps
+
+
+def _joined_by_verticals(graph: BranchGraph, nodes: Iterable[int]) -> Iterator[set[int]]:
+    """Yield nodes, those at the ends of one vertical piece together."""
+    joined = nx.Graph((piece.start, piece.end) for piece in graph.verticals)
+    joined.add_nodes_from(nodes)
+    yield from nx.connected_components(joined)
 
 
 def _suspicion(point: SpecialPoint) -> int:
     """Sort the points at which pieces end before those where they go on."""
     order = (*ON_PURPOSE, Kind.STOPPED)
     return order.index(point.kind) if point.kind in order else len(order)
-
-
-def _joined_by_verticals(graph: BranchGraph) -> Iterator[set[int]]:
-    """Yield the nodes, those at the ends of one vertical piece together."""
-    joined = nx.Graph()
-    joined.add_nodes_from(graph.nx.nodes)
-    joined.add_edges_from((p.start, p.end) for p in graph.pieces if p.is_vertical)
-    yield from nx.connected_components(joined)
-
-
-def _jump(graph: BranchGraph, point: SpecialPoint) -> int:
-    """Return by how much the sum of signs is larger to the right of a point than to its left."""
-    pieces = [piece for piece in graph.pieces_at(point.id) if not piece.is_vertical]
-    return sum(_side(piece, point) * piece.det_sign for piece in pieces)
-
-
-def _side(piece: Piece, point: SpecialPoint) -> int:
-    """Return +1 for a piece to the right of its end, -1 to the left, 0 for one from end to end."""
-    lo, hi = piece.interval
-    if piece.start == piece.end:
-        return 0
-    return 1 if abs(point.alpha - lo) < abs(point.alpha - hi) else -1
 
 
 def is_on_purpose(graph: BranchGraph, point: SpecialPoint) -> bool:
@@ -120,13 +116,20 @@ def _causes(graph: BranchGraph, gaps: list[Gap]) -> Iterator[str]:
     on_purpose = [point for point in ends if is_on_purpose(graph, point)]
     twice = [gap for gap in gaps if _stands_twice(graph, gap)]
     explained = {gap for gap in gaps if any(_touches(graph, gap, p) for p in stopped + on_purpose)}
-    missing = [gap for gap in gaps if gap not in explained and gap not in twice]
+    partial = _searched_in_part(graph)
+    missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
     if missing:
         yield f"at least one branch missing in {_listed(missing)}"
     if twice:
         yield f"a solution stands twice in {_listed(twice)}"
     yield from _stops(graph, stopped)
+    yield from _places("a corner was searched in part", graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
+
+
+def _searched_in_part(graph: BranchGraph) -> list[SpecialPoint]:
+    """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
+    return graph.special_points(Kind.PARTIAL_CORNER)
 
 
 def _touches(graph: BranchGraph, gap: Gap, point: SpecialPoint) -> bool:
@@ -161,8 +164,7 @@ def _doubts(graph: BranchGraph) -> Iterator[str]:
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
-    partial = [point for point in points if point.kind == Kind.PARTIAL_CORNER]
-    yield from _places("a corner was searched in part", graph, partial)
+    yield from _places("a corner was searched in part", graph, _searched_in_part(graph))
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
 
