@@ -184,7 +184,8 @@ def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
         return "the model ends"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
-    if any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval)):
+    at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
+    if at_an_end and graph.pieces_at(point.id):  # else a start that could not be followed
         return "the model seems to end"
     return "a piece was stopped"
 
