@@ -14,6 +14,7 @@ from pwscont.foundation.errors import (
     StartNotFoundError,
     SystemNeededError,
 )
+from pwscont.foundation.limits import Limits
 from pwscont.graph import BranchGraph
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 from pwscont.model.check import check_system
@@ -55,6 +56,7 @@ __all__ = [
     "InvalidInputError",
     "InvalidSystemError",
     "Journal",
+    "Limits",
     "MoorePenrose",
     "MultiStart",
     "NaturalParameter",

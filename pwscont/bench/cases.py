@@ -22,6 +22,7 @@ from pwscont.bench.rational import straight_pieces
 from pwscont.bench.slicewise import cellwise_pieces
 from pwscont.bench.truth import TruePiece, Truth, UnknownAnswerError
 from pwscont.continuation import explore
+from pwscont.continuation.plan import uninterrupted
 from pwscont.foundation.arrays import Array
 from pwscont.interface.answer import Runnable
 from pwscont.interface.registry import load_scene, scene_names
@@ -109,7 +110,8 @@ def _too_many_cells(scene: Scene, system: PiecewiseLinearSystem) -> Case:
             "exact path is verified and followed with short steps in reasonable time"
         )
     interval, scale = scene.interval, Metric.of(system, scene.interval).scale
-    found = explore(system, interval, search=scene.search, stepper=ExactLinear())
+    search, stepper = scene.search, ExactLinear()
+    found = uninterrupted(explore(system, interval, search=search, stepper=stepper))
     truth = verified_path(system, interval, scale, found.pieces)
     return Case(scene.name, system, interval, truth)
 

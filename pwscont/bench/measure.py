@@ -16,6 +16,7 @@ from pwscont.bench.contestants import Contestant
 from pwscont.bench.errors import Errors, errors, verdict
 from pwscont.bench.truth import Truth
 from pwscont.continuation import explore
+from pwscont.continuation.plan import uninterrupted
 from pwscont.foundation.arrays import Array
 from pwscont.graph import BranchGraph
 from pwscont.model.system import PiecewiseSystem
@@ -84,7 +85,8 @@ class OneStartEach(Search):
 def follow(case: Case, contestant: Contestant) -> BranchGraph:
     """Follow every component of a problem from one true start each."""
     search = OneStartEach(case.truth)
-    return explore(case.system, case.interval, search=search, stepper=contestant.stepper)
+    stepper = contestant.stepper
+    return uninterrupted(explore(case.system, case.interval, search=search, stepper=stepper))
 
 
 def measure(case: Case, contestant: Contestant, quick: bool = False) -> Row:

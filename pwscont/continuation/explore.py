@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
+from pwscont.foundation.budget import Budget
+from pwscont.foundation.limits import Limits
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
+from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 
 
@@ -23,6 +28,7 @@ def explore(
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
+    limits: Limits | None = None,
 ) -> BranchGraph:
     """Find starts in an interval of alpha and follow every component through them.
 
@@ -35,7 +41,7 @@ def explore(
         Where to look for starts; searches add up with ``+``. The default depends on the size:
         complete where that takes seconds (every transition point of a piecewise-linear system,
         or all solutions at both ends), otherwise searches that promise nothing.
-    stepper, parameter, report, journal : optional
+    stepper, parameter, report, journal, limits : optional
         As for :func:`pwscont.trace`.
 
     Returns
@@ -51,9 +57,15 @@ def explore(
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
     checked_kind("journal", journal, Journal)
-    check_contract(system, np.zeros(checked_size(system)), lo)
-    plan = Plan.of(system, (lo, hi), stepper)
-    chosen = search or default_search(plan.followed)
-    starts = chosen.starts(plan.followed, plan.metric, plan.interval)
-    searched = chosen.searched(plan.followed)
-    return plan.follow(starts, parameter, report, searched, journal)
+    checked_kind("limits", limits, Limits)
+    with Budget(limits or Limits()) as budget:
+        check_contract(system, np.zeros(checked_size(system)), lo)
+        plan = Plan.of(system, (lo, hi), stepper)
+        chosen = search or default_search(plan.followed)
+        searched, starts = chosen.searched(plan.followed), _found(chosen, plan)
+        return plan.follow(starts, parameter, report, searched, journal, budget)
+
+
+def _found(search: Search, plan: Plan) -> Iterator[Found]:
+    """Yield what a search finds; also one that returns a list begins when it is asked."""
+    yield from search.starts(plan.followed, plan.metric, plan.interval)

@@ -327,5 +327,6 @@ class Recorded(Follower):
         known = self._journal.find(number, ray)
         if known is None:
             known = self._follower.walk(ray)
-            self._journal.add(ray, known)
+            if not known.is_cut:
+                self._journal.add(ray, known)
         return known

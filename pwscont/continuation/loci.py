@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pwscont.continuation.explore import explore
-from pwscont.continuation.plan import Report, silent
+from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.continuation.trace import trace
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.character import Character
@@ -177,7 +177,7 @@ def follow_transitions(
                 done = sum(len(other.graph.pieces) for other in found)
                 counted = partial(_after, report, done)
                 graph = trace(locus, (y, mu), mus, parameter=parameter, report=counted)
-                found.append(Locus(locus, graph))
+                found.append(Locus(locus, uninterrupted(graph)))
     return found
 
 
@@ -192,7 +192,7 @@ def _transitions(
     """Yield the transitions at one mu, each with the test that vanishes there."""
     system = family(mu)
     scale = Metric.of(system, alphas).scale
-    for point in explore(system, alphas).special_points():
+    for point in uninterrupted(explore(system, alphas)).special_points():
         if point.kind == Kind.FOLD:
             raise InvalidInputError(
                 f"there is a smooth fold at alpha = {point.alpha:.8g} for the level {mu:g}, and "

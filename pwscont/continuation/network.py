@@ -15,9 +15,11 @@ from typing import final
 
 import numpy as np
 
+from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.marks import JOIN, Mark, Trail, direction, names
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Follower, Walk
+from pwscont.foundation.budget import Budget
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Place, Stored
 from pwscont.foundation.records import Track
@@ -49,11 +51,11 @@ class Node:
             self.rays.append(ray)
             self.marks.append(Mark.of(ray, place))
 
-    def stop(self, message: str) -> None:
-        """Note that a ray could not be followed; a degenerate point stays what it is."""
+    def stop(self, message: str, rays: int = 1) -> None:
+        """Note that rays could not be followed; a degenerate point stays what it is."""
         if self.kind != Kind.DEGENERATE:
             self.kind = Kind.STOPPED
-        self.lost += 1
+        self.lost += rays
         self.message = f"{self.message}; {message}"
 
 
@@ -81,13 +83,19 @@ class Network:
     walker : Follower
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
+    budget : Budget
+        Where it is spent, rays are left that nobody has followed, see :meth:`close`.
     """
 
-    def __init__(self, walker: Follower, report: Callable[[int, float], None]) -> None:
+    def __init__(
+        self, walker: Follower, report: Callable[[int, float], None], budget: Budget
+    ) -> None:
         self._walker = walker
         self._report = report
+        self._budget = budget
         self._queue: deque[tuple[int, int]] = deque()
         self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
+        self._past = Past()
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
@@ -103,6 +111,8 @@ class Network:
             self._follow_all(after_first=None)
         if known or self._is_isolated_twin(arrival) or (interior and self._is_known(rays[0])):
             return
+        if not self._budget.allows(len(self.edges)):
+            return
         start = self._new(arrival, _place(arrival))
         if not interior:
             self._register(start, arrival.rays)
@@ -116,21 +126,51 @@ class Network:
         if after_first:
             after_first()
         while self._queue:
-            self._follow(*self._queue.popleft())
+            node, index = self._queue.popleft()
+            if self.nodes[node].rays[index] is None:
+                continue
+            if not self._budget.allows(len(self.edges)):
+                return
+            self._follow(node, index)
+
+    def close(self, why: str) -> None:
+        """Note at the nodes that they have rays left, and why; nothing can be added then."""
+        for node in self.nodes.values():
+            left = sum(ray is not None for ray in node.rays)
+            if left:
+                node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
+                node.kind = Kind.STOPPED
+        for number, node in self.nodes.items():
+            if node.kind == Kind.STOPPED:
+                node.message += self._past.accumulation(number, is_special=node.lost > 0)
 
     def _follow(self, node: int, index: int) -> None:
         ray = self.nodes[node].rays[index]
         if ray is None:
             return
-        self.nodes[node].rays[index] = None
+        if self._is_endless(node, ray):
+            self.nodes[node].rays[index] = None
+            self.nodes[node].stop(REPEATS)
+            return
         walk = self._within(self._walker.walk(ray).sharing(ray))
+        if walk.is_cut and len(walk.points) == 1:
+            return
+        self.nodes[node].rays[index] = None
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
         start, end = self.nodes[node].marks[index].place, _place(walk.arrival)
         track = Track(start, walk.points[1:-1].copy(), end)
-        self.edges.append(Edge(node, self._reach(walk, end, node), Trail.of(ray), track))
+        edge = Edge(node, self._reach(walk, end, node), Trail.of(ray), track)
+        self.edges.append(edge)
+        self._past.add(node, edge.end, end, edge.trail.names)
         self._report(len(self.edges), float(walk.points[-1, -1]))
+
+    def _is_endless(self, node: int, ray: Ray) -> bool:
+        """Tell now and then whether the path to a node repeats itself; not where limits are set."""
+        if self._budget.is_limited or (len(self.edges) + 1) % EVERY:
+            return False
+        return self._past.repeats(node, ray.curve.metric.scale)
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that do not leave the interval at once."""

@@ -6,7 +6,7 @@ What is chosen here and what is left out, :mod:`pwscont.continuation.omissions` 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -15,6 +15,7 @@ from pwscont.continuation.assembly import assemble
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.network import Network
 from pwscont.continuation.walk import Follower, Walker
+from pwscont.foundation.budget import INTERRUPTED, Budget
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.generic import generic
@@ -144,26 +145,35 @@ class Plan:
         parameter: str,
         report: Report,
         searched: Searched,
-        journal: Journal | None = None,
+        journal: Journal | None,
+        budget: Budget,
     ) -> BranchGraph:
-        """Return the graph of everything that is reached from starts of the followed system."""
-        with few_threads(self.followed.size):
-            network = self._discover(starts, report, journal)
-        return assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+        """Return the graph of everything that is reached from starts of the followed system.
 
-    def _discover(
-        self, starts: Iterable[Found], report: Report, journal: Journal | None
-    ) -> Network:
+        Where the budget is spent it is the graph of what was found.
+        """
         walker: Follower = Walker(self.stepper, Watch(self.detectors), self.interval)
         if journal is not None:
             self._check(journal)
             walker, starts = Recorded(walker, journal), journal.starts(starts)
-        network = Network(walker, report)
+        network = Network(walker, report, budget)
+        with few_threads(self.followed.size):
+            try:
+                self._follow_from(starts, network, budget)
+            except KeyboardInterrupt as why:
+                budget.end(why)
+        network.close(budget.spent)
+        if journal is not None and not budget.spent:
+            journal.finish()
+        graph = assemble(network, self.system, self.interval, parameter, searched, self.reduction)
+        graph.searched = replace(searched, spent=budget.spent)
+        return graph
+
+    def _follow_from(self, starts: Iterable[Found], network: Network, budget: Budget) -> None:
         for x, error in starts:
             network.add(departures(self.followed, self.metric, x, error))
-        if journal is not None:
-            journal.finish()
-        return network
+            if budget.spent:
+                return
 
     def _check(self, journal: Journal) -> None:
         """Refuse a journal of another run."""
@@ -174,6 +184,19 @@ class Plan:
             "stepper": repr(self.stepper),
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
+
+
+def uninterrupted(graph: BranchGraph) -> BranchGraph:
+    """Return a graph, for callers to whom that of an interrupted run is of no use.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If Ctrl-C was pressed while it was computed.
+    """
+    if graph.searched.spent == INTERRUPTED:
+        raise KeyboardInterrupt
+    return graph
 
 
 def _probes(system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]) -> list[float]:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
-from pwscont.foundation.arrays import finite_array
+from pwscont.foundation.arrays import Array, finite_array
+from pwscont.foundation.budget import Budget
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
+from pwscont.foundation.limits import Limits
 from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 
 
@@ -26,6 +30,7 @@ def trace(
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
+    limits: Limits | None = None,
 ) -> BranchGraph:
     """Follow the component of H(z, alpha) = 0 through a start, in both directions.
 
@@ -44,6 +49,11 @@ def trace(
         Called with the number of pieces and the alpha reached, after each piece.
     journal : Journal, optional
         Where every finished piece is kept at once, so that an interrupted run can go on.
+    limits : Limits, optional
+        How many pieces the graph may have, and how many seconds it may take; default no limits.
+        Where one runs out, and after Ctrl-C, the graph found so far comes back: its unfinished ends
+        are special points of kind "stopped", and its guarantee says why. Ctrl-C ends the step that
+        is being taken first; a second one does not wait for it.
 
     Returns
     -------
@@ -60,17 +70,25 @@ def trace(
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
+    checked_kind("limits", limits, Limits)
     z, alpha = _checked_start(system, start, (lo, hi))
-    check_contract(system, z, alpha)
-    plan = Plan.of(system, (lo, hi), stepper)
-    rough = plan.reduction.state(z) if plan.reduction else z
+    with Budget(limits or Limits()) as budget:
+        check_contract(system, z, alpha)
+        plan = Plan.of(system, (lo, hi), stepper)
+        rough = plan.reduction.state(z) if plan.reduction else z
+        starts = _corrected(plan, rough, alpha)
+        return plan.follow(starts, parameter, report, NOT_SEARCHED, journal, budget)
+
+
+def _corrected(plan: Plan, rough: Array, alpha: float) -> Iterator[Found]:
+    """Yield the solution near a rough start."""
     found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near the start at alpha = {alpha}: {found}; start closer to a "
             "solution, or let explore() search for starts"
         )
-    return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
+    yield found
 
 
 def _checked_start(

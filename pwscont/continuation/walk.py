@@ -9,8 +9,10 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.budget import check_budget, current_budget
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.numerics.curve import State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.detection import (
     Event,
@@ -29,10 +31,14 @@ MOST_STEPS = 20_000
 @final
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """A finished piece: its points, shape (k, n + 1), and where it arrived."""
+    """A piece: its points, shape (k, n + 1), and where it arrived.
+
+    It is cut where the budget of the run was spent before its end.
+    """
 
     points: Array
     arrival: Arrival
+    is_cut: bool = False
 
     def sharing(self, ray: Ray) -> Walk:
         """Return the walk with what its first ray knows of an interface at its end as well."""
@@ -40,7 +46,7 @@ class Walk:
             return self
         back, *others = self.arrival.rays
         back = replace(back, shared=ray.shared, index=ray.index)
-        return Walk(self.points, replace(self.arrival, rays=(back, *others)))
+        return replace(self, arrival=replace(self.arrival, rays=(back, *others)))
 
 
 class Follower(ABC):
@@ -63,26 +69,33 @@ class Walker(Follower):
     interval: tuple[float, float]
 
     def walk(self, ray: Ray) -> Walk:
-        """Return the piece that ``ray`` begins."""
-        points, state, before, longest = [ray.state.x], ray.state, None, np.inf
-        reading, blocked = self.watch.read(ray.curve, state), None
+        """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
+        reached = _Reached(ray)
+        try:
+            return self._to_the_end(reached)
+        except KeyboardInterrupt as why:
+            return replace(reached.stopped(current_budget().end(why)), is_cut=True)
+
+    def _to_the_end(self, reached: _Reached) -> Walk:
+        curve, before, longest, blocked = reached.curve, None, np.inf, None
+        reading = self.watch.read(curve, reached.state)
         for _ in range(MOST_STEPS):
-            segment = self.stepper.step(ray.curve, self.interval, state, before, longest)
+            check_budget()
+            segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
-                return self._stopped(points, Ray(ray.curve, state), blocked or segment)
+                return reached.stopped(str(blocked or segment))
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
-                return Walk(np.array([*points, event.state.x]), event.arrive(ray.curve))
+                return Walk(np.array([*reached.points, event.state.x]), event.arrive(curve))
             if isinstance(event, Failure):  # too long a step to see what happens within it
                 if not isinstance(segment, CurvedSegment):
-                    return self._stopped(points, Ray(ray.curve, state), event)
+                    return reached.stopped(str(event))
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            points.append(segment.end.x)
-            state, before, reading, longest = segment.end, segment, after, np.inf
-            blocked = None
-        return self._stopped(points, Ray(ray.curve, state), Failure(Trouble.TOO_MANY_STEPS))
+            reached.go_to(segment.end)
+            before, reading, longest, blocked = segment, after, np.inf, None
+        return reached.stopped(str(Failure(Trouble.TOO_MANY_STEPS)))
 
     def _first_event(
         self, segment: Segment, reading: Joined
@@ -93,6 +106,20 @@ class Walker(Follower):
         after = self.watch.read(segment.curve, segment.end)
         return first_on_curve(self.watch, segment, reading, after), after
 
-    def _stopped(self, points: list[Array], reached: Ray, failure: Failure) -> Walk:
-        arrival = Arrival(Kind.STOPPED, points[-1], str(failure), (reached.reversed(),))
-        return Walk(np.array(points), arrival)
+
+@final
+class _Reached:
+    """How far a walk has come."""
+
+    def __init__(self, ray: Ray) -> None:
+        self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
+
+    def go_to(self, state: State) -> None:
+        """Add a point."""
+        self.state = state
+        self.points.append(state.x)
+
+    def stopped(self, why: str) -> Walk:
+        """Return the walk that ends here."""
+        back = Ray(self.curve, self.state).reversed()
+        return Walk(np.array(self.points), Arrival(Kind.STOPPED, self.state.x, why, (back,)))

@@ -24,6 +24,7 @@ from scipy.optimize import linprog
 from pwscont.enumeration.options import Option, Problem, reduce
 from pwscont.enumeration.tree import SLACK, Choices, leaves
 from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.budget import check_budget
 from pwscont.foundation.character import Character
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import EPS, GUARD
@@ -109,6 +110,7 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     for choices in leaves(problem):
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
+                check_budget()
                 faces += _face(problem, choices[k : k + 1], alpha)
         else:
             points.add(choices)
@@ -159,6 +161,7 @@ class _Points:
         for known in self._found:
             choices = known.claim(choices)
         while len(choices):
+            check_budget()
             first, choices = choices[:1], choices[1:]
             refined = self._refined(first)
             if refined is not None:

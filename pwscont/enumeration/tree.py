@@ -30,6 +30,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pwscont.enumeration.options import Option, Problem
 from pwscont.foundation.arrays import Array, Indices
+from pwscont.foundation.budget import check_budget
 from pwscont.foundation.rounding import EPS
 
 #: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
@@ -86,6 +87,7 @@ def leaves(problem: Problem) -> Iterator[Choices]:
 
 
 def _descend(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
+    check_budget()
     rest = problem.blocks[len(chosen) :]
     if prod(map(len, rest)) <= BATCH:
         yield from _together(problem, chosen, space)
@@ -137,6 +139,7 @@ def _together(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> It
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis])
     for options in problem.blocks[len(chosen) :]:
+        check_budget()
         choices, dependent = _spread(choices, options)
         for picked, parent in dependent:
             narrower = _impose(parent, options[picked[-1]])

@@ -26,7 +26,10 @@ class Searched:
     what : str
         The searches, in words.
     promise : Promise
+    spent : str
+        Why the run ended before it was finished, in words; empty where it was finished.
     """
 
     what: str
     promise: Promise
+    spent: str = ""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import final
 
+#: What is said, followed by a number, where special points seem to accumulate.
+ACCUMULATE = "special points seem to accumulate at alpha ="
+
 
 @final
 class Trouble(Enum):

@@ -141,8 +141,9 @@ class Piece:
     track : Track
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
-        Sign of det(dH/dz) inside the piece; 0 where the piece is vertical, or runs along an
-        interface on whose sides the signs differ: a solution that counts once and is double.
+        Sign of det(dH/dz) inside the piece, 0 where it is vertical. Along interfaces the index:
+        the sum of the signs of the solutions that a small change of H makes of it, so 0 where two
+        coincide.
     """
 
     id: int

@@ -21,16 +21,10 @@ from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.refinement import refine
+from pwscont.graph.verdict import is_on_purpose, loose_ends, verdict
 from pwscont.model.system import PiecewiseSystem
 
-#: A special point known to fewer digits may hide others: no promise of a search is kept then.
-TOO_FEW_DIGITS = 2.0
 NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
-WORDS = {
-    Promise.NOTHING: "balanced",
-    Promise.BUT_LOOPS: "complete but for closed loops",
-    Promise.EVERYTHING: "complete",
-}
 
 
 @final
@@ -159,7 +153,8 @@ class BranchGraph:
 
     # -- how many solutions, and which ---------------------------------------------------
 
-    def _same(self, a: Array | float, b: float) -> Any:
+    def same(self, a: Array | float, b: float) -> Any:
+        """Tell whether values of alpha are one, but for rounding."""
         lo, hi = self.interval
         return np.abs(np.asarray(a) - b) <= SAME_ALPHA * max(abs(b), hi - lo)
 
@@ -181,7 +176,7 @@ class BranchGraph:
     def _through(self, alpha: float) -> list[Piece]:
         """Return the pieces that have ``alpha`` strictly inside."""
         lo, hi = self._extent.T
-        inside = (lo < alpha) & (alpha < hi) & ~self._same(lo, alpha) & ~self._same(hi, alpha)
+        inside = (lo < alpha) & (alpha < hi) & ~self.same(lo, alpha) & ~self.same(hi, alpha)
         return [self.pieces[i] for i in np.flatnonzero(inside)]
 
     @cached_property
@@ -193,13 +188,15 @@ class BranchGraph:
         return np.array([point.error[-1] if len(point.error) else 0.0 for point in self._points])
 
     @cached_property
-    def _verticals(self) -> list[Piece]:
+    def verticals(self) -> list[Piece]:
+        """The pieces on which alpha is one value."""
         return [piece for piece in self.pieces if piece.is_vertical]
 
     def _nodes_at(self, alpha: float) -> list[int]:
-        return [self._points[i].id for i in np.flatnonzero(self._same(self._alphas, alpha))]
+        return [self._points[i].id for i in np.flatnonzero(self.same(self._alphas, alpha))]
 
-    def _pieces_at(self, node: int) -> list[Piece]:
+    def pieces_at(self, node: int) -> list[Piece]:
+        """Return the pieces that begin or end at a special point."""
         found = [data["piece"] for _, _, data in self._nx.edges(node, data=True)]
         return sorted(found, key=lambda piece: piece.id)
 
@@ -209,7 +206,7 @@ class BranchGraph:
         A solution at which two pieces meet counts once.
         """
         self._inside(alpha)
-        if any(self._same(piece.interval[0], alpha) for piece in self._verticals):
+        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
             return math.inf
         return len(self._through(alpha)) + len(self._nodes_at(alpha))
 
@@ -233,7 +230,7 @@ class BranchGraph:
         return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
     def _solution_at(self, node: int) -> Solution:
-        point, pieces = self.point(node), self._pieces_at(node)
+        point, pieces = self.point(node), self.pieces_at(node)
         if not pieces:
             return self._isolated(point)
         piece, index = pieces[0], self._index(node)
@@ -264,10 +261,10 @@ class BranchGraph:
 
         At the right end of the interval, of those to its left; both sums agree elsewhere.
         """
-        alpha, pieces = self.point(node).alpha, self._pieces_at(node)
-        right = [p for p in pieces if not p.is_vertical and self._same(p.interval[0], alpha)]
-        left = [p for p in pieces if not p.is_vertical and self._same(p.interval[1], alpha)]
-        at_hi = bool(self._same(alpha, self.interval[1]))
+        alpha, pieces = self.point(node).alpha, self.pieces_at(node)
+        right = [p for p in pieces if not p.is_vertical and self.same(p.interval[0], alpha)]
+        left = [p for p in pieces if not p.is_vertical and self.same(p.interval[1], alpha)]
+        at_hi = bool(self.same(alpha, self.interval[1]))
         return sum(piece.det_sign for piece in (left if at_hi else right))
 
     def multiplicity(self) -> list[Stretch]:
@@ -306,14 +303,14 @@ class BranchGraph:
         """Return both ends of the interval and the alphas of all nodes, without repetition."""
         lo, hi = self.interval
         breaks = [lo]
-        for alpha in sorted(self._clean(point.alpha) for point in self._points):
-            if not self._same(alpha, breaks[-1]) and not self._same(alpha, hi):
+        for alpha in sorted(self.clean(point.alpha) for point in self._points):
+            if not self.same(alpha, breaks[-1]) and not self.same(alpha, hi):
                 breaks.append(alpha)
         return [*breaks, hi]
 
-    def _clean(self, alpha: float) -> float:
+    def clean(self, alpha: float) -> float:
         """Return zero where alpha is nothing but rounding."""
-        return 0.0 if bool(self._same(alpha, 0.0)) else alpha
+        return 0.0 if bool(self.same(alpha, 0.0)) else alpha
 
     def balance(self, alpha: float) -> int:
         """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
@@ -341,7 +338,7 @@ class BranchGraph:
         joints = nx.Graph()
         joints.add_nodes_from(piece.id for piece in self.pieces)
         for node in self._nx.nodes:
-            joints.add_edges_from(combinations((p.id for p in self._pieces_at(node)), 2))
+            joints.add_edges_from(combinations((p.id for p in self.pieces_at(node)), 2))
         try:
             return [self._by_id[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
         except nx.NetworkXNoPath:
@@ -382,16 +379,19 @@ class BranchGraph:
         Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
         Stretches too short to be judged do not count, see :meth:`sums`.
         """
-        return not self._unbalanced()
+        return not self.unbalanced()
 
-    def _unbalanced(self) -> list[tuple[float, float]]:
+    def unbalanced(self) -> list[tuple[float, float]]:
         """Return the stretches in which the balance is not what it must be.
 
-        Without a known degree, those that differ from the most frequent value.
+        Without a known degree, those that differ from the most frequent value, when the branches
+        that end on purpose are left out.
         """
         judged = self._judged()
         degree = self.system.degree if self.system else None
         if degree is None:
+            ends = [(p, n) for p, n in loose_ends(self).items() if is_on_purpose(self, p)]
+            judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
             values = [value for value, _ in judged]
             degree = max(values, key=values.count)
         merged: list[tuple[float, float]] = []
@@ -406,20 +406,16 @@ class BranchGraph:
     def guarantee(self) -> str:
         """What is known about the completeness of the graph, in words.
 
-        "complete", "complete but for closed loops", "balanced", or "not balanced: at least one
-        branch missing in (lo, hi)". No graph is called complete with a special point that is
-        stopped, searched in part, left by a piece that could not be followed, or known to less
-        than two digits. Balance is necessary for completeness, not sufficient, and says nothing
-        of stretches shorter than the uncertainty of their ends, see :meth:`sums`.
+        It begins with "complete", "complete but for closed loops", "balanced", or "not balanced",
+        and goes on with what stands in the way, and where: a branch is missing, a solution stands
+        twice, a piece was stopped, the model ends, a branch ends on purpose. No graph is called
+        complete with a special point that is stopped, searched in part, left by a piece that could
+        not be followed, or known to less than two digits. Where the run was interrupted or its
+        limits ran out, it says that instead. Balance is necessary for completeness, not
+        sufficient, and says nothing of stretches shorter than the uncertainty of their ends, see
+        :meth:`sums`.
         """
-        if gaps := self._unbalanced():
-            where = ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
-            return f"not balanced: at least one branch missing in {where}"
-        if any(_leaves_doubt(point) for point in self._points):
-            return "balanced"
-        if not self.pieces and self.searched.promise == Promise.NOTHING:
-            return "nothing found"
-        return WORDS[self.searched.promise]
+        return verdict(self)
 
     # -- outside -----------------------------------------------------------------------
 
@@ -483,12 +479,6 @@ class BranchGraph:
         return presentation.as_html(self)
 
 
-def _leaves_doubt(point: SpecialPoint) -> bool:
-    """Tell whether a search cannot keep its promise, because of what was found at this point."""
-    doubtful = point.kind in (Kind.STOPPED, Kind.PARTIAL_CORNER) or point.lost
-    return bool(doubtful) or point.digits < TOO_FEW_DIGITS
-
-
 def _check_system(
     path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
 ) -> None:
@@ -504,3 +494,8 @@ def _check_system(
         raise InvalidInputError(
             f"{path} is of another system: it has {tests} tests, {name} has {given}"
         )
+
+
+def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
+    """Return by how much some ends change the balance between lo and a stretch."""
+    return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))

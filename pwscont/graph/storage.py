@@ -59,7 +59,7 @@ def write(
         "version": VERSION,
         "interval": interval,
         "parameter": parameter,
-        "searched": [searched.what, int(searched.promise)],
+        "searched": [searched.what, int(searched.promise), searched.spent],
         "nodes": [_node_header(point) for point in points],
         "starts": [_node_header(point) for point in starts],
         "pieces": [_piece_header(piece) for piece in pieces],
@@ -300,9 +300,9 @@ def _interval(header: Fields) -> tuple[float, float]:
 
 
 def _searched(header: Fields) -> Searched:
-    words = dict(zip(("what", "promise"), header.items("searched", 2), strict=True))
+    words = dict(zip(("what", "promise", "spent"), header.items("searched", 3), strict=True))
     searched = Fields("searched", words)
     promise = searched.integer("promise", 0)
     if promise not in set(Promise):
         raise DamagedError(f"promise of searched must be at most {max(Promise)}, got {promise}")
-    return Searched(searched.text("what"), Promise(promise))
+    return Searched(searched.text("what"), Promise(promise), searched.text("spent"))

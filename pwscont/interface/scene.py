@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission, omissions
-from pwscont.continuation.plan import Report, silent
+from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.foundation.character import Character
 from pwscont.graph import BranchGraph
 from pwscont.interface.answer import Answer, Runnable, values_within
@@ -131,4 +131,4 @@ class Scene(Runnable):
         """Explore the interval and list the solutions at some values of alpha."""
         from pwscont.interface.graph_answer import GraphAnswer  # noqa: PLC0415  it needs Scene
 
-        return GraphAnswer(self, self.run(report), tuple(at))
+        return GraphAnswer(self, uninterrupted(self.run(report)), tuple(at))

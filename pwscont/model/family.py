@@ -10,8 +10,8 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
+from pwscont.model.alpha_range import AlphaRange
 from pwscont.model.differences import STEP
-from pwscont.model.limits import Limits
 from pwscont.model.system import PiecewiseSystem
 
 #: mu -> a system; all of one size, with the same tests in the same order.
@@ -68,7 +68,7 @@ class Family:
         above, below = mu + h, mu - h
         return (function(self.at(above)) - function(self.at(below))) / (above - below)
 
-    def scale(self, mus: tuple[float, float], limits: Limits) -> Array:
+    def scale(self, mus: tuple[float, float], limits: AlphaRange) -> Array:
         """Return typical magnitudes of z over ranges of mu and alpha, shape (n,)."""
         lo, hi = (limits.lo, limits.hi) if limits.are_finite else (-1.0, 1.0)
         scales = [finite_array("scale()", self.at(mu).scale(lo, hi)) for mu in mus]

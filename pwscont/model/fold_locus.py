@@ -23,9 +23,9 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Matrix, finite_array
 from pwscont.foundation.character import Character
+from pwscont.model.alpha_range import ALL, AlphaRange
 from pwscont.model.differences import central_differences
 from pwscont.model.family import Family, MakeSystem
-from pwscont.model.limits import ALL, Limits
 from pwscont.model.system import PiecewiseSystem
 
 
@@ -44,7 +44,7 @@ class FoldLocus(PiecewiseSystem):
 
     Attributes
     ----------
-    limits : Limits
+    limits : AlphaRange
 
     Raises
     ------
@@ -56,7 +56,7 @@ class FoldLocus(PiecewiseSystem):
         self, family: MakeSystem, mu: float = 1.0, alphas: tuple[float, float] = ALL
     ) -> None:
         self.family = Family(family, mu)
-        self.limits = Limits(alphas)
+        self.limits = AlphaRange(alphas)
         self._n = self.family.sample.size
         self.size = 2 * self._n + 1
         self._weight = self.family.scale((mu, mu), self.limits) ** -2.0

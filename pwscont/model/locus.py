@@ -25,8 +25,8 @@ import scipy.sparse as sp
 from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.model.alpha_range import ALL, AlphaRange
 from pwscont.model.family import Family, MakeSystem
-from pwscont.model.limits import ALL, Limits
 from pwscont.model.system import PiecewiseSystem
 
 #: The side of kappa_i = 0 whose selection is solved.
@@ -58,7 +58,7 @@ class TransitionLocus(PiecewiseSystem):
     Attributes
     ----------
     test : int
-    limits : Limits
+    limits : AlphaRange
 
     Raises
     ------
@@ -78,7 +78,7 @@ class TransitionLocus(PiecewiseSystem):
         self.family = Family(family, mu)
         sample = self.family.sample
         self.size = sample.size + 1
-        self.limits = Limits(alphas)
+        self.limits = AlphaRange(alphas)
         somewhere = self.limits.lo if self.limits.are_finite else 0.0
         self._tests = len(sample.test_functions(np.zeros(sample.size), somewhere))
         if not 0 <= test < self._tests:

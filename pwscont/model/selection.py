@@ -47,6 +47,11 @@ class Selection:
         return self.system.cell(self.character)
 
     @cached_property
+    def cells_beside(self) -> tuple[bytes, ...]:
+        """The signs that name each of the cells that a curve along an interface belongs to."""
+        return tuple(self.system.cell(character) for character in self.beside)
+
+    @cached_property
     def label(self) -> str:
         """The name of the cell in the user's words."""
         return self.system.label(self.character)

@@ -26,6 +26,7 @@ from typing import final
 import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix, dense
+from pwscont.foundation.budget import check_budget
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
 from pwscont.model.system import PiecewiseSystem
@@ -67,6 +68,7 @@ def semismooth_newton(
     """
     x, border, leaps = np.append(z, alpha), last_unit(len(z) + 1), 0
     for iteration in range(1, MOST_ITERATIONS + 1):
+        check_budget()
         character = system.character(x[:-1], alpha)
         residual = system.residual(x[:-1], alpha, character)
         jacobian = system.jacobian(x[:-1], alpha, character)

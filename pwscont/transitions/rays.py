@@ -50,8 +50,8 @@ class Ray:
     shared : tuple of Character
         For a ray along an interface, all cells that it belongs to; else empty.
     index : int
-        For a ray along an interface, the sign of det(dH/dz) where all these cells agree on it,
-        0 where they do not: small changes of H leave no solution there, or two.
+        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
+        small changes of H make of it, see :mod:`pwscont.transitions.index`.
     """
 
     curve: Curve
@@ -63,9 +63,7 @@ class Ray:
     def cells(self) -> tuple[bytes, ...]:
         """The cells in which the ray may be met again."""
         selection = self.curve.selection
-        if not self.shared:
-            return (selection.cell,)
-        return tuple(selection.system.cell(character) for character in self.shared)
+        return selection.cells_beside if self.shared else (selection.cell,)
 
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""

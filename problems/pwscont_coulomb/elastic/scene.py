@@ -12,7 +12,7 @@ import numpy as np
 
 from pwscont import Character, Journal, Scene
 from pwscont.continuation.omissions import Omission
-from pwscont.continuation.plan import Report
+from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.graph import Solution
 from pwscont.interface.answer import Answer, Runnable, values_within
 from pwscont.interface.graph_answer import GraphAnswer
@@ -76,7 +76,8 @@ class ElasticScene(Runnable):
         """Build and condense the body, explore the interval, list solutions."""
         problem = self.build().condensed()
         scene = self._scene(problem)
-        return ElasticAnswer(GraphAnswer(scene, scene.run(report), tuple(at)), problem)
+        graph = uninterrupted(scene.run(report))
+        return ElasticAnswer(GraphAnswer(scene, graph, tuple(at)), problem)
 
     def curve(self) -> Scene:
         """Build and condense the body, and return its scene."""

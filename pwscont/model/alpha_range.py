@@ -14,7 +14,7 @@ ALL = (-np.inf, np.inf)
 
 
 @final
-class Limits:
+class AlphaRange:
     """The tests alpha - lo and hi - alpha, each only where its limit is finite.
 
     Parameters

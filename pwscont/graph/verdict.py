@@ -1,0 +1,233 @@
+"""What is known about the completeness of a graph, in words: what, and where.
+
+The sum of signs can change only where a piece ends that does not go on (docs/theory, F4). So where
+it is not what it must be, the ends around that stretch tell why: a piece was stopped, or the model
+ends there. Where all pieces go on, a branch is missing; or one stands there twice.
+
+Failure modes and answers
+-------------------------
+- A branch that the system itself ends takes its sign along: the sums on both sides of such an end
+  are compared without it.
+- A vertical piece joins ends at one alpha: they are one end.
+- A solution that stands twice is told from two that are close by their errors.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import networkx as nx
+import numpy as np
+
+from pwscont.foundation.errors import PwscontError
+from pwscont.foundation.guarantee import Promise
+from pwscont.foundation.kind import Kind
+from pwscont.foundation.outcome import ACCUMULATE, Trouble
+from pwscont.foundation.records import Solution, SpecialPoint
+from pwscont.foundation.rounding import CONFIDENCE
+
+if TYPE_CHECKING:
+    from pwscont.graph.branch_graph import BranchGraph
+
+#: A special point known to fewer digits may hide others: no promise of a search is kept then.
+TOO_FEW_DIGITS = 2.0
+#: A piece that stops closer than this part of the interval to an end stops because of that end.
+AT_THE_END = 1e-6
+#: More places of one kind are counted, not listed.
+MOST_PLACES = 3
+WORDS = {
+    Promise.NOTHING: "balanced",
+    Promise.BUT_LOOPS: "complete but for closed loops",
+    Promise.EVERYTHING: "complete",
+}
+#: Kinds of points at which a branch may end because the system says so.
+ON_PURPOSE = ("end", "event")
+
+Gap = tuple[float, float]
+
+
+def verdict(graph: BranchGraph) -> str:
+    """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
+    if graph.searched.spent:
+        return _unfinished(graph)
+    ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
+    if gaps := graph.unbalanced():
+        return f"not balanced: {'; '.join(_causes(graph, gaps))}"
+    doubts = list(_doubts(graph))
+    if not doubts and not graph.pieces and graph.searched.promise == Promise.NOTHING:
+        return "nothing found"
+    words = "balanced" if doubts else WORDS[graph.searched.promise]
+    return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
+
+
+# -- where the sum of signs may change -----------------------------------------------------------
+
+
+def loose_ends(graph: BranchGraph) -> dict[SpecialPoint, int]:
+    """Return the points within the interval by which the sum of signs jumps, and how much."""
+    jumps, found = _jumps(graph), {}
+    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
+        points = [graph.point(node) for node in nodes]
+        jump = sum(jumps.get(node, 0) for node in nodes)
+        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
+            found[min(points, key=_suspicion)] = jump
+    return found
+
+
+def _jumps(graph: BranchGraph) -> dict[int, int]:
+    """Return by how much the pieces at each node change the sum of signs from left to right."""
+    jumps: dict[int, int] = defaultdict(int)
+    for piece in graph.pieces:
+        first, last = piece.track.start.alpha, piece.track.end.alpha
+        sign = piece.det_sign if first < last else -piece.det_sign
+        jumps[piece.start] += sign
+        jumps[piece.end] -= sign
+    return jumps
+
+
+def _joined_by_verticals(graph: BranchGraph, nodes: Iterable[int]) -> Iterator[set[int]]:
+    """Yield nodes, those at the ends of one vertical piece together."""
+    joined = nx.Graph((piece.start, piece.end) for piece in graph.verticals)
+    joined.add_nodes_from(nodes)
+    yield from nx.connected_components(joined)
+
+
+def _suspicion(point: SpecialPoint) -> int:
+    """Sort the points at which pieces end before those where they go on."""
+    order = (*ON_PURPOSE, Kind.STOPPED)
+    return order.index(point.kind) if point.kind in order else len(order)
+
+
+def is_on_purpose(graph: BranchGraph, point: SpecialPoint) -> bool:
+    """Tell whether a branch ends at a point because the system says so."""
+    return point.kind in ON_PURPOSE and len(graph.pieces_at(point.id)) == 1
+
+
+# -- why the sum is not what it must be ----------------------------------------------------------
+
+
+def _causes(graph: BranchGraph, gaps: list[Gap]) -> Iterator[str]:
+    """Yield what is wrong in some stretches of alpha, each kind of cause once."""
+    ends = list(loose_ends(graph))
+    stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
+    on_purpose = [point for point in ends if is_on_purpose(graph, point)]
+    twice = [gap for gap in gaps if _stands_twice(graph, gap)]
+    explained = {gap for gap in gaps if any(_touches(graph, gap, p) for p in stopped + on_purpose)}
+    partial = _searched_in_part(graph)
+    missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
+    if missing:
+        yield f"at least one branch missing in {_listed(missing)}"
+    if twice:
+        yield f"a solution stands twice in {_listed(twice)}"
+    yield from _stops(graph, stopped)
+    yield from _places("a corner was searched in part", graph, partial)
+    yield from _places("a branch ends on purpose", graph, on_purpose)
+
+
+def _searched_in_part(graph: BranchGraph) -> list[SpecialPoint]:
+    """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
+    return graph.special_points(Kind.PARTIAL_CORNER)
+
+
+def _touches(graph: BranchGraph, gap: Gap, point: SpecialPoint) -> bool:
+    """Tell whether a stretch begins or ends at a point."""
+    return any(bool(graph.same(point.alpha, end)) for end in gap)
+
+
+def _listed(gaps: Iterable[Gap]) -> str:
+    return ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
+
+
+def _stands_twice(graph: BranchGraph, gap: Gap) -> bool:
+    """Tell whether two solutions in the middle of a stretch are one, as far as is certain."""
+    try:
+        found = graph.solutions(0.5 * (gap[0] + gap[1]))
+    except PwscontError:  # the graph was loaded without its system, or is damaged here
+        return False
+    return any(_is_one(a, b) for a, b in combinations(found, 2))
+
+
+def _is_one(a: Solution, b: Solution) -> bool:
+    if not (len(a.error) and len(b.error)):
+        return bool((a.z == b.z).all())
+    return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
+
+
+# -- what leaves doubt, and where ----------------------------------------------------------------
+
+
+def _doubts(graph: BranchGraph) -> Iterator[str]:
+    """Yield why a search cannot keep its promise, because of what was found at special points."""
+    points = [point for point in graph.special_points() if point.id >= 0]
+    lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
+    yield from _stops(graph, lost)
+    yield from _places("a corner was searched in part", graph, _searched_in_part(graph))
+    vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
+    yield from _places("hardly a digit is known", graph, vague)
+
+
+def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:
+    """Yield where pieces were stopped, and why; where the model ends they could not go on."""
+    groups: dict[str, list[SpecialPoint]] = {}
+    for point in points:
+        groups.setdefault(_what_happened(graph, point), []).append(point)
+    for what, some in groups.items():
+        yield from _places(what, graph, some, _reason)
+
+
+def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
+    """Tell a piece that was stopped from one beyond which H is not defined, or degenerates."""
+    if Trouble.NOT_FINITE.value in point.message:
+        return "the model ends"
+    near = AT_THE_END * (graph.interval[1] - graph.interval[0])
+    domain = graph.system.domain if graph.system else ()
+    at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
+    if at_an_end and graph.pieces_at(point.id):  # else a start that could not be followed
+        return "the model seems to end"
+    return "a piece was stopped"
+
+
+def _reason(point: SpecialPoint) -> str:
+    """Return why a piece was stopped, without the advice, and where kinks accumulate."""
+    known = [trouble.value for trouble in Trouble if trouble.value in point.message]
+    words = (known or point.message.split("; ")[-1:])[0]
+    near = _accumulation(point)
+    words = words.split(";")[0].split(": ")[0]
+    return f" ({'; '.join(filter(None, ['' if words == near else words, near]))})"
+
+
+def _accumulation(point: SpecialPoint) -> str:
+    """Return what the message says of kinks that accumulate."""
+    _, what, limit = point.message.partition(ACCUMULATE)
+    return f"{what}{limit.split(';')[0]}"
+
+
+def _places(
+    what: str,
+    graph: BranchGraph,
+    points: Iterable[SpecialPoint],
+    why: Callable[[SpecialPoint], str] = lambda _: "",
+) -> Iterator[str]:
+    """Yield what is the matter with some points, and where; those with one reason in one line."""
+    alphas: dict[str, dict[str, None]] = {}
+    for point in points:
+        alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None
+    for reason, found in alphas.items():
+        shown, rest = list(found)[:MOST_PLACES], len(found) - MOST_PLACES
+        more = f" and {rest} more" if rest > 0 else ""
+        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
+
+
+def _unfinished(graph: BranchGraph) -> str:
+    """Say what ended the run, and where there is more."""
+    spent = graph.searched.spent
+    points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
+    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points, _beyond)])
+
+
+def _beyond(point: SpecialPoint) -> str:
+    near = _accumulation(point)
+    return f" ({near})" if near else ""
