@@ -9,6 +9,7 @@ from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.promises import check_promises, refuse_undefined
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.stepping import Stepper
@@ -51,9 +52,14 @@ def explore(
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
     checked_kind("journal", journal, Journal)
-    check_contract(system, np.zeros(checked_size(system)), lo)
+    z = np.zeros(checked_size(system))
     plan = Plan.of(system, (lo, hi), stepper)
+    check_contract(plan.system, z, lo)
+    check_promises(plan.system, plan.interval)
     chosen = search or default_search(plan.followed)
     starts = chosen.starts(plan.followed, plan.metric, plan.interval)
     searched = chosen.searched(plan.followed)
-    return plan.follow(starts, parameter, report, searched, journal)
+    graph = plan.follow(starts, parameter, report, searched, journal)
+    if not graph.special_points():
+        refuse_undefined(plan.system, plan.interval)
+    return graph

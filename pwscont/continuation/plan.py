@@ -106,6 +106,7 @@ class Plan:
     Attributes
     ----------
     system : PiecewiseSystem
+        Fitted to the interval, as by :meth:`PiecewiseSystem.within`.
     interval : tuple of float
     reduction : Reduction or None
         What remains of the system where parts of it provably stay in one mode.
@@ -132,8 +133,9 @@ class Plan:
         """Choose the parts for a system on an interval that was checked."""
         chosen = checked_stepper(system, stepper)
         Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
+        system = system.within(*interval)
         reduction = system.reduction(*interval)
-        followed = reduction.system if reduction else system
+        followed = reduction.system.within(*interval) if reduction else system
         metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
         return cls(system, interval, reduction, followed, metric, chosen, detectors)
 

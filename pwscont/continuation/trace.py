@@ -12,6 +12,7 @@ from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.promises import check_promises
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.stepping import Stepper
@@ -61,8 +62,9 @@ def trace(
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
     z, alpha = _checked_start(system, start, (lo, hi))
-    check_contract(system, z, alpha)
     plan = Plan.of(system, (lo, hi), stepper)
+    check_contract(plan.system, z, alpha)
+    check_promises(plan.system, plan.interval)
     rough = plan.reduction.state(z) if plan.reduction else z
     found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
     if isinstance(found, Failure):

@@ -13,7 +13,6 @@ from pwscont.foundation.arrays import Array, Matrix, finite_array
 from pwscont.foundation.character import Character
 from pwscont.foundation.rounding import EPS
 from pwscont.model.contract import check_contract, checked_size
-from pwscont.model.differences import central_differences
 from pwscont.model.system import PiecewiseSystem
 
 #: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
@@ -103,19 +102,19 @@ def check_system(system: PiecewiseSystem, points: Iterable[tuple[Any, float]]) -
 
 def _wrong_jacobians(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     z, alpha = x[:-1], float(x[-1])
-    character = system.character(z, alpha)
+    character, differences = system.character(z, alpha), system.differences(alpha)
     compared = {
         f"jacobian in {system.describe(character)}": (
             system.jacobian(z, alpha, character),
-            central_differences(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
+            differences.jacobian(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
         ),
         "test_jacobian": (
             system.test_jacobian(z, alpha),
-            central_differences(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
+            differences.jacobian(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
         ),
     }
-    for what, (given, differences) in compared.items():
-        size = _relative(_dense(given) - differences, differences)
+    for what, (given, expected) in compared.items():
+        size = _relative(_dense(given) - expected, expected)
         if not size <= TOLERANCE:
             yield Defect(f"{what} does not match differences", z, alpha, size)
 

@@ -1,13 +1,13 @@
-"""Shapes that a system's methods must return, checked once before any work."""
+"""Shapes that a system's methods must return: all before any work, those of values always."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
+from pwscont.model.shapes import expect, own_array
 from pwscont.model.system import PiecewiseSystem
 
 
@@ -19,18 +19,22 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> None:
     InvalidSystemError
         Naming the method, what it returned and what it should return.
     """
-    size = system.size
+    size, given = system.size, z.copy()
     tests = system.test_functions(z, alpha)
-    _expect(system, "test_functions", tests, (np.size(tests),))
+    expect(system, "test_functions", tests, (np.size(tests),))
     character = system.character(z, alpha)
     m = len(character.signs)
-    _expect(system, "residual", system.residual(z, alpha, character), (size,))
-    _expect(system, "jacobian", system.jacobian(z, alpha, character), (size, size + 1))
-    _expect(system, "test_jacobian", system.test_jacobian(z, alpha), (m, size + 1))
+    expect(system, "residual", system.residual(z, alpha, character), (size,))
+    expect(system, "jacobian", system.jacobian(z, alpha, character), (size, size + 1))
+    expect(system, "test_jacobian", system.test_jacobian(z, alpha), (m, size + 1))
     beyond = [i for i in system.bounding_tests(character) if not 0 <= i < m]
     if beyond:
         raise InvalidSystemError(
             f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
+        )
+    if not np.array_equal(z, given):
+        raise InvalidSystemError(
+            f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
 
 
@@ -44,11 +48,13 @@ def checked_size(system: PiecewiseSystem) -> int:
     return int(size)
 
 
-def _expect(system: PiecewiseSystem, method: str, value: Any, shape: tuple[int, ...]) -> None:
-    got = getattr(value, "shape", None)
-    if got != shape:
-        what = f"shape {got}" if got is not None else f"{type(value).__name__}"
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
-            "is expected"
-        )
+def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
+    """Return H_chi(z, alpha), shape (n,), in an array of its own.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it has another shape, which it need not have had before.
+    """
+    value = system.residual(z, alpha, character)
+    return own_array(system, "residual", value, (system.size,))

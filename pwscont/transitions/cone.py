@@ -163,7 +163,10 @@ def _ray(
 
 def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface leaves it into this cell."""
-    corrected = BorderedNewton().correct(curve, state.x + PROBE * state.tangent, state.tangent)
+    beside = state.x + PROBE * state.tangent
+    if not curve.selection.system.differences(state.alpha).contains(beside[-1]):
+        return False
+    corrected = BorderedNewton().correct(curve, beside, state.tangent)
     if isinstance(corrected, Failure):
         return False
     selection, x = curve.selection, corrected.state.x
