@@ -5,6 +5,7 @@ import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
 from pwscont import (
+    BranchGraph,
     FoldLocus,
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -294,3 +295,54 @@ def test_check_system_in_any_units(unit):
 def test_check_system_of_a_load_path():
     body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
     assert check_system(CoulombLoad(body, AffineLoad([0, 1], [1, 0]), 0.5), [(np.ones(4), 0.3)])
+
+
+# -- systems without scale() ---------------------------------------------------------------------
+
+
+def coupled(length, force):
+    """Return y^3 - y = alpha with a kink at y = 0.3, and w = y^2, without scale()."""
+
+    class System(PiecewiseSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z[:1] / length - 0.3
+
+        def residual(self, z, alpha, character):
+            y = z[0] / length
+            kink = 0.0 if character.signs[0] else 0.5 * (y - 0.3)
+            return np.array([y**3 - y - alpha + kink, z[1] / force - y**2])
+
+    return System()
+
+
+@pytest.mark.parametrize(
+    ("length", "force"),
+    [(1.0, 1.0), (1e-5, 1.0), (1e-9, 1e6), (1e-12, 1e-12), (1e6, 1.0), (1e9, 1e-9), (1e12, 1e12)],
+)
+def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
+    system = coupled(length, force)
+    traced = trace(system, ([1.3 * length, 1.69 * force], 1.0), (-1.0, 1.0))
+    explored = explore(system, (-1.0, 1.0))
+    explored.save(tmp_path / "graph.npz")
+    loaded = BranchGraph.load(tmp_path / "graph.npz", system)
+    for graph in (traced, explored, loaded):
+        kinds = {str(point.kind) for point in graph.special_points()}
+        assert {"fold", "transition"} <= kinds
+        for alpha in (-0.9, 0.1, 0.25, 0.9):
+            found = sorted((s.z / [length, force]).tolist() for s in graph.solutions(alpha))
+            expected = sorted([y, y**2] for y in roots(alpha))
+            np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_magnitudes_of_one_are_kept_where_they_fit():
+    graph = explore(coupled(0.1, 10.0), (-1.0, 1.0))
+    assert graph.system.scale(-1.0, 1.0).tolist() == [1.0, 1.0]
+
+
+def test_magnitudes_that_the_system_gives_are_kept():
+    system = coupled(1e-9, 1.0)
+    system.scale = lambda lo, hi: np.array([1e-9, 3.0])
+    graph = explore(system, (-1.0, 1.0))
+    assert graph.system.differences(0.0).scale.tolist() == [1e-9, 3.0, 2.0]

@@ -109,7 +109,7 @@ def test_a_jump_is_refused_down_to_rounding(jump, base, force):
         trace(system, ([-1.0], -1.0), (-1.0, 1.0))
 
 
-@pytest.mark.parametrize("stiff", [1.0, 1e6, 1e12])
+@pytest.mark.parametrize("stiff", [1.0, 1e6, 1e9])
 def test_a_kink_of_any_stiffness_is_no_jump(stiff):
     system = one(lambda z, a, on: z - a + (stiff * (z - 0.3) if on else 0.0), lambda z, a: z - 0.3)
     graph = explore(system, (-1.0, 1.0))

@@ -6,6 +6,7 @@ import numpy as np
 
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
+from pwscont.continuation.magnitudes import magnitudes
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import check_contract, checked_size
@@ -54,8 +55,9 @@ def explore(
     checked_kind("journal", journal, Journal)
     z = np.zeros(checked_size(system))
     plan = Plan.of(system, (lo, hi), stepper)
-    check_contract(plan.system, z, lo)
-    check_promises(plan.system, plan.interval)
+    check_promises(plan.system, plan.interval, check_contract(plan.system, z, lo))
+    if (fitting := magnitudes(plan.system, plan.interval, z)) is not None:
+        plan = Plan.of(system, (lo, hi), stepper, fitting)
     chosen = search or default_search(plan.followed)
     starts = chosen.starts(plan.followed, plan.metric, plan.interval)
     searched = chosen.searched(plan.followed)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from pwscont.continuation.journal import Journal
+from pwscont.continuation.magnitudes import magnitudes
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
-from pwscont.foundation.arrays import finite_array
+from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
 from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
@@ -15,6 +16,7 @@ from pwscont.model.contract import check_contract, checked_size
 from pwscont.model.promises import check_promises
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 
 
@@ -63,16 +65,22 @@ def trace(
     checked_kind("journal", journal, Journal)
     z, alpha = _checked_start(system, start, (lo, hi))
     plan = Plan.of(system, (lo, hi), stepper)
-    check_contract(plan.system, z, alpha)
-    check_promises(plan.system, plan.interval)
-    rough = plan.reduction.state(z) if plan.reduction else z
-    found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
+    check_promises(plan.system, plan.interval, check_contract(plan.system, z, alpha))
+    if (fitting := magnitudes(plan.system, (lo, hi), z)) is not None:
+        plan = Plan.of(system, (lo, hi), stepper, fitting)
+    found = _corrected(plan, z, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near the start at alpha = {alpha}: {found}; start closer to a "
             "solution, or let explore() search for starts"
         )
     return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
+
+
+def _corrected(plan: Plan, z: Array, alpha: float) -> Found | Failure:
+    """Return the solution of the followed system near a rough start."""
+    rough = plan.reduction.state(z) if plan.reduction else z
+    return semismooth_newton(plan.followed, plan.metric, rough, alpha)
 
 
 def _checked_start(

@@ -25,6 +25,8 @@ from pwscont.model.system import PiecewiseSystem
 
 #: A special point known to fewer digits may hide others: no promise of a search is kept then.
 TOO_FEW_DIGITS = 2.0
+#: Solutions that are larger or smaller by this factor are not of the order of one.
+FAR = 1e3
 NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
 WORDS = {
     Promise.NOTHING: "balanced",
@@ -458,6 +460,7 @@ class BranchGraph:
             If the file is missing, damaged, or no branch graph.
         """
         points, pieces, starts, interval, parameter, searched = storage.read(path)
+        system = system and _fitted(system, interval, points)
         return cls(
             points,
             pieces,
@@ -477,6 +480,16 @@ class BranchGraph:
 
     def _repr_html_(self) -> str:
         return presentation.as_html(self)
+
+
+def _fitted(
+    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
+) -> PiecewiseSystem:
+    """Return a system fitted to an interval, and to its solutions where it gives no scale."""
+    sizes = np.max([np.abs(point.z) for point in points], axis=0, initial=0.0)
+    usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
+    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
+    return system.within(*interval, found)
 
 
 def _leaves_doubt(point: SpecialPoint) -> bool:

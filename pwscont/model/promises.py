@@ -23,7 +23,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.generic import generic
 from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.model.contract import residual_at
+from pwscont.model.contract import Sample, residual_at
 from pwscont.model.selection import Selection
 from pwscont.model.system import (
     PiecewiseLinearSystem,
@@ -38,14 +38,16 @@ BENT = EPS**0.5
 PROBES = 8
 
 
-def check_promises(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
-    """Test what a system promises by its class, before any work, at one point.
+def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
+    """Test what a system promises by its class, before any work, away from one point.
 
     Parameters
     ----------
     system : PiecewiseSystem
         Fitted to the interval.
     interval : tuple of float
+    sample : Sample
+        What it returned at a point of the interval.
 
     Raises
     ------
@@ -54,15 +56,12 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float]) -> No
     """
     if not isinstance(system, SlicewiseLinearSystem):
         return
-    lo, straight = interval[0], isinstance(system, PiecewiseLinearSystem)
-    scale = system.differences(lo).scale
-    x, dx = np.zeros(system.size + 1), scale * np.abs(generic(system.size + 1))
-    x[-1], dx[-1] = lo, dx[-1] if straight else 0.0
-    character = system.character(x[:-1], lo)
-    residual = residual_at(system, x[:-1], lo, character)
-    refuse_bent(system, character, x, dx, residual, system.jacobian(x[:-1], lo, character))
-    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    refuse_bent_tests(system, x, dx, tests, system.test_jacobian(x[:-1], lo))
+    x = sample.x
+    dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
+    straight = isinstance(system, PiecewiseLinearSystem)
+    dx[-1] *= straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / np.diff(interval)[0]
+    refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
+    refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
 
 
 def refuse_bent(

@@ -9,8 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
-from pwscont.model.contract import residual_at
-from pwscont.model.shapes import expect
+from pwscont.model.contract import jacobian_at, residual_at
 from pwscont.model.system import PiecewiseSystem
 
 
@@ -59,9 +58,7 @@ class Selection:
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
-        jacobian = self.system.jacobian(x[:-1], float(x[-1]), self.character)
-        expect(self.system, "jacobian", jacobian, (len(x) - 1, len(x)))
-        return jacobian
+        return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""

@@ -113,6 +113,12 @@ class PiecewiseSystem(ABC):
         return twin
 
     @property
+    def gives_scale(self) -> bool:
+        """Whether typical magnitudes are given, or were found."""
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
+        return own or (self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any()))
+
+    @property
     def _is_fitted(self) -> bool:
         return hasattr(self, "_differences")
 

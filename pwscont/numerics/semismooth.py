@@ -28,7 +28,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
-from pwscont.model.contract import residual_at
+from pwscont.model.contract import jacobian_at, residual_at
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.metric import Metric
@@ -70,7 +70,7 @@ def semismooth_newton(
     for iteration in range(1, MOST_ITERATIONS + 1):
         character = system.character(x[:-1], alpha)
         residual = residual_at(system, x[:-1], alpha, character)
-        jacobian = system.jacobian(x[:-1], alpha, character)
+        jacobian = jacobian_at(system, x[:-1], alpha, character)
         rows = _row_scale(jacobian, metric)
         if not (np.isfinite(residual).all() and np.isfinite(rows).all()):
             return Failure(Trouble.NOT_FINITE)
