@@ -106,16 +106,20 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> str:
     )
 
 
-def refuse_bent_ray(selection: Selection, x: Array, dx: Array) -> None:
-    """Refuse a selection that is zero at ``x``, has J dx = 0, and is not zero at ``x + dx``.
+def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
+    """Refuse a selection that is not affine along the ray from ``x`` to ``x + dx``.
+
+    Only its second difference is looked at, which an error of the direction does not change.
 
     Raises
     ------
     InvalidSystemError
     """
-    jacobian = selection.jacobian(x)
-    terms = abs(jacobian) @ (np.abs(x) + np.abs(dx))
-    if (np.abs(selection.residual(x + dx)) > BENT * terms).any():
+    start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
+    sizes = abs(selection.jacobian(x))
+    terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
+    rounding = GUARD * EPS * (sizes @ scale)
+    if (np.abs(start - 2.0 * middle + end) > BENT * terms + rounding).any():
         raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
 
 

@@ -103,10 +103,10 @@ def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failu
 
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     """Refuse a selection that does not follow its ray: its first correction was not rounding."""
-    start, end = segment.start.x, segment.near(s)
-    if isinstance(found, State) and segment.curve.metric.relative(found.x - end, end) <= BENT:
+    start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
         return
-    refuse_bent_ray(segment.curve.selection, start, end - start)
+    refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
 
 
 def _ratios(reading: Joined) -> Array:
