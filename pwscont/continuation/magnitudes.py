@@ -39,6 +39,7 @@ TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
 ROUNDS = 3
 
 
+@np.errstate(all="ignore")  # what is tried may be far outside of where H can be computed
 def magnitudes(
     system: PiecewiseSystem, interval: tuple[float, float], guess: Array
 ) -> Array | None:
