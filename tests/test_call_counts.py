@@ -26,13 +26,13 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
-    (fig7, ExactLinear): (12, 12, 23, 16, 11, 42, 8),
-    (fig7, PseudoArclength): (94, 54, 147, 62, 53, 163, 47),
-    (example1, ExactLinear): (16, 16, 31, 24, 15, 88, 12),
-    (example1, PseudoArclength): (116, 70, 181, 84, 69, 253, 59),
-    (fig10, PseudoArclength): (369, 215, 317, 131, 128, 622, 103),
-    (fig13, PseudoArclength): (32, 20, 48, 17, 19, 53, 14),
-    (example3, PseudoArclength): (32, 20, 48, 17, 19, 61, 14),
+    (fig7, ExactLinear): (13, 12, 23, 16, 11, 42, 8),
+    (fig7, PseudoArclength): (95, 54, 147, 62, 53, 163, 47),
+    (example1, ExactLinear): (17, 16, 31, 24, 15, 88, 12),
+    (example1, PseudoArclength): (117, 70, 181, 84, 69, 253, 59),
+    (fig10, PseudoArclength): (370, 215, 317, 131, 128, 622, 103),
+    (fig13, PseudoArclength): (33, 20, 48, 17, 19, 53, 14),
+    (example3, PseudoArclength): (33, 20, 48, 17, 19, 61, 14),
 }
 
 
@@ -65,6 +65,8 @@ def random_path(p=8, seed=1):
 
 # what one piece more costs on a path of straight pieces
 PER_PIECE = (2, 2, 5, 5, 2, 8, 2)
+# where a piece does not begin within the error of the transition, both sides are compared there
+COMPARED = (4, 4, 0, 0, 0, 0, 0)
 
 
 def test_work_grows_linearly_with_the_pieces():
@@ -77,7 +79,7 @@ def test_work_grows_linearly_with_the_pieces():
     assert (growth[:, 0] >= 7).all()
     assert table[-1][0] == 29
     # solves may come out uneven: a corner or a located point takes one or two more
-    assert (growth[:, 1:] <= np.outer(growth[:, 0], PER_PIECE)).all()
+    assert (growth[:, 1:] <= np.outer(growth[:, 0], PER_PIECE) + COMPARED).all()
 
 
 class UsedError(Exception):

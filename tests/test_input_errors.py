@@ -387,10 +387,11 @@ def test_a_test_function_that_becomes_nan_stops_the_branch():
     assert graph.guarantee != "complete"
 
 
-def test_a_residual_that_is_never_finite_is_no_solution_and_no_traceback():
+def test_a_residual_that_is_never_finite_is_refused():
     arch = Arch()
     arch.spoilt_residual = lambda z: np.nan * z
-    assert explore(arch, (0.0, 0.5)).guarantee == "nothing found"
+    with pytest.raises(InvalidSystemError, match="finite at none of"):
+        explore(arch, (0.0, 0.5))
     with pytest.raises(StartNotFoundError, match="is not finite here"):
         trace(arch, ([0.5], 0.25), (0.0, 0.5))
 

@@ -88,7 +88,7 @@ system = ArchOverPad()
 #
 # Neighbouring selections must agree where they meet. :func:`~pwscont.check_system` walks from the
 # points you give to every interface nearby and compares both sides, their values and their
-# Jacobians.
+# Jacobians. Around each point it also looks for kinks that no test function announces.
 random = np.random.default_rng(0)
 points = [(random.uniform(-1.0, 1.0, size=2), random.uniform(-1.0, 1.0)) for _ in range(10)]
 print(check_system(system, points))

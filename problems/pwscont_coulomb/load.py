@@ -11,7 +11,6 @@ import numpy as np
 from pwscont import Character, PiecewiseLinearSystem
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.rounding import EPS
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb, not_negative
@@ -50,8 +49,8 @@ class CoulombLoad(Coulomb):
         alpha -> f(alpha), shape (n,), smooth: a kink of the path must be announced by a test
         function, which needs a system of its own. With an AffineLoad every piece is straight and
         the system is a :class:`~pwscont.PiecewiseLinearSystem`. A load with a method
-        ``derivative(alpha)`` is asked for df/dalpha; otherwise central differences with a step
-        of 6e-6 max(1, abs(alpha)).
+        ``derivative(alpha)`` is asked for df/dalpha; otherwise differences are taken, which
+        fit the interval and do not leave it.
     friction : float or array_like, shape (p,)
         Friction coefficient F >= 0, for all nodes or per node.
     r : float or array_like, shape (p,), optional
@@ -123,9 +122,7 @@ class CoulombLoad(Coulomb):
     def _load_rate(self, alpha: float) -> Array:
         if hasattr(self.load, "derivative"):
             return np.asarray(self.load.derivative(alpha), dtype=float)
-        h = EPS ** (1.0 / 3.0) * max(1.0, abs(alpha))
-        rate: Array = (self.load_at(alpha + h) - self.load_at(alpha - h)) / (2.0 * h)
-        return rate
+        return self.differences(alpha).by_parameter(self.load_at, alpha)
 
     @cached_property
     def _test_gradients(self) -> Matrix:

@@ -9,10 +9,12 @@ import numpy as np
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
+from pwscont.continuation.prepared import prepared
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.limits import Limits
 from pwscont.graph import BranchGraph
-from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.contract import checked_size
+from pwscont.model.promises import refuse_undefined
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -59,11 +61,13 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     with Budget(limits or Limits()) as budget:
-        check_contract(system, np.zeros(checked_size(system)), lo)
-        plan = Plan.of(system, (lo, hi), stepper)
+        plan = prepared(system, (np.zeros(checked_size(system)), lo), (lo, hi), stepper)
         chosen = search or default_search(plan.followed)
         searched, starts = chosen.searched(plan.followed), _found(chosen, plan)
-        return plan.follow(starts, parameter, report, searched, journal, budget)
+        graph = plan.follow(starts, parameter, report, searched, journal, budget)
+    if not graph.special_points() and not budget.spent:
+        refuse_undefined(plan.system, plan.interval)
+    return graph
 
 
 def _found(search: Search, plan: Plan) -> Iterator[Found]:

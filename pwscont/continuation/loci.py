@@ -123,7 +123,7 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
 
 def _ray(locus: TransitionLocus, y: Array, mu: float, side: Character) -> Ray | None:
     """Return the ray from the transition into the cell of one side."""
-    scale = np.append(locus.family.scale((mu, mu), locus.limits), locus.limits.width)
+    scale = np.append(locus.family.scale((mu, mu)), locus.limits.width)
     curve = Curve(Selection(locus.at(mu), side), Metric(scale))
     return inward_ray(curve, y, np.zeros((1, len(y))), locus.test)
 

@@ -15,6 +15,7 @@ from pwscont.continuation.assembly import assemble
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.network import Network
 from pwscont.continuation.walk import Follower, Walker
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.budget import INTERRUPTED, Budget
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
@@ -108,6 +109,7 @@ class Plan:
     Attributes
     ----------
     system : PiecewiseSystem
+        Fitted to the interval, as by :meth:`PiecewiseSystem.within`.
     interval : tuple of float
     reduction : Reduction or None
         What remains of the system where parts of it provably stay in one mode.
@@ -129,13 +131,21 @@ class Plan:
 
     @classmethod
     def of(
-        cls, system: PiecewiseSystem, interval: tuple[float, float], stepper: Stepper | None
+        cls,
+        system: PiecewiseSystem,
+        interval: tuple[float, float],
+        stepper: Stepper | None,
+        magnitudes: Array | None = None,
     ) -> Plan:
-        """Choose the parts for a system on an interval that was checked."""
+        """Choose the parts for a system on an interval that was checked.
+
+        Typical magnitudes of z are those given here, or those that the system gives.
+        """
         chosen = checked_stepper(system, stepper)
         Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
+        system = system.within(*interval, magnitudes)
         reduction = system.reduction(*interval)
-        followed = reduction.system if reduction else system
+        followed = reduction.system.within(*interval) if reduction else system
         metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
         return cls(system, interval, reduction, followed, metric, chosen, detectors)
 

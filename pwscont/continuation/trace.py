@@ -7,6 +7,7 @@ from typing import Any
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
+from pwscont.continuation.prepared import prepared
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
@@ -14,7 +15,7 @@ from pwscont.foundation.limits import Limits
 from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
-from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.contract import checked_size
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
@@ -73,15 +74,14 @@ def trace(
     checked_kind("limits", limits, Limits)
     z, alpha = _checked_start(system, start, (lo, hi))
     with Budget(limits or Limits()) as budget:
-        check_contract(system, z, alpha)
-        plan = Plan.of(system, (lo, hi), stepper)
-        rough = plan.reduction.state(z) if plan.reduction else z
-        starts = _corrected(plan, rough, alpha)
+        plan = prepared(system, (z, alpha), (lo, hi), stepper)
+        starts = _corrected(plan, z, alpha)
         return plan.follow(starts, parameter, report, NOT_SEARCHED, journal, budget)
 
 
-def _corrected(plan: Plan, rough: Array, alpha: float) -> Iterator[Found]:
+def _corrected(plan: Plan, z: Array, alpha: float) -> Iterator[Found]:
     """Yield the solution near a rough start."""
+    rough = plan.reduction.state(z) if plan.reduction else z
     found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(

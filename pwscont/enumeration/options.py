@@ -16,7 +16,10 @@ import scipy.linalg
 
 from pwscont.foundation.arrays import Array, Indices, dense
 from pwscont.foundation.character import Character
+from pwscont.foundation.generic import generic
 from pwscont.foundation.rounding import EPS, GUARD
+from pwscont.model.contract import residual_at
+from pwscont.model.promises import check_blocks, refuse_bent, refuse_bent_tests
 from pwscont.model.system import Block, SlicewiseLinearSystem
 
 
@@ -99,16 +102,19 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         Typical magnitudes of z; the reduced unknowns are of the order of one.
     alpha : float
     """
+    zero, dx = np.zeros(system.size), np.append(scale * np.abs(generic(system.size)), 0.0)
+    kappa = np.array(system.test_functions(zero, alpha), dtype=float)
+    K = dense(system.test_jacobian(zero, alpha))
+    refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
+    check_blocks(system, len(kappa))
     blocks = system.blocks()
-    slices = [_affine(system, blocks, k, alpha) for k in range(_most_modes(blocks))]
+    slices = [_affine(system, blocks, k, alpha, dx) for k in range(_most_modes(blocks))]
     common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
     origin, basis = eliminated
-    zero = np.zeros(system.size)
-    K, kappa = dense(system.test_jacobian(zero, alpha))[:, :-1], system.test_functions(zero, alpha)
-    G, g = _reduced(K, kappa, origin, basis)
+    G, g = _reduced(K[:, :-1], kappa, origin, basis)
     options = [
         [
             _option(system, block, mode, slices[k], (G, g), (origin, basis))
@@ -127,17 +133,22 @@ def _most_modes(blocks: tuple[Block, ...]) -> int:
 
 
 def _affine(
-    system: SlicewiseLinearSystem, blocks: tuple[Block, ...], k: int, alpha: float
+    system: SlicewiseLinearSystem, blocks: tuple[Block, ...], k: int, alpha: float, dx: Array
 ) -> tuple[Array, Array]:
-    """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last)."""
+    """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last).
+
+    Whether H is affine there is seen at ``dx``.
+    """
     zero = np.zeros(system.size)
     signs = [True] * len(system.test_functions(zero, alpha))
     for block in blocks:
         for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
             signs[test] = sign
     character = Character(tuple(signs))
-    jacobian = dense(system.jacobian(zero, alpha, character))[:, :-1]
-    return jacobian, system.residual(zero, alpha, character)
+    jacobian = dense(system.jacobian(zero, alpha, character))
+    residual = residual_at(system, zero, alpha, character)
+    refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
+    return jacobian[:, :-1], residual
 
 
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array] | None:

@@ -24,6 +24,8 @@ from pwscont.graph.refinement import refine
 from pwscont.graph.verdict import is_on_purpose, loose_ends, verdict
 from pwscont.model.system import PiecewiseSystem
 
+#: Solutions that are larger or smaller by this factor are not of the order of one.
+FAR = 1e3
 NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
 
 
@@ -458,6 +460,7 @@ class BranchGraph:
         points, pieces, starts, interval, parameter, searched = storage.read(path)
         if pieces and system is not None:
             _check_system(path, system, points[0], pieces[0])
+        system = system and _fitted(system, interval, points)
         return cls(
             points,
             pieces,
@@ -499,3 +502,13 @@ def _check_system(
 def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
     """Return by how much some ends change the balance between lo and a stretch."""
     return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
+
+
+def _fitted(
+    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
+) -> PiecewiseSystem:
+    """Return a system fitted to an interval, and to its solutions where it gives no scale."""
+    sizes = np.max([np.abs(point.z) for point in points], axis=0, initial=0.0)
+    usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
+    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
+    return system.within(*interval, found)

@@ -4,49 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix, finite_array
+from pwscont.foundation.arrays import Array, dense, finite_array
 from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.generic import generic
 from pwscont.foundation.rounding import EPS
 from pwscont.model.contract import check_contract, checked_size
-from pwscont.model.differences import central_differences
+from pwscont.model.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.model.system import PiecewiseSystem
 
-#: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
-TOLERANCE = EPS**0.4
 #: Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Defect:
-    """One broken promise.
-
-    Attributes
-    ----------
-    what : str
-        Which promise, and which method or test function broke it.
-    z, alpha
-        Where.
-    size : float
-        How far off, relative to the size of what was compared.
-    """
-
-    what: str
-    z: Array
-    alpha: float
-    size: float
-
-    def __str__(self) -> str:
-        z = np.array2string(self.z, precision=6)
-        return (
-            f"{self.what} at z = {z}, alpha = {self.alpha:.6g}: off by {self.size:.1e} (relative)"
-        )
 
 
 @final
@@ -66,18 +39,31 @@ class Report:
         return "\n".join([f"{len(self.defects)} defects:", *(f"- {d}" for d in self.defects)])
 
 
-def check_system(system: PiecewiseSystem, points: Iterable[tuple[Any, float]]) -> Report:
-    """Check a system's Jacobians, its continuity and fact F1 at and near some points.
+def check_system(
+    system: PiecewiseSystem, points: Iterable[tuple[Any, float]], radius: float = 0.1
+) -> Report:
+    """Check what a system promises, at and near some points.
 
-    From every point each test function is followed to its zero set; there the selections of
-    both sides must agree (H is continuous), and their Jacobians may differ only by a rank-one
-    matrix c grad(kappa_i)^T (F1): otherwise tracing would turn the wrong way at a kink.
+    - Jacobians agree with differences.
+    - From every point each test function is followed to its zero set; there the selections of
+      both sides must agree (H is continuous), and their Jacobians may differ only by a rank-one
+      matrix c grad(kappa_i)^T (F1): otherwise tracing would turn the wrong way at a kink.
+    - Within ``radius`` of every point selections and tests are smooth: a kink that no test
+      announces, such as a maximum in a residual, is found by steps of different lengths.
+    - Signs of tests that :meth:`~PiecewiseSystem.bounding_tests` leaves out change nothing.
+    - What is promised to be affine is affine; blocks own what depends on their modes.
+    - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and where
+      the system says ``unique`` there are no two at one alpha. Whether ``degree`` is right, every
+      run says: its graph is not balanced otherwise.
 
     Parameters
     ----------
     system : PiecewiseSystem
     points : iterable of (array_like, shape (n,)) and float
-        Pairs (z, alpha), on the curve or not; a handful of random ones does.
+        Pairs (z, alpha), on the curve or not; a handful of random ones does. Give some solutions
+        too, such as ``(s.z, s.alpha)`` of a graph: what holds for solutions only is checked there.
+    radius : float
+        How far from the points is looked, relative to typical magnitudes.
 
     Returns
     -------
@@ -88,34 +74,53 @@ def check_system(system: PiecewiseSystem, points: Iterable[tuple[Any, float]]) -
     ------
     InvalidSystemError
         If a method returns an array of the wrong shape.
+    InvalidInputError
+        If the radius is not positive.
     """
     size = checked_size(system)
+    if not 0.0 < finite_array("radius", radius, ()) < np.inf:
+        raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []
+    solutions: list[Array] = []
     count = 0
     for values, alpha in points:
         z = finite_array("z of a point", values, (size,))
         check_contract(system, z, float(alpha))
         x = np.append(z, float(alpha))
         defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
+        defects += closer_look(system, x, float(radius))
+        solutions += [x] if is_solution(system, x) else []
         count += 1
+    defects += _not_unique(system, solutions)
     return Report(tuple(defects), count)
+
+
+def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:
+    """Compare solutions at one alpha, where the system promises that there is one only."""
+    if not getattr(system, "unique", False):
+        return
+    for x, y in combinations(solutions, 2):
+        apart = np.abs((x - y) / system.differences(float(x[-1])).scale).max()
+        if x[-1] == y[-1] and apart > TOLERANCE:
+            what = "unique is True, but there is another solution at this alpha"
+            yield Defect(what, x[:-1], float(x[-1]), float(apart))
 
 
 def _wrong_jacobians(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     z, alpha = x[:-1], float(x[-1])
-    character = system.character(z, alpha)
+    character, differences = system.character(z, alpha), system.differences(alpha)
     compared = {
         f"jacobian in {system.describe(character)}": (
             system.jacobian(z, alpha, character),
-            central_differences(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
+            differences.jacobian(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
         ),
         "test_jacobian": (
             system.test_jacobian(z, alpha),
-            central_differences(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
+            differences.jacobian(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
         ),
     }
-    for what, (given, differences) in compared.items():
-        size = _relative(_dense(given) - differences, differences)
+    for what, (given, expected) in compared.items():
+        size = relative(dense(given) - expected, expected)
         if not size <= TOLERANCE:
             yield Defect(f"{what} does not match differences", z, alpha, size)
 
@@ -131,7 +136,7 @@ def _on_interface(system: PiecewiseSystem, x: Array, test: int) -> Array | None:
     """Return a point near x with kappa_test = 0, None where Newton finds none."""
     for _ in range(STEPS_TO_INTERFACE):
         value = float(system.test_functions(x[:-1], float(x[-1]))[test])
-        gradient = _dense(system.test_jacobian(x[:-1], float(x[-1])))[test]
+        gradient = dense(system.test_jacobian(x[:-1], float(x[-1])))[test]
         slope = float(gradient @ gradient)
         if slope == 0.0 or not np.isfinite(value):
             return None
@@ -149,25 +154,38 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
         return
     sides = [here.with_sign(test, sign) for sign in (True, False)]
     if not any(test in system.bounding_tests(side) for side in sides):
+        yield from _wrong_bounds(system, x, test, sides)
         return
     if any(system.end(side, frozenset({test})) for side in sides):
         return  # nothing is promised beyond
     one, other = (system.residual(z, alpha, side) for side in sides)
-    if not (jump := _relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
+    if not (jump := relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
         yield Defect(
             f"H jumps across test function {test} ({_names(system, sides)})", z, alpha, jump
         )
-    J, K = (_dense(system.jacobian(z, alpha, side)) for side in sides)
-    gradient = _dense(system.test_jacobian(z, alpha))[test]
+    J, K = (dense(system.jacobian(z, alpha, side)) for side in sides)
+    gradient = dense(system.test_jacobian(z, alpha))[test]
     c = (K - J) @ gradient / (gradient @ gradient)
-    if not (rest := _relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
+    if not (rest := relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
         what = f"F1: the Jacobians across test function {test} ({_names(system, sides)}) differ by"
         yield Defect(f"{what} more than c grad(kappa)^T", z, alpha, rest)
 
 
+def _wrong_bounds(
+    system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
+) -> Iterator[Defect]:
+    """Compare selections between which there is no interface, aside of where they meet."""
+    scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
+    z = x[:-1] + scale[:-1] * generic(len(x) - 1)
+    one, other = (system.residual(z, alpha, side).copy() for side in sides)
+    if not (size := relative(one - other, np.append(np.abs(one), EPS))) <= TOLERANCE:
+        what = f"bounding_tests leaves out {system.test_name(test)}, whose sign changes H"
+        yield Defect(f"{what} ({_names(system, sides)})", z, alpha, size)
+
+
 def _many_vanish(system: PiecewiseSystem, x: Array, test: int) -> bool:
     """Tell whether another test vanishes too: then four or more cells meet, not two."""
-    gradients = np.abs(_dense(system.test_jacobian(x[:-1], float(x[-1]))))
+    gradients = np.abs(dense(system.test_jacobian(x[:-1], float(x[-1]))))
     near = np.abs(system.test_functions(x[:-1], float(x[-1])))
     zero = near <= TOLERANCE * (gradients @ (np.abs(x) + EPS))
     zero[test] = False
@@ -176,13 +194,3 @@ def _many_vanish(system: PiecewiseSystem, x: Array, test: int) -> bool:
 
 def _names(system: PiecewiseSystem, sides: list[Character]) -> str:
     return " | ".join(system.describe(side) for side in sides)
-
-
-def _relative(difference: Array, reference: Array) -> float:
-    """Return the largest entry of the difference relative to the largest of the reference."""
-    size = float(np.abs(reference).max(initial=0.0)) or 1.0
-    return float(np.abs(difference).max(initial=0.0)) / size
-
-
-def _dense(matrix: Matrix) -> Array:
-    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)

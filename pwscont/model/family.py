@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import numpy as np
 
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.model.alpha_range import AlphaRange
-from pwscont.model.differences import STEP
 from pwscont.model.system import PiecewiseSystem
 
 #: mu -> a system; all of one size, with the same tests in the same order.
@@ -32,6 +31,8 @@ class Family:
         mu -> :class:`~pwscont.PiecewiseSystem`.
     sample : float
         A value of mu for which there is a system.
+    limits : Limits
+        Of alpha: where they are finite nothing is evaluated beyond them.
 
     Attributes
     ----------
@@ -44,14 +45,14 @@ class Family:
         If ``make`` returns something else than a system.
     """
 
-    def __init__(self, make: MakeSystem, sample: float) -> None:
-        self._make, self._sampled_at = make, float(sample)
+    def __init__(self, make: MakeSystem, sample: float, limits: AlphaRange) -> None:
+        self._make, self._sampled_at, self._limits = make, float(sample), limits
         self.at = lru_cache(REMEMBERED)(self._checked)
         self.sample = self.at(self._sampled_at)
 
-    def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float]]:
+    def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange]]:
         """Let copies remember systems of their own."""
-        return Family, (self._make, self._sampled_at)
+        return Family, (self._make, self._sampled_at, self._limits)
 
     def _checked(self, mu: float) -> PiecewiseSystem:
         system = self._make(mu)
@@ -60,16 +61,12 @@ class Family:
                 f"the family returned {type(system).__name__} at mu = {mu}, where a "
                 "PiecewiseSystem is expected"
             )
-        return system
+        limits = self._limits
+        return system.within(limits.lo, limits.hi) if limits.are_finite else system
 
-    def by_mu(self, function: Callable[[PiecewiseSystem], Any], mu: float) -> Any:
-        """Return the derivative by mu of what ``function`` computes, by central differences."""
-        h = STEP * max(1.0, abs(mu))
-        above, below = mu + h, mu - h
-        return (function(self.at(above)) - function(self.at(below))) / (above - below)
-
-    def scale(self, mus: tuple[float, float], limits: AlphaRange) -> Array:
+    def scale(self, mus: tuple[float, float]) -> Array:
         """Return typical magnitudes of z over ranges of mu and alpha, shape (n,)."""
+        limits = self._limits
         lo, hi = (limits.lo, limits.hi) if limits.are_finite else (-1.0, 1.0)
         scales = [finite_array("scale()", self.at(mu).scale(lo, hi)) for mu in mus]
         largest: Array = np.maximum(*scales)

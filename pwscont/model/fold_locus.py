@@ -24,7 +24,6 @@ import scipy.sparse as sp
 from pwscont.foundation.arrays import Array, Matrix, finite_array
 from pwscont.foundation.character import Character
 from pwscont.model.alpha_range import ALL, AlphaRange
-from pwscont.model.differences import central_differences
 from pwscont.model.family import Family, MakeSystem
 from pwscont.model.system import PiecewiseSystem
 
@@ -55,11 +54,11 @@ class FoldLocus(PiecewiseSystem):
     def __init__(
         self, family: MakeSystem, mu: float = 1.0, alphas: tuple[float, float] = ALL
     ) -> None:
-        self.family = Family(family, mu)
         self.limits = AlphaRange(alphas)
+        self.family = Family(family, mu, self.limits)
         self._n = self.family.sample.size
         self.size = 2 * self._n + 1
-        self._weight = self.family.scale((mu, mu), self.limits) ** -2.0
+        self._weight = self.family.scale((mu, mu)) ** -2.0
 
     def at(self, mu: float) -> PiecewiseSystem:
         """Return the system whose fold is followed, at one mu."""
@@ -96,7 +95,9 @@ class FoldLocus(PiecewiseSystem):
         """Return the gradients of the tests by (z, v, alpha, mu)."""
         z, _, alpha = self._split(y)
         rows = _dense(self.at(mu).test_jacobian(z, alpha))
-        column = self.family.by_mu(lambda system: system.test_functions(z, alpha), mu)
+        column = self.differences(mu).by_parameter(
+            lambda other: self.at(other).test_functions(z, alpha), mu
+        )
         gradients = np.zeros((len(rows), self.size + 1))
         gradients[:, : self._n] = rows[:, :-1]
         gradients[:, -2:] = np.column_stack([rows[:, -1], column])
@@ -121,8 +122,10 @@ class FoldLocus(PiecewiseSystem):
         n, system, selection = self._n, self.at(mu), self._original(character)
         x = np.append(z, alpha)
         rows = _dense(system.jacobian(z, alpha, selection))
-        bent = central_differences(lambda x: _along(system, x, v, selection), x)
-        by_mu = self.family.by_mu(lambda other: self._equations(other, x, v, selection), mu)
+        bent = system.differences(alpha).jacobian(lambda x: _along(system, x, v, selection), x)
+        by_mu = self.differences(mu).by_parameter(
+            lambda other: self._equations(self.at(other), x, v, selection), mu
+        )
         jacobian = np.zeros((self.size, self.size + 1))
         jacobian[:n, :n], jacobian[:n, -2] = rows[:, :-1], rows[:, -1]
         jacobian[n:-1, :n], jacobian[n:-1, -2] = bent[:, :-1], bent[:, -1]
@@ -158,7 +161,7 @@ class FoldLocus(PiecewiseSystem):
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of (z, v, alpha) for mu between ``lo`` and ``hi``."""
-        scale = self.family.scale((lo, hi), self.limits)
+        scale = self.family.scale((lo, hi))
         return np.concatenate([scale, scale, [self.limits.width]])
 
     def names(self) -> tuple[str, ...]:

@@ -75,10 +75,10 @@ class TransitionLocus(PiecewiseSystem):
         mu: float = 1.0,
         alphas: tuple[float, float] = ALL,
     ) -> None:
-        self.family = Family(family, mu)
+        self.limits = AlphaRange(alphas)
+        self.family = Family(family, mu, self.limits)
         sample = self.family.sample
         self.size = sample.size + 1
-        self.limits = AlphaRange(alphas)
         somewhere = self.limits.lo if self.limits.are_finite else 0.0
         self._tests = len(sample.test_functions(np.zeros(sample.size), somewhere))
         if not 0 <= test < self._tests:
@@ -113,7 +113,9 @@ class TransitionLocus(PiecewiseSystem):
         """Return the gradients of the tests by (z, alpha, mu)."""
         z, alpha = y[:-1], float(y[-1])
         rows = self.at(mu).test_jacobian(z, alpha)
-        column = self.family.by_mu(lambda system: system.test_functions(z, alpha), mu)
+        column = self.differences(mu).by_parameter(
+            lambda other: self.at(other).test_functions(z, alpha), mu
+        )
         mask = np.ones(self._tests)
         mask[self.test] = 0.0
         limits = self.limits.gradients(self.size)
@@ -132,12 +134,14 @@ class TransitionLocus(PiecewiseSystem):
         return np.append(system.residual(z, alpha, selection), test)
 
     def jacobian(self, y: Array, mu: float, character: Character) -> Matrix:
-        """Return the Jacobian by (z, alpha, mu); the last column by central differences."""
+        """Return the Jacobian by (z, alpha, mu); the last column by differences."""
         z, alpha, selection = y[:-1], float(y[-1]), self._selection(character)
         system = self.at(mu)
         rows = system.jacobian(z, alpha, selection)
         row = system.test_jacobian(z, alpha)[[self.test]]
-        column = self.family.by_mu(lambda other: self._equations(other, y, selection), mu)
+        column = self.differences(mu).by_parameter(
+            lambda other: self._equations(self.at(other), y, selection), mu
+        )
         if sp.issparse(rows):
             return with_column(sp.vstack([rows, row]), column)
         return with_column(np.vstack([dense(rows), dense(row)]), column)
@@ -186,7 +190,7 @@ class TransitionLocus(PiecewiseSystem):
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of (z, alpha) for mu between ``lo`` and ``hi``."""
-        return np.append(self.family.scale((lo, hi), self.limits), self.limits.width)
+        return np.append(self.family.scale((lo, hi)), self.limits.width)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of z, and alpha."""

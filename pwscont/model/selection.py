@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
+from pwscont.model.contract import jacobian_at, residual_at
 from pwscont.model.system import PiecewiseSystem
 
 
@@ -57,12 +58,12 @@ class Selection:
         return self.system.label(self.character)
 
     def residual(self, x: Array) -> Array:
-        """Return H_chi(x), shape (n,)."""
-        return self.system.residual(x[:-1], float(x[-1]), self.character)
+        """Return H_chi(x), shape (n,), in an array of its own."""
+        return residual_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
-        return self.system.jacobian(x[:-1], float(x[-1]), self.character)
+        return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""

@@ -6,18 +6,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 
 from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
-from pwscont.model.differences import central_differences, exact_differences
+from pwscont.model.differences import Differences
 from pwscont.model.reduction import Reduction
+from pwscont.model.shapes import own_array
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
+#: Slots that a system does not share with the same system within an interval.
+OWN = ("__weakref__", "_differences")
 
 
 class PiecewiseSystem(ABC):
@@ -42,9 +45,12 @@ class PiecewiseSystem(ABC):
         known to be one and the same; default None, not known.
     """
 
+    __slots__ = ("__dict__", "__weakref__", "_differences")
+
     size: int
     domain: tuple[float, float] = (-np.inf, np.inf)
     degree: int | None = None
+    _differences: Differences
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -55,16 +61,66 @@ class PiecewiseSystem(ABC):
         """Return the selection H_chi(z, alpha), shape (n,), also outside the cell of chi."""
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse."""
-        return central_differences(
-            lambda x: self.residual(x[:-1], float(x[-1]), character), np.append(z, alpha)
+        """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse.
+
+        Default: by :meth:`differences`.
+        """
+        return self.differences(alpha).jacobian(
+            lambda x: self._residual(x, character), np.append(z, alpha)
         )
 
+    def _residual(self, x: Array, character: Character) -> Array:
+        """Return H_chi(x) for differences, which a wrong shape would not stop."""
+        value = self.residual(x[:-1], float(x[-1]), character)
+        return own_array(self, "residual", value, (self.size,))
+
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return d kappa / d(z, alpha), shape (m, n + 1)."""
-        return central_differences(
+        """Return d kappa / d(z, alpha), shape (m, n + 1); default by :meth:`differences`."""
+        return self.differences(alpha).jacobian(
             lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
         )
+
+    def differences(self, alpha: float) -> Differences:
+        """Return what takes derivatives of functions of (z, alpha), in steps that fit.
+
+        In a run they fit its interval, which they do not leave. Elsewhere they fit
+        :meth:`scale` at this alpha, do not leave :attr:`domain`, and take one, or alpha if it is
+        larger, for a typical change of alpha.
+        """
+        if self._is_fitted:
+            return self._differences
+        scale = np.append(self.scale(alpha, alpha), max(1.0, abs(alpha)))
+        return Differences(scale, *self.domain)
+
+    def within(self, lo: float, hi: float, magnitudes: Array | None = None) -> Self:
+        """Return the same system for work on an interval of alpha.
+
+        It shares all attributes with this one, but has :meth:`differences` of its own.
+
+        Parameters
+        ----------
+        lo, hi : float
+        magnitudes : ndarray, shape (n,), optional
+            Typical magnitudes of z, for a system that does not know any; default :meth:`scale`.
+        """
+        twin: Self = object.__new__(type(self))
+        for name in _slots(type(self)):
+            if name not in OWN and hasattr(self, name):
+                object.__setattr__(twin, name, getattr(self, name))
+        scale = self.scale(lo, hi) if magnitudes is None else magnitudes
+        differences = Differences(np.append(scale, hi - lo), lo, hi)
+        object.__setattr__(twin, "_differences", differences)
+        return twin
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether typical magnitudes are given, or were found."""
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
+        return own or (self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any()))
+
+    @property
+    def _is_fitted(self) -> bool:
+        return hasattr(self, "_differences")
 
     def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
         """Return only some of the test functions, shape (len(which),).
@@ -107,11 +163,12 @@ class PiecewiseSystem(ABC):
         return None
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return typical magnitudes of z over the interval, shape (n,); default ones.
+        """Return typical magnitudes of z over the interval, shape (n,).
 
-        They make arc length, and with it every result, independent of units.
+        They make arc length, and with it every result, independent of units. Default: ones, and
+        in a run that finds solutions of other magnitudes, those.
         """
-        return np.ones(self.size)
+        return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
 
     def names(self) -> tuple[str, ...]:
         """Return a label for each component of z, for tables and axes."""
@@ -125,7 +182,7 @@ class PiecewiseSystem(ABC):
         InvalidSystemError
             If there are too many tests to try all patterns: override this method.
         """
-        m = len(self.test_functions(np.zeros(self.size), 0.0))
+        m = len(self.test_functions(np.zeros(self.size), self.somewhere))
         if m > MANY_TESTS:
             raise InvalidSystemError(
                 f"{type(self).__name__} has {m} test functions, too many to try all 2^{m} sign "
@@ -171,6 +228,12 @@ class PiecewiseSystem(ABC):
         take too long; default none.
         """
         return ()
+
+    @property
+    def somewhere(self) -> float:
+        """A value of alpha for which the system is defined: in a run, one of its interval."""
+        anywhere = Differences(np.ones(1), *self.domain)
+        return (self._differences if self._is_fitted else anywhere).base
 
     def character(self, z: Array, alpha: float) -> Character:
         """Return the character of the point."""
@@ -240,10 +303,15 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
-        return exact_differences(
-            lambda x: self.residual(x[:-1], float(x[-1]), character), self.size + 1
-        )
+        return self.differences(alpha).exact(lambda x: self._residual(x, character))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
-        return exact_differences(lambda x: self.test_functions(x[:-1], float(x[-1])), self.size + 1)
+        return self.differences(alpha).exact(lambda x: self.test_functions(x[:-1], float(x[-1])))
+
+
+def _slots(owner: type) -> Iterator[str]:
+    """Yield the names of all slots of a class, that of its ``__dict__`` included."""
+    for base in owner.__mro__:
+        names = vars(base).get("__slots__", ())
+        yield from (names,) if isinstance(names, str) else names

@@ -43,8 +43,6 @@ MEETS = EPS**0.75
 APART = EPS**0.5
 #: How far z is displaced to see how large the equations are, relative to its typical magnitude.
 ASIDE = 0.05
-#: Step of differences of fourth order, which balances truncation and cancellation.
-STEP = EPS**0.2
 #: A component of a direction below this, relative to its length, is the error of differences.
 FLAT = EPS**0.4
 
@@ -123,10 +121,17 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
         step = _step(curve, x, null)
         if step is None:
             return Failure(Trouble.SINGULAR)
-        x = x + step.dx
+        x = _in_the_interval(curve, x + step.dx)
         if curve.metric.relative(step.dx, x) <= CONVERGED:
             return _found(curve, x, null, step)
     return Failure(Trouble.NOT_CONVERGED)
+
+
+def _in_the_interval(curve: Curve, x: Array) -> Array:
+    """Return ``x`` with alpha in the interval, outside of which nothing is evaluated."""
+    differences = curve.selection.system.differences(float(x[-1]))
+    x[-1] = min(max(x[-1], differences.lo), differences.hi)
+    return x
 
 
 def _step(curve: Curve, x: Array, null: _Null) -> _Step | None:
@@ -190,14 +195,12 @@ def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
     """Return w^T H''[v, .], shape (n + 1,), by differences of the Jacobian along v."""
     scale = curve.metric.scale
 
-    def product(steps: float) -> Array:
-        jacobian = curve.selection.jacobian(x + steps * STEP * scale * v)
-        row: Array = left @ columns_scaled(jacobian, scale)
+    def product(y: Array) -> Array:
+        row: Array = left @ columns_scaled(curve.selection.jacobian(y), scale)
         return row
 
-    central = 8.0 * (product(1.0) - product(-1.0)) - (product(2.0) - product(-2.0))
-    difference: Array = central / (12.0 * STEP)
-    return difference
+    differences = curve.selection.system.differences(float(x[-1]))
+    return differences.along(product, x, scale * v)
 
 
 def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] | None:

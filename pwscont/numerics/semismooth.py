@@ -29,6 +29,7 @@ from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.budget import check_budget
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONVERGED, EPS
+from pwscont.model.contract import jacobian_at, residual_at
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.metric import Metric
@@ -70,8 +71,8 @@ def semismooth_newton(
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         character = system.character(x[:-1], alpha)
-        residual = system.residual(x[:-1], alpha, character)
-        jacobian = system.jacobian(x[:-1], alpha, character)
+        residual = residual_at(system, x[:-1], alpha, character)
+        jacobian = jacobian_at(system, x[:-1], alpha, character)
         rows = _row_scale(jacobian, metric)
         if not (np.isfinite(residual).all() and np.isfinite(rows).all()):
             return Failure(Trouble.NOT_FINITE)
@@ -116,7 +117,7 @@ def _as_good_as_it_gets(root: Root, known: Sequence[Array]) -> tuple[Array, Arra
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     """Return the largest scaled coefficient of z in each row."""
     scaled = abs(jacobian) @ np.append(metric.scale[:-1], 0.0)
-    return np.where(scaled > 0.0, scaled, 1.0)
+    return np.where(scaled != 0.0, scaled, 1.0)  # what is not finite stays so
 
 
 def _direction(lu: Factor, jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
@@ -142,7 +143,8 @@ class _Merit:
 
     def __call__(self, x: Array) -> float:
         z, alpha = x[:-1], float(x[-1])
-        scaled = self.system.residual(z, alpha, self.system.character(z, alpha)) / self.rows
+        character = self.system.character(z, alpha)
+        scaled = residual_at(self.system, z, alpha, character) / self.rows
         return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
 
 

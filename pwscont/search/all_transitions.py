@@ -98,7 +98,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
     An alpha that is an end but for its error is made that end.
     """
     for x, error in found:
-        alpha = float(x[-2])
+        alpha = interval[0] + float(x[-2])
         nearest = min(max(alpha, interval[0]), interval[1])
         if abs(alpha - nearest) <= CONFIDENCE * magnitude(x, error)[-2]:
             yield np.append(x[:-2], nearest), error[:, :-1]
@@ -110,7 +110,7 @@ def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
 
 @final
 class _OnInterface(SlicewiseLinearSystem):
-    """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha).
+    """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha - lo).
 
     Only cells that the test bounds take part, and only points of the interval. Its own
     parameter is idle.
@@ -130,7 +130,7 @@ class _OnInterface(SlicewiseLinearSystem):
         self._block = Block(block.tests, block.rows, modes)
 
     def _is_bounded(self, block: Block, mode: tuple[bool, ...]) -> bool:
-        tests = len(self._system.test_functions(np.zeros(self._system.size), 0.0))
+        tests = len(self.test_functions(np.zeros(self.size), 0.0))
         signs = [True] * tests
         for i, sign in zip(block.tests, mode, strict=True):
             signs[i] = sign
@@ -138,21 +138,24 @@ class _OnInterface(SlicewiseLinearSystem):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the system."""
-        return self._system.test_functions(z[:-1], float(z[-1]))
+        return self._system.test_functions(*self._split(z))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return their gradients, with a column of zeros for the idle parameter."""
-        return _with_zero_column(self._system.test_jacobian(z[:-1], float(z[-1])))
+        return _with_zero_column(self._system.test_jacobian(*self._split(z)))
+
+    def _split(self, z: Array) -> tuple[Array, float]:
+        return z[:-1], self._interval[0] + float(z[-1])
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return (H_chi, kappa_test)."""
-        state, parameter = z[:-1], float(z[-1])
+        state, parameter = self._split(z)
         kappa = self._system.test_functions(state, parameter)[self._test]
         return np.append(self._system.residual(state, parameter, character), kappa)
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian."""
-        state, parameter = z[:-1], float(z[-1])
+        state, parameter = self._split(z)
         rows = dense(self._system.jacobian(state, parameter, character))
         kappa = dense(self._system.test_jacobian(state, parameter))[self._test]
         return _with_zero_column(np.vstack([rows, kappa]))
@@ -169,11 +172,11 @@ class _OnInterface(SlicewiseLinearSystem):
         )
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return lo <= alpha <= hi."""
+        """Return 0 <= alpha - lo <= hi - lo."""
         lo, hi = self._interval
         rows = np.zeros((2, self.size))
         rows[0, -1], rows[1, -1] = 1.0, -1.0
-        return rows, np.array([-lo, hi])
+        return rows, np.array([0.0, hi - lo])
 
 
 def _with_zero_column(matrix: Matrix) -> Array:

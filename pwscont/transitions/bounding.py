@@ -19,7 +19,14 @@ from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.cone import Fan, fan, opposite, same_piece
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_zero
-from pwscont.transitions.rays import Ray, beyond, gradient_of, inward_ray, vanishing
+from pwscont.transitions.rays import (
+    Ray,
+    beyond,
+    check_continuity,
+    gradient_of,
+    inward_ray,
+    vanishing,
+)
 from pwscont.transitions.simple_corner import SLANT
 
 #: Tests smaller than this part of the largest, or of the largest slope times the length of the
@@ -138,6 +145,7 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     """
     new = Selection(curve.selection.system, beyond(curve.selection, state.x, test))
     ray = inward_ray(Curve(new, curve.metric), state.x, state.error, test)
+    check_continuity(curve, new, ray, state.x, state.error)
     return ray if ray and ray.state.orientation == state.orientation else None
 
 
@@ -147,6 +155,8 @@ def corner(
     """Return the special point at which several interfaces meet, or one is tangent."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
     found = fan(curve.selection.system, curve.metric, x, error, zero)
+    for ray in found.rays:
+        check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
     if back is None and not found.rays and found.exact:

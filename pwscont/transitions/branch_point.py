@@ -100,6 +100,9 @@ def at_branch_point(curve: Curve, x: Array) -> Arrival | None:
     if isinstance(found, Failure) or not found.meets:
         return None
     tangent = found.directions[0]
+    differences = curve.selection.system.differences(float(found.x[-1]))
+    if not differences.contains(found.x[-1] - NEARBY * tangent[-1]):
+        tangent = -tangent
     near = curve.selection.jacobian(found.x - NEARBY * tangent)
     sign = bordered(near, curve.metric.covector(tangent), curve.metric.binary).sign
     return branch_point(curve, found, State(found.x, tangent, found.error, sign))

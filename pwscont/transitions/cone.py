@@ -161,7 +161,8 @@ def _with_index(ray: Ray, zero: frozenset[int]) -> Ray:
 def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface leaves it into this cell."""
     check_budget()
-    corrected = BorderedNewton().correct(curve, state.x + PROBE * state.tangent, state.tangent)
+    beside = state.x + PROBE * state.tangent
+    corrected = BorderedNewton().correct(curve, beside, state.tangent)
     if isinstance(corrected, Failure):
         return False
     selection, x = curve.selection, corrected.state.x

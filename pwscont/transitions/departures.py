@@ -19,7 +19,7 @@ from pwscont.numerics.uncertainty import uncertainty
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import Arrival
-from pwscont.transitions.rays import Ray, beyond, inward_ray, vanishing
+from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, vanishing
 
 
 def departures(system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Arrival:
@@ -84,6 +84,7 @@ def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) ->
         system = curve.selection.system
         other = Curve(Selection(system, beyond(curve.selection, x, test)), curve.metric)
         rays = [inward_ray(side, x, error, test) for side in (curve, other)]
+        check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
         found = [ray for ray in rays if ray is not None]
         if len(found) == 2:
             kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION

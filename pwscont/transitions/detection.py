@@ -22,6 +22,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.model.promises import BENT, refuse_bent_ray
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
@@ -96,7 +97,16 @@ def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failu
         return Failure(Trouble.UNBOUNDED)
     detector, index = watch.owner(start, first)
     state = detector.locate(segment, index, (best, best))
+    _check_straight(segment, best, state)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
+
+
+def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
+    """Refuse a selection that does not follow its ray: its first correction was not rounding."""
+    start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
+        return
+    refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
 
 
 def _ratios(reading: Joined) -> Array:

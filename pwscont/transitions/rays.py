@@ -13,8 +13,10 @@ Failure modes and answers
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
 - Interfaces that meet within rounding may be apart all the same: a ray then starts where its own
   curve is, not at the common point, or it would arrive elsewhere than its curve does.
-- The orientations differ or H jumps: the user's selections disagree on the interface, which is
-  said and not drawn.
+- The orientations differ: the user's selections disagree on the interface, which is said and not
+  drawn.
+- H jumps: the system is refused. A jump below rounding is none, one below the error of the point
+  cannot be told from none.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ import scipy.sparse as sp
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.rounding import CONFIDENCE, EPS
+from pwscont.model.promises import refuse_jump
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -120,6 +123,21 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
+
+
+def check_continuity(
+    curve: Curve, other: Selection, ray: Ray | None, x: Array, error: Array
+) -> None:
+    """Refuse a jump of H between the selection of a curve and another one at a common point.
+
+    Nothing need be computed where a ray of the other one begins at the point within its error.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    if ray is None or ray.state.x is not x:
+        refuse_jump(curve.selection, other, x, magnitude(x, error), curve.metric.scale)
 
 
 def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:

@@ -1,0 +1,148 @@
+"""Typical magnitudes of z for a system that gives none, from solutions.
+
+Without ``scale()`` magnitudes of one are tried first. Where solutions are of that magnitude, or not
+far from it, nothing else is done.
+
+Failure modes and answers
+-------------------------
+- Steps of differences that fit magnitudes of one step over a function of magnitude 1e-9: what
+  Newton finds then is no solution, and of no magnitude in particular. Magnitudes count only where
+  solutions found with them have them.
+- Unknowns of different magnitudes: each has its own, in a second round.
+- An unknown that is zero in all solutions found has no magnitude: that of the largest is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array, dense
+from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.model.contract import residual_at
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.metric import Metric
+from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.numerics.uncertainty import magnitude
+from pwscont.search.enumeration import Found
+
+#: Magnitudes that differ by less than this factor are alike.
+ALIKE = 100.0
+#: Solutions larger than this would take that many steps; smaller ones would lose as many digits.
+LARGE, SMALL = 1e3, 1e-6
+#: Jacobians that differ by more than this part do not see the same function.
+DIFFERENT = 1e-3
+#: What is tried where solutions give no hint: from one outwards.
+TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
+ROUNDS = 3
+
+
+@np.errstate(all="ignore")  # what is tried may be far outside of where H can be computed
+def magnitudes(
+    system: PiecewiseSystem, interval: tuple[float, float], guess: Array
+) -> Array | None:
+    """Return typical magnitudes of z where those of one do not fit, None where they do.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+        Fitted to the interval.
+    interval : tuple of float
+    guess : ndarray, shape (n,)
+        Where to look for solutions.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        None also where no others are found, or the system gives its own.
+    """
+    if system.gives_scale:
+        return None
+    found = list(_solutions(system, interval, guess))
+    if _ones_fit(system, interval, found):
+        return None
+    hints = [size] if (size := _sizes(found).max(initial=0.0)) else []
+    alike = (np.full(system.size, size) for size in (*hints, *TRIED))
+    sizes = (_reach(system, interval, guess), *alike)
+    tried = (_settled(system, interval, size, guess) for size in sizes)
+    return next((fitting for fitting in tried if fitting is not None), None)
+
+
+def _reach(system: PiecewiseSystem, interval: tuple[float, float], guess: Array) -> Array:
+    """Return by how much each unknown must change for H to change as much as it is off."""
+    off = max(float(np.abs(_residual(system, guess, alpha)).max()) for alpha in interval)
+    before = _residual(system, guess, interval[0])
+
+    def reaches(j: int, size: float) -> bool:
+        moved = guess.copy()
+        moved[j] += size
+        with np.errstate(all="ignore"):
+            return bool(np.abs(_residual(system, moved, interval[0]) - before).max() >= off)
+
+    sizes = ((size for size in sorted(TRIED) if reaches(j, size)) for j in range(system.size))
+    return np.array([next(found, 1.0) for found in sizes])
+
+
+def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
+    return residual_at(system, z, alpha, system.character(z, alpha))
+
+
+def _ones_fit(
+    system: PiecewiseSystem, interval: tuple[float, float], found: Sequence[Found]
+) -> bool:
+    """Tell whether solutions found with magnitudes of one are solutions, and not far from them."""
+    sizes = _sizes(found)
+    if not SMALL < sizes.max() < LARGE or sizes[sizes > 0.0].min() < SMALL:
+        return False
+    usual = sizes[sizes > 0.0].min() > 1.0 / LARGE
+    return bool(usual) or all(_sees(system, interval, sizes, x) for x, _ in found)
+
+
+def _sees(system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, x: Array) -> bool:
+    """Tell whether differences in steps of one and of the sizes found see one function."""
+    finer = system.within(*interval, np.where(sizes > 0.0, sizes, 1.0))
+    character = system.character(x[:-1], float(x[-1]))
+    J, K = (dense(s.jacobian(x[:-1], float(x[-1]), character)) for s in (system, finer))
+    return bool((np.abs(J - K) <= DIFFERENT * np.abs(K).max()).all())
+
+
+def _settled(
+    system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, guess: Array
+) -> Array | None:
+    """Return magnitudes that solutions found with them have, starting with ``sizes``."""
+    for _ in range(ROUNDS):
+        found = list(_solutions(system.within(*interval, sizes), interval, guess))
+        new = _sizes(found)
+        if not found or not (largest := new.max()):
+            return None
+        alike = (new <= ALIKE * sizes) & (sizes <= ALIKE * new) | (new == 0.0)
+        if alike.all():
+            return np.where(new > 0.0, new, largest)
+        sizes = np.where(new > 0.0, new, largest)
+    return None
+
+
+def _solutions(
+    system: PiecewiseSystem, interval: tuple[float, float], guess: Array
+) -> Iterator[Found]:
+    """Yield solutions at both ends of the interval and in its middle."""
+    metric = Metric.of(system, interval)
+    for alpha in (interval[0], 0.5 * sum(interval), interval[1]):
+        found = semismooth_newton(system, metric, guess, alpha)
+        if not isinstance(found, Failure):
+            yield found
+
+
+def _sizes(found: Sequence[Found]) -> Array:
+    """Return the largest magnitude of each unknown, zero where it is nothing but its error."""
+    if not found:
+        return np.zeros(1)
+    sizes = [np.abs(x) * (np.abs(x) > CONFIDENCE * _error(x, error)) for x, error in found]
+    largest: Array = np.max(sizes, axis=0)[:-1]
+    return largest
+
+
+def _error(x: Array, error: Array) -> Array:
+    return magnitude(x, np.atleast_2d(error))

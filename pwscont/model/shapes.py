@@ -1,0 +1,33 @@
+"""What a user's method returned, as an array of its own and of the right shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidSystemError
+
+
+def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return a copy of a value: its owner may use the same array for the next one.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no array of that shape, which it may have been before.
+    """
+    expect(system, method, value, shape)
+    return np.array(value, dtype=float)
+
+
+def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Refuse a value of another shape."""
+    got = getattr(value, "shape", None)
+    if got != shape:
+        what = f"shape {got}" if got is not None else f"{type(value).__name__}"
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
+            "is expected"
+        )

@@ -1,0 +1,284 @@
+"""Broken promises of a user's system are refused in words, and kept ones never."""
+
+import numpy as np
+import pytest
+from paper_systems import CASES
+
+from pwscont import (
+    Block,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    enumerate_solutions,
+    explore,
+    trace,
+)
+
+
+def one(residual, test=lambda z, alpha: z - 1.0, base=PiecewiseSystem):
+    """Return a system with one unknown; residual is a function of (z, alpha, sign)."""
+
+    class System(base):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return np.atleast_1d(test(z[0], alpha))
+
+        def residual(self, z, alpha, character):
+            return np.atleast_1d(residual(z[0], alpha, character.signs[0]))
+
+    return System()
+
+
+# -- affine --------------------------------------------------------------------------------------
+
+CURVED = {
+    "z^3": lambda z, a, on: z**3 - z - a,
+    "z^3 on one side only": lambda z, a, on: z - a + (0.1 * (z - 1.0) ** 3 if on else 0.0),
+    "alpha^2": lambda z, a, on: z - a**2,
+    "z alpha": lambda z, a, on: z - 1.0 + 0.5 * z * a,
+    "1e-6 z^2": lambda z, a, on: z - a + 1e-6 * z**2,
+}
+
+
+@pytest.mark.parametrize("name", CURVED)
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_curved_residual_declared_linear(name, unit):
+    """Also in other units, where scale() tells them."""
+    system = one(
+        lambda z, a, on: CURVED[name](z / unit, a, on),
+        lambda z, a: z / unit - 1.0,
+        PiecewiseLinearSystem,
+    )
+    type(system).scale = lambda self, lo, hi: np.array([unit])
+    with pytest.raises(InvalidSystemError, match=r"is a PiecewiseLinearSystem, but residual in"):
+        explore(system, (0.5, 2.0))
+
+
+@pytest.mark.parametrize("name", ["z^3", "z^3 on one side only"])
+def test_a_curved_residual_declared_slicewise_linear(name):
+    system = one(CURVED[name], base=SlicewiseLinearSystem)
+    words = "is a SlicewiseLinearSystem, but residual in .* not affine in z at fixed alpha"
+    with pytest.raises(InvalidSystemError, match=words):
+        explore(system, (0.5, 2.0))
+    with pytest.raises(InvalidSystemError, match=words):
+        enumerate_solutions(system, 0.5)
+
+
+def test_slicewise_linear_systems_may_be_curved_in_alpha():
+    graph = explore(one(CURVED["alpha^2"], base=SlicewiseLinearSystem), (0.5, 2.0))
+    assert graph.multiplicity() == [(0.5, 2.0, 1)]
+
+
+def test_a_curved_residual_that_only_tracing_meets():
+    """The start lies in a straight cell, and the run enters the curved one."""
+    system = one(CURVED["z^3 on one side only"], base=PiecewiseLinearSystem)
+    with pytest.raises(InvalidSystemError, match="residual in cell"):
+        trace(system, ([0.5], 0.5), (0.5, 2.0))
+
+
+def test_curved_tests_declared_linear():
+    system = one(lambda z, a, on: z - a, lambda z, a: z**2 - 1.0, PiecewiseLinearSystem)
+    with pytest.raises(InvalidSystemError, match="test_functions is not affine"):
+        explore(system, (0.5, 2.0))
+
+
+def test_a_wrong_jacobian_of_a_linear_system():
+    system = one(lambda z, a, on: z - a, base=PiecewiseLinearSystem)
+    system.jacobian = lambda z, alpha, character: np.array([[1.0, -1.1]])
+    with pytest.raises(InvalidSystemError, match="or its Jacobian is wrong"):
+        explore(system, (0.5, 2.0))
+
+
+# -- continuity ----------------------------------------------------------------------------------
+
+JUMPS = [1e-3, 1e-5, 1e-9, -1e-12]
+
+
+@pytest.mark.parametrize("jump", JUMPS)
+@pytest.mark.parametrize("base", [PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem])
+@pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])
+def test_a_jump_is_refused_down_to_rounding(jump, base, force):
+    system = one(
+        lambda z, a, on: force * (z - a + (jump if on else 0.0)), lambda z, a: z - 0.3, base
+    )
+    with pytest.raises(InvalidSystemError, match=r"residual jumps by .* in row 0 where cell"):
+        explore(system, (-1.0, 1.0))
+    with pytest.raises(InvalidSystemError, match=r"residual jumps by .* in row 0 where cell"):
+        trace(system, ([-1.0], -1.0), (-1.0, 1.0))
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e6, 1e9])
+def test_a_kink_of_any_stiffness_is_no_jump(stiff):
+    system = one(lambda z, a, on: z - a + (stiff * (z - 0.3) if on else 0.0), lambda z, a: z - 0.3)
+    graph = explore(system, (-1.0, 1.0))
+    assert [point.alpha for point in graph.special_points("transition")] == [pytest.approx(0.3)]
+
+
+def test_terms_that_cancel_at_the_interface_are_rounding_and_no_jump():
+    def residual(z, a, on):
+        return 1e8 * (z - 0.3) * 3.0 - 3e8 * z + 0.9e8 + z - a + (0.7 * (z - 0.3) if on else 0.0)
+
+    graph = explore(one(residual, lambda z, a: z - 0.3), (-1.0, 1.0))
+    assert len(graph.special_points("transition")) == 1
+
+
+def test_a_jump_where_two_tests_vanish():
+    class Corner(PiecewiseLinearSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z - 0.3
+
+        def residual(self, z, alpha, character):
+            signs = np.array(character.signs, dtype=float)
+            return z - alpha + 0.5 * signs * (z - 0.3) + 1e-6 * signs[0] * signs[1]
+
+    with pytest.raises(InvalidSystemError, match="jumps"):
+        explore(Corner(), (-1.0, 1.0))
+
+
+@pytest.mark.parametrize("name", ["fig7", "example1", "example3"])
+def test_no_false_alarm_on_the_paper(name):
+    case = CASES[name]
+    assert explore(case.system, case.interval).pieces
+
+
+# -- finite --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_residual_that_is_nowhere_finite(value):
+    with pytest.raises(InvalidSystemError, match=r"finite at none of 24 points"):
+        explore(one(lambda z, a, on: value), (-1.0, 1.0))
+
+
+def test_a_residual_that_is_undefined_for_some_z_is_no_error():
+    def residual(z, a, on):
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(z) - 1.0 - a
+
+    graph = explore(one(residual), (-0.5, 1.0))
+    assert graph.count(0.5) == 1
+    assert graph.solutions(0.5)[0].z[0] == pytest.approx(2.25)
+
+
+# -- arrays --------------------------------------------------------------------------------------
+
+
+def test_one_buffer_returned_again_and_again():
+    class Buffers(PiecewiseSystem):
+        size = 1
+        residuals, tests = np.zeros(1), np.zeros(1)
+
+        def test_functions(self, z, alpha):
+            self.tests[:] = z - 0.2
+            return self.tests
+
+        def residual(self, z, alpha, character):
+            self.residuals[:] = z**3 + z - alpha + (z - 0.2 if character.signs[0] else 0.0)
+            return self.residuals
+
+    graph = explore(Buffers(), (-1.0, 1.0))
+    assert graph.multiplicity() == [(-1.0, 1.0, 1)]
+    assert [p.alpha for p in graph.special_points("transition")] == [pytest.approx(0.208)]
+
+
+def test_a_linear_system_that_returns_one_buffer():
+    class Buffers(PiecewiseLinearSystem):
+        size = 1
+        residuals, tests = np.zeros(1), np.zeros(1)
+
+        def test_functions(self, z, alpha):
+            self.tests[:] = z - 0.2
+            return self.tests
+
+        def residual(self, z, alpha, character):
+            self.residuals[:] = z - alpha + (z - 0.2 if character.signs[0] else 0.0)
+            return self.residuals
+
+    graph = explore(Buffers(), (-1.0, 1.0))
+    assert graph.guarantee == "complete"
+    assert [p.alpha for p in graph.special_points("transition")] == [pytest.approx(0.2)]
+
+
+@pytest.mark.parametrize("late", [np.zeros((1, 1)), np.zeros(2), 0.0, None])
+def test_a_residual_that_changes_its_shape_later(late):
+    def residual(self, z, alpha, character):
+        return z - alpha if z[0] < 0.5 else late
+
+    methods = {"size": 1, "residual": residual, "test_functions": lambda self, z, alpha: z - 9.0}
+    system = type("Late", (PiecewiseSystem,), methods)()
+    with pytest.raises(InvalidSystemError, match=r"Late\.residual returned"):
+        trace(system, ([0.0], 0.0), (0.0, 1.0))
+
+
+def test_a_jacobian_that_changes_its_shape_later():
+    def jacobian(self, z, alpha, character):
+        return np.array([[1.0, -1.0]]) if z[0] < 0.5 else np.array([[1.0]])
+
+    methods = {
+        "size": 1,
+        "residual": lambda self, z, alpha, character: z - alpha,
+        "jacobian": jacobian,
+        "test_functions": lambda self, z, alpha: z - 9.0,
+    }
+    with pytest.raises(InvalidSystemError, match=r"Late\.jacobian returned"):
+        trace(type("Late", (PiecewiseSystem,), methods)(), ([0.0], 0.0), (0.0, 1.0))
+
+
+def test_a_residual_that_writes_to_its_argument():
+    def residual(self, z, alpha, character):
+        z -= alpha
+        return z.copy()
+
+    methods = {"size": 1, "residual": residual, "test_functions": lambda self, z, alpha: z - 9.0}
+    with pytest.raises(InvalidSystemError, match="writes to its argument z"):
+        explore(type("Writes", (PiecewiseSystem,), methods)(), (0.5, 1.0))
+
+
+# -- blocks --------------------------------------------------------------------------------------
+
+
+def blocked(*blocks):
+    class System(PiecewiseLinearSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z - 0.3
+
+        def residual(self, z, alpha, character):
+            return z - alpha + 0.5 * np.array(character.signs) * (z - 0.3)
+
+        def blocks(self):
+            return blocks
+
+    return System()
+
+
+MODES = ((True,), (False,))
+
+
+def test_blocks_that_fit():
+    system = blocked(Block((0,), (0,), MODES), Block((1,), (1,), MODES))
+    assert explore(system, (-1.0, 1.0)).guarantee == "complete"
+
+
+@pytest.mark.parametrize(
+    ("blocks", "words"),
+    [
+        (
+            (Block((0,), (0, 1), MODES), Block((1,), (1,), MODES)),
+            "row 1 is claimed 2 times.*join these blocks, or make each switch an unknown",
+        ),
+        ((Block((0,), (0,), MODES), Block((0,), (1,), MODES)), "test function 0 is claimed 2"),
+        ((Block((0,), (0,), MODES), Block((1,), (2,), MODES)), "there is no row 2, only 0 to 1"),
+        ((Block((0,), (0,), MODES), Block((2,), (1,), MODES)), "no test function 2, only 0 to 1"),
+        ((Block((0, 1), (0, 1), MODES),), "every mode of block 0 needs 2 signs"),
+        ((Block((0,), (0,), ()), Block((1,), (1,), MODES)), "every mode of block 0 needs 1"),
+    ],
+)
+def test_blocks_that_do_not_fit(blocks, words):
+    with pytest.raises(InvalidSystemError, match=words):
+        explore(blocked(*blocks), (-1.0, 1.0))
