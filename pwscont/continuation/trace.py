@@ -6,14 +6,11 @@ from typing import Any
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
-from pwscont.foundation.arrays import finite_array
-from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
-from pwscont.foundation.outcome import Failure
+from pwscont.continuation.start import checked_start, corrected
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
-from pwscont.model.contract import check_contract, checked_size
+from pwscont.model.contract import check_contract
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.stepping import Stepper
 
 
@@ -60,30 +57,8 @@ def trace(
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
-    z, alpha = _checked_start(system, start, (lo, hi))
-    check_contract(system, z, alpha)
+    rough = checked_start(system, start, (lo, hi))
+    check_contract(system, *rough)
     plan = Plan.of(system, (lo, hi), stepper)
-    rough = plan.reduction.state(z) if plan.reduction else z
-    found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
-    if isinstance(found, Failure):
-        raise StartNotFoundError(
-            f"no solution found near the start at alpha = {alpha}: {found}; start closer to a "
-            "solution, or let explore() search for starts"
-        )
+    found = corrected(plan, rough)
     return plan.follow([found], parameter, report, NOT_SEARCHED, journal)
-
-
-def _checked_start(
-    system: PiecewiseSystem, start: tuple[Any, float], interval: tuple[float, float]
-) -> tuple[Any, float]:
-    try:
-        z, alpha = start[0], float(start[1])
-        pair = len(start) == 2
-    except (TypeError, ValueError, IndexError) as error:
-        raise InvalidInputError(f"start must be a pair (z, alpha): {error}") from error
-    if not pair:
-        raise InvalidInputError(f"start must be a pair (z, alpha), got {len(start)} entries")
-    lo, hi = interval
-    if not lo <= alpha <= hi:
-        raise InvalidInputError(f"start at alpha = {alpha} lies outside the interval ({lo}, {hi})")
-    return finite_array("z of the start", z, (checked_size(system),)), alpha

@@ -12,6 +12,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import (
     Event,
     Joined,
@@ -44,9 +45,10 @@ class Walk:
 
 
 class Follower(ABC):
-    """Follows rays to the ends of their pieces, within an interval of alpha."""
+    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z."""
 
     interval: tuple[float, float]
+    bounds: Bounds
 
     @abstractmethod
     def walk(self, ray: Ray) -> Walk:
@@ -61,6 +63,7 @@ class Walker(Follower):
     stepper: Stepper
     watch: Watch
     interval: tuple[float, float]
+    bounds: Bounds
 
     def walk(self, ray: Ray) -> Walk:
         """Return the piece that ``ray`` begins."""

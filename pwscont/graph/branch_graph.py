@@ -30,6 +30,7 @@ WORDS = {
     Promise.NOTHING: "balanced",
     Promise.BUT_LOOPS: "complete but for closed loops",
     Promise.EVERYTHING: "complete",
+    Promise.UNIQUE: "complete (unique by the system's promise)",
 }
 
 
@@ -417,9 +418,14 @@ class BranchGraph:
             return f"not balanced: at least one branch missing in {where}"
         if any(_leaves_doubt(point) for point in self._points):
             return "balanced"
-        if not self.pieces and self.searched.promise == Promise.NOTHING:
+        if not self.pieces and self.searched.promise in (Promise.NOTHING, Promise.UNIQUE):
             return "nothing found"
         return WORDS[self.searched.promise]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing can be missing, no closed loop either; else counts are least numbers."""
+        return self.guarantee in (WORDS[Promise.EVERYTHING], WORDS[Promise.UNIQUE])
 
     # -- outside -----------------------------------------------------------------------
 

@@ -9,13 +9,14 @@ from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.records import Solution, significant
+from pwscont.model.box import Box
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import is_same, magnitude, slack_of_values
+from pwscont.numerics.uncertainty import has_digits, is_same, magnitude, slack_of_values
 from pwscont.transitions.cone import fan
 from pwscont.transitions.rays import vanishing
 
@@ -83,13 +84,14 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
     """Return solutions at ``alpha`` to start from, each once; of a face, its corners.
 
     Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried
-    once in every cell, from z = 0, which may miss some.
+    once in every cell, from z = 0 or what of the bounds is near it, which may miss some.
     """
     if isinstance(system, SlicewiseLinearSystem):
         return as_starts(solve_slice(system, metric, alpha))
     found: list[Found] = []
+    box = Box.of(system)
     for character in system.cells():
-        solution = _in_cell(Curve(Selection(system, character), metric), alpha)
+        solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
         if solution and not any(is_same(metric, solution, other) for other in found):
             found.append(solution)
     return found
@@ -105,16 +107,18 @@ def _corners(face: Face) -> list[Found]:
     return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in face.corners]
 
 
-def _in_cell(curve: Curve, alpha: float) -> Found | None:
+def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
     """Return the solution of one selection at ``alpha``, if it lies in the closed cell."""
-    x = np.append(np.zeros(curve.selection.system.size), alpha)
+    x = np.append(box.centre(curve.metric.scale[:-1]), alpha)
     along_alpha = last_unit(len(x)) * curve.metric.scale[-1]
     corrected = BorderedNewton(most_iterations=30).correct(curve, x, along_alpha)
     if not isinstance(corrected, Corrected):
         return None
     state = corrected.state
-    state.x[-1] = alpha
-    gradients = curve.selection.test_gradients(state.x)
-    slack = slack_of_values(gradients, state.x, state.error, curve.metric.scale)
-    inside = (curve.selection.tests(state.x) >= -slack).all()
-    return (state.x, state.error) if inside else None
+    if not has_digits(state.x, state.error, curve.metric.scale):
+        return None  # Newton ran off
+    x = np.append(box.wrapped(state.x[:-1]), alpha)
+    gradients = curve.selection.test_gradients(x)
+    slack = slack_of_values(gradients, x, state.error, curve.metric.scale)
+    inside = (curve.selection.tests(x) >= -slack).all()
+    return (x, state.error) if inside else None
