@@ -21,8 +21,8 @@ MANY_CELLS = 4**10
 MANY_INTERFACES = 2_000_000
 #: Cells of a curved system in which Newton can be tried in a second or two.
 MANY_NEWTONS = 2**11
-#: Slices between the ends at which loops are looked for, and the cells of all of them together.
-MANY_SLICES, MANY_CELLS_BETWEEN = 10, 10_000
+#: Slices between the ends at which loops are looked for: as many as have these cells together.
+FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 3, 8, 10_000
 
 
 def default_search(
@@ -39,7 +39,8 @@ def default_search(
     """
     from_many = MultiStart(around=tuple(tuple(z.tolist()) for z in around))
     search = _most_complete(system, interval, from_many)
-    return from_many + search if system.unique and search is not from_many else search
+    is_costly = isinstance(system, SlicewiseLinearSystem) and search is not from_many
+    return from_many + search if system.unique and is_costly else search
 
 
 def _most_complete(
@@ -61,9 +62,9 @@ def _most_complete(
 
 
 def _ends_and_slices(cells: int, interval: tuple[float, float]) -> Search:
-    """Return the search at both ends, and at as many slices between as cost little."""
-    count = min(MANY_SLICES, MANY_CELLS_BETWEEN // cells)
-    return EndPoints() + Slices.spread(count, interval) if count else EndPoints()
+    """Return the search at both ends, and at more slices between where these cost little."""
+    count = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
+    return EndPoints() + Slices.spread(count, interval)
 
 
 def _has_few_cells(system: PiecewiseSystem) -> bool:

@@ -19,7 +19,7 @@ Found = tuple[Array, Array]
 
 
 def checked_start(
-    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "start"
+    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
 ) -> Start:
     """Return z, shape (n,), and alpha of a start, or say what is wrong with it.
 
@@ -38,7 +38,7 @@ def checked_start(
     lo, hi = interval
     if not lo <= alpha <= hi:
         raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
-    return finite_array(f"z of the {name}", z, (checked_size(system),)), alpha
+    return finite_array(f"z of {name}", z, (checked_size(system),)), alpha
 
 
 def checked_starts(
@@ -54,7 +54,7 @@ def checked_starts(
     )
 
 
-def corrected(plan: Plan, start: Start, name: str = "start") -> Found:
+def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
     """Return the solution near a start of the full system, by semismooth Newton at its alpha.
 
     Raises
@@ -66,13 +66,13 @@ def corrected(plan: Plan, start: Start, name: str = "start") -> Found:
     found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
-            f"no solution found near the {name} at alpha = {alpha}: {found}; start closer to a "
+            f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
             "solution, or let explore() search for starts"
         )
     x, error = found
     if not plan.box.contains(x[:-1], magnitude(x, error)[:-1]):
         raise StartNotFoundError(
-            f"the solution found near the {name} at alpha = {alpha} lies outside the bounds of "
+            f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
             f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"
         )
     return found
