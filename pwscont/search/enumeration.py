@@ -91,20 +91,23 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
-    Where that takes too long, at least one cell is undecided.
+    Where that takes too long, at least one cell is undecided. Of no solution at all it makes sure.
     """
     found = solve_slice(system, metric, alpha)
-    if not _leaves_doubt(system, metric, found):
-        return found
-    exactly = solve_exactly(system, metric, alpha)
-    if exactly is None:
-        return replace(found, undecided=max(found.undecided, 1))
-    return replace(exactly, faces=found.faces)
+    doubt = _leaves_doubt(system, metric, found)
+    exactly = solve_exactly(system, metric, alpha) if doubt or _is_empty(found) else None
+    if exactly is not None:
+        return replace(exactly, faces=found.faces)
+    return replace(found, undecided=max(found.undecided, 1)) if doubt else found
+
+
+def _is_empty(found: Slice) -> bool:
+    return not (found.points or found.faces)
 
 
 def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -> bool:
     """Tell whether rounding may have changed the number of solutions of a slice."""
-    if found.undecided or not (found.points or found.faces):
+    if found.undecided:
         return True
     if any(_is_doubtful(system, metric, point) for point in found.points):
         return True
@@ -131,6 +134,8 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
             f"not complete: the signs of det(dH/dz) sum to {balance:+d}, not to "
             f"{system.degree:+d}, so at least one solution is missing"
         )
+    if _is_empty(found) and not found.exact:
+        return "not certain: nothing found, with too many cells for exact arithmetic"
     if found.undecided and not found.exact:
         return (
             "not certain: too ill conditioned for rounding, with too many cells for exact "
