@@ -93,19 +93,20 @@ class Box:
         depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
         return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)
 
-    def guess(self, rng: np.random.Generator, deviation: Array, near: Array | None = None) -> Array:
-        """Return a random point inside, normally distributed with this deviation.
+    def guess(
+        self, normal: Array, even: Array, deviation: Array, near: Array | None = None
+    ) -> Array:
+        """Return a point inside, from random numbers, normal and evenly within (-1/2, 1/2).
 
-        Around ``near``, or else around the centre; then evenly over a period, or from bound to
-        bound, where that is not much wider than the deviation.
+        Normally distributed with this deviation around ``near``, or else around the centre; then
+        evenly over a period, or from bound to bound, where that is not much wider.
         """
-        normal, even = rng.normal(size=len(deviation)), rng.uniform(-0.5, 0.5, size=len(deviation))
+        if near is not None:
+            return self.inside(near + deviation * normal)
         width = np.minimum(self.upper - self.lower, self.period)
         narrow = width <= NARROW * deviation
         away = np.where(narrow, np.where(narrow, width, 0.0) * even, deviation * normal)
-        return self.inside(
-            near + deviation * normal if near is not None else self.centre(deviation) + away
-        )
+        return self.inside(self.centre(deviation) + away)
 
     def inside(self, z: Array) -> Array:
         """Return z, mirrored at a bound that it is beyond, and moved onto one if still beyond."""

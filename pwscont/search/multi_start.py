@@ -72,17 +72,14 @@ class MultiStart(Search):
             yield from _found_at(system, metric, box, alpha, guesses)
 
     def _guesses(self, box: Box, scale: Array) -> list[Array]:
-        """Return all starts: the first ones, then random ones around each of these in turn."""
-        rng, deviation = np.random.default_rng(self.seed), self.spread * scale
-        around = (
-            list(finite_array("around", self.around, (len(self.around), len(scale))))
-            if self.around
-            else []
-        )
+        """Return all starts: the first ones, then random ones, every other around one of these."""
+        rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
+        normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
+        around = [finite_array("around", z, (len(scale),)) for z in self.around]
         guesses = [*map(box.inside, around), box.centre(scale)]
-        for i in range(self.count - 1):
+        for i in range(1, self.count):
             near = around[i // 2 % len(around)] if around and i % 2 else None
-            guesses.append(box.guess(rng, deviation, near))
+            guesses.append(box.guess(normal[i], even[i], self.spread * scale, near))
         return guesses
 
     def searched(self, system: PiecewiseSystem) -> Searched:
