@@ -10,7 +10,6 @@ from typing import final
 import numpy as np
 
 from pwscont.continuation.network import Edge, Network, Node
-from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
@@ -38,7 +37,7 @@ def assemble(
     was left out of the system is put back.
     """
     width = interval[1] - interval[0]
-    lift = Lift(system, reduction, Metric.of(system, interval).scale)
+    lift = Lift(system, reduction, Metric.of(system, interval))
     edges = [_Directed(edge, width, lift) for edge in network.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, network))}
@@ -73,7 +72,7 @@ class Lift:
 
     system: PiecewiseSystem
     reduction: Reduction | None
-    scale: Array
+    metric: Metric
 
     def place(self, place: Place) -> Place:
         """Return a place with all unknowns."""
@@ -158,19 +157,21 @@ def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
 def _special_point(
     number: int, node: Node, messages: tuple[str, str], ends: list[Place], lift: Lift
 ) -> SpecialPoint:
-    place = lift.place(_covering(node, ends))
-    digits = significant(place.error, place.x, lift.scale)
+    place = lift.place(_covering(node, ends, lift))
+    digits = significant(place.error, place.x, lift.metric.scale)
     return SpecialPoint(number, node.kind, place, *messages, digits=digits, lost=node.lost)
 
 
-def _covering(node: Node, ends: list[Place]) -> Place:
+def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
     """Return the place of a node, with an error that covers all that were taken to be there."""
     others = {id(one): one for one in (*ends, *(mark.place for mark in node.marks))}
     others.pop(id(node.place), None)
     if not others:
         return node.place
     x = node.place.x
-    errors = [np.maximum(one.error, np.abs(one.x - x)) for one in others.values()]
+    errors = [
+        np.maximum(one.error, np.abs(lift.metric.difference(one.x, x))) for one in others.values()
+    ]
     return Stored(x, np.max([node.place.error, *errors], axis=0))
 
 
@@ -194,7 +195,7 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
         return None
     place = lift.place(edge.begun_at)
     message = f"start in {directed.naming(directed.character)}"
-    digits = significant(place.error, place.x, lift.scale)
+    digits = significant(place.error, place.x, lift.metric.scale)
     return SpecialPoint(-1, Kind.START, place, message, message, piece, digits)
 
 

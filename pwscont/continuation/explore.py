@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.continuation.prepared import prepared
+from pwscont.continuation.start import Start, checked_starts, corrected
 from pwscont.foundation.budget import Budget
+from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.limits import Limits
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import checked_size
@@ -25,6 +28,7 @@ def explore(
     system: PiecewiseSystem,
     interval: tuple[float, float],
     *,
+    starts: Iterable[tuple[Any, float]] = (),
     search: Search | None = None,
     stepper: Stepper | None = None,
     parameter: str = "alpha",
@@ -39,10 +43,14 @@ def explore(
     system : PiecewiseSystem
     interval : tuple of float
         (lo, hi).
+    starts : iterable of (array_like, shape (n,), and float), optional
+        Starts (z, alpha) that are known, each rough as for :func:`pwscont.trace`. They are followed
+        first, and what the search finds after them.
     search : Search, optional
         Where to look for starts; searches add up with ``+``. The default depends on the size:
-        complete where that takes seconds (every transition point of a piecewise-linear system,
-        or all solutions at both ends), otherwise searches that promise nothing.
+        complete where that takes seconds (every transition point of a piecewise-linear system, or
+        all solutions at both ends and at some values between), otherwise searches that promise
+        nothing. That of a curved system looks around the given starts as well.
     stepper, parameter, report, journal, limits : optional
         As for :func:`pwscont.trace`.
 
@@ -53,23 +61,36 @@ def explore(
 
     Raises
     ------
-    InvalidInputError, InvalidSystemError
-        As for :func:`pwscont.trace`.
+    InvalidInputError, InvalidSystemError, StartNotFoundError
+        As for :func:`pwscont.trace`; of several starts the bad one is named by its place.
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
+    given = checked_starts(system, starts, (lo, hi))
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, (np.zeros(checked_size(system)), lo), (lo, hi), stepper)
-        chosen = search or default_search(plan.followed)
-        searched, starts = chosen.searched(plan.followed), _found(chosen, plan)
-        graph = plan.follow(starts, parameter, report, searched, journal, budget)
+        around = [plan.reduced(z) for z, _ in given]
+        chosen = search or default_search(plan.followed, (lo, hi), around)
+        searched = _searched(given, chosen.searched(plan.followed))
+        found = _found(plan, given, chosen)
+        graph = plan.follow(found, parameter, report, searched, journal, budget)
     if not graph.special_points() and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
 
 
-def _found(search: Search, plan: Plan) -> Iterator[Found]:
-    """Yield what a search finds; also one that returns a list begins when it is asked."""
+def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Found]:
+    """Yield the given starts, corrected, and what a search finds, begun when it is asked."""
+    for i, start in enumerate(given):
+        yield corrected(plan, start, f"starts[{i}]")
     yield from search.starts(plan.followed, plan.metric, plan.interval)
+
+
+def _searched(given: tuple[Start, ...], searched: Searched) -> Searched:
+    """Return what was searched, given starts included."""
+    if not given:
+        return searched
+    starts = f"{len(given)} given start{'s' if len(given) > 1 else ''}"
+    return Searched(f"{starts}; {searched.what}", searched.promise)

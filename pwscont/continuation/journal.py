@@ -318,7 +318,7 @@ class Recorded(Follower):
     """
 
     def __init__(self, follower: Follower, journal: Journal) -> None:
-        self.interval = follower.interval
+        self.interval, self.bounds = follower.interval, follower.bounds
         self._follower, self._journal, self._number = follower, journal, 0
 
     def walk(self, ray: Ray) -> Walk:

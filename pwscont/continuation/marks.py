@@ -55,7 +55,7 @@ class Mark:
     def _is_where(self, ray: Ray) -> bool:
         """Tell whether a ray starts here, or no further away than both are uncertain."""
         metric, x = ray.curve.metric, ray.state.x
-        apart = self.place.x - x
+        apart = metric.difference(self.place.x, x)
         if metric.norm(apart) <= JOIN * (1.0 + metric.norm(x)):
             return True
         errors = self.place.error + magnitude(x, ray.state.error)

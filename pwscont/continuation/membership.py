@@ -33,10 +33,11 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
     else:
         around = (curve.selection.system, curve.selection.character, points, alpha, interval)
         nearest = solve_between(*around)[0]
-    if metric.norm(nearest - x) <= SAME * (1.0 + metric.norm(x)):
+    apart = metric.difference(nearest, x)
+    if metric.norm(apart) <= SAME * (1.0 + metric.norm(x)):
         return True
     both = 2.0 * magnitude(x, state.error)  # the piece is as uncertain as the state
-    return bool((np.abs(nearest - x) <= CONFIDENCE * both).all())
+    return bool((np.abs(apart) <= CONFIDENCE * both).all())
 
 
 def _nearest_on_chord(curve: Curve, points: Array, x: Array) -> Array:

@@ -119,6 +119,15 @@ class Network:
         dissolve = partial(self._dissolve, start, rays) if interior else None
         self._follow_all(after_first=dissolve)
 
+    def spans(self, lo: float, hi: float) -> bool:
+        """Tell whether at every alpha from lo to hi there is a piece."""
+        reached = lo
+        for edge in sorted(self.edges, key=lambda edge: float(edge.track.alpha.min())):
+            if edge.track.alpha.min() > reached:
+                return False
+            reached = max(reached, float(edge.track.alpha.max()))
+        return reached >= hi
+
     def _follow_all(self, after_first: Callable[[], None] | None) -> None:
         """Work through the queue; both rays of an interior start come first and are joined."""
         for _ in range(2 if after_first else 0):
@@ -173,12 +182,16 @@ class Network:
         return self._past.repeats(node, ray.curve.metric.scale)
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
-        """Return the rays that do not leave the interval at once."""
+        """Return the rays that leave neither the interval nor the bounds at once."""
         lo, hi = self._walker.interval
-        return tuple(ray for ray in rays if _points_inside(ray, lo, hi))
+        return tuple(
+            ray
+            for ray in rays
+            if _points_inside(ray, lo, hi) and not self._walker.bounds.left_by(ray)
+        )
 
     def _within(self, walk: Walk) -> Walk:
-        """Return a walk without the rays that leave the interval where it arrived.
+        """Return a walk without the rays that leave interval or bounds where it arrived.
 
         A transition at an end but for rounding may be met before that end is.
         """
@@ -188,7 +201,9 @@ class Network:
             return walk
         arrival = replace(walk.arrival, rays=(back, *inside))
         if not inside:
-            arrival = replace(arrival, kind=Kind.END, message="end of the interval")
+            bounds = filter(None, map(self._walker.bounds.left_by, others))
+            message = next(bounds, "end of the interval")
+            arrival = replace(arrival, kind=Kind.END, message=message)
         return replace(walk, arrival=arrival)
 
     def _reach(self, walk: Walk, place: Place, begin: int) -> int:

@@ -96,7 +96,7 @@ def _derivatives(plan: Plan) -> Iterator[Omission]:
 
 def _search(plan: Plan, search: Search | None) -> Iterator[Omission]:
     """Say what a search with a stronger promise would be, and why it is not made."""
-    chosen = search or default_search(plan.followed)
+    chosen = search or default_search(plan.followed, plan.interval)
     promise = chosen.searched(plan.followed).promise
     if promise is Promise.EVERYTHING:
         return

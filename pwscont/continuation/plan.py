@@ -14,6 +14,8 @@ import numpy as np
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.network import Network
+from pwscont.continuation.uniqueness import check_unique, unique
+from pwscont.continuation.usable import Usable
 from pwscont.continuation.walk import Follower, Walker
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.budget import INTERRUPTED, Budget
@@ -22,6 +24,7 @@ from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.generic import generic
 from pwscont.foundation.guarantee import Searched
 from pwscont.graph import BranchGraph
+from pwscont.model.box import Box
 from pwscont.model.reduction import Reduction
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.numerics.metric import Metric
@@ -35,6 +38,7 @@ from pwscont.transitions import (
     SmoothFolds,
     TransitionDetector,
 )
+from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
 
@@ -117,6 +121,8 @@ class Plan:
         The reduced system, or the system itself.
     metric : Metric
         That of the followed system.
+    box : Box
+        The bounds and periods of its unknowns.
     stepper : Stepper
     detectors : tuple of TransitionDetector
     """
@@ -126,6 +132,7 @@ class Plan:
     reduction: Reduction | None
     followed: PiecewiseSystem
     metric: Metric
+    box: Box
     stepper: Stepper
     detectors: tuple[TransitionDetector, ...]
 
@@ -144,10 +151,18 @@ class Plan:
         chosen = checked_stepper(system, stepper)
         Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
         system = system.within(*interval, magnitudes)
-        reduction = system.reduction(*interval)
+        box = Box.of(system)
+        free = not (box.is_bounded or box.is_periodic)  # a smaller system does not know its box
+        reduction = system.reduction(*interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
         metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
-        return cls(system, interval, reduction, followed, metric, chosen, detectors)
+        return cls(
+            system, interval, reduction, followed, metric, Box.of(followed), chosen, detectors
+        )
+
+    def reduced(self, z: Array) -> Array:
+        """Return a state of the system as one of the followed system."""
+        return self.reduction.state(z) if self.reduction else z
 
     def follow(
         self,
@@ -162,28 +177,40 @@ class Plan:
 
         Where the budget is spent it is the graph of what was found.
         """
-        walker: Follower = Walker(self.stepper, Watch(self.detectors), self.interval)
+        bounds = Bounds(self.box, self.followed.names())
+        watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
+        walker: Follower = Walker(self.stepper, Watch(watched), self.interval, bounds)
         if journal is not None:
             self._check(journal)
             walker, starts = Recorded(walker, journal), journal.starts(starts)
         network = Network(walker, report, budget)
+        usable = Usable(starts, self.metric, self.box)
         with few_threads(self.followed.size):
             try:
-                self._follow_from(starts, network, budget)
+                self._follow_from(usable, network, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
         network.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
-        graph = assemble(network, self.system, self.interval, parameter, searched, self.reduction)
-        graph.searched = replace(searched, spent=budget.spent)
-        return graph
+        searched = replace(usable.lowered(searched), spent=budget.spent)
+        return self._graph(network, parameter, searched)
 
     def _follow_from(self, starts: Iterable[Found], network: Network, budget: Budget) -> None:
         for x, error in starts:
             network.add(departures(self.followed, self.metric, x, error))
-            if budget.spent:
+            if budget.spent or (self.system.unique and network.spans(*self.interval)):
                 return
+
+    def _graph(self, network: Network, parameter: str, searched: Searched) -> BranchGraph:
+        """Return the graph of what was discovered, held to the promise of uniqueness."""
+        if self.system.unique:
+            searched = unique(searched)
+        system, interval, reduction = self.system, self.interval, self.reduction
+        graph = assemble(network, system, interval, parameter, searched, reduction)
+        if self.system.unique:
+            check_unique(graph)
+        return graph
 
     def _check(self, journal: Journal) -> None:
         """Refuse a journal of another run."""

@@ -8,16 +8,12 @@ from typing import Any
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
 from pwscont.continuation.prepared import prepared
-from pwscont.foundation.arrays import Array, finite_array
+from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.foundation.budget import Budget
-from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
 from pwscont.foundation.limits import Limits
-from pwscont.foundation.outcome import Failure
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
-from pwscont.model.contract import checked_size
 from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 
@@ -72,36 +68,13 @@ def trace(
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
-    z, alpha = _checked_start(system, start, (lo, hi))
+    rough = checked_start(system, start, (lo, hi))
     with Budget(limits or Limits()) as budget:
-        plan = prepared(system, (z, alpha), (lo, hi), stepper)
-        starts = _corrected(plan, z, alpha)
-        return plan.follow(starts, parameter, report, NOT_SEARCHED, journal, budget)
+        plan = prepared(system, rough, (lo, hi), stepper)
+        found = _corrected(plan, rough)
+        return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget)
 
 
-def _corrected(plan: Plan, z: Array, alpha: float) -> Iterator[Found]:
-    """Yield the solution near a rough start."""
-    rough = plan.reduction.state(z) if plan.reduction else z
-    found = semismooth_newton(plan.followed, plan.metric, rough, alpha)
-    if isinstance(found, Failure):
-        raise StartNotFoundError(
-            f"no solution found near the start at alpha = {alpha}: {found}; start closer to a "
-            "solution, or let explore() search for starts"
-        )
-    yield found
-
-
-def _checked_start(
-    system: PiecewiseSystem, start: tuple[Any, float], interval: tuple[float, float]
-) -> tuple[Any, float]:
-    try:
-        z, alpha = start[0], float(start[1])
-        pair = len(start) == 2
-    except (TypeError, ValueError, IndexError) as error:
-        raise InvalidInputError(f"start must be a pair (z, alpha): {error}") from error
-    if not pair:
-        raise InvalidInputError(f"start must be a pair (z, alpha), got {len(start)} entries")
-    lo, hi = interval
-    if not lo <= alpha <= hi:
-        raise InvalidInputError(f"start at alpha = {alpha} lies outside the interval ({lo}, {hi})")
-    return finite_array("z of the start", z, (checked_size(system),)), alpha
+def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
+    """Yield the solution near the start, sought when it is asked for."""
+    yield corrected(plan, start)

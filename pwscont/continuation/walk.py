@@ -14,6 +14,7 @@ from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.numerics.curve import State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import (
     Event,
     Joined,
@@ -50,9 +51,10 @@ class Walk:
 
 
 class Follower(ABC):
-    """Follows rays to the ends of their pieces, within an interval of alpha."""
+    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z."""
 
     interval: tuple[float, float]
+    bounds: Bounds
 
     @abstractmethod
     def walk(self, ray: Ray) -> Walk:
@@ -67,6 +69,7 @@ class Walker(Follower):
     stepper: Stepper
     watch: Watch
     interval: tuple[float, float]
+    bounds: Bounds
 
     def walk(self, ray: Ray) -> Walk:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""

@@ -8,6 +8,7 @@ contact node, however many displacements the body has.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -65,6 +66,8 @@ class Problem:
         The original unknowns are origin + basis @ y.
     tests : int
         Number of test functions of the system.
+    growth : float
+        The condition of the common equations, by which rounding may have grown in origin and basis.
     """
 
     blocks: list[list[Option]]
@@ -73,6 +76,7 @@ class Problem:
     origin: Array
     basis: Array
     tests: int
+    growth: float
 
     @property
     def dimension(self) -> int:
@@ -102,18 +106,18 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         Typical magnitudes of z; the reduced unknowns are of the order of one.
     alpha : float
     """
-    zero, dx = np.zeros(system.size), np.append(scale * np.abs(generic(system.size)), 0.0)
+    zero, dx = np.zeros(system.size), aside(scale)
     kappa = np.array(system.test_functions(zero, alpha), dtype=float)
     K = dense(system.test_jacobian(zero, alpha))
     refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
     check_blocks(system, len(kappa))
     blocks = system.blocks()
-    slices = [_affine(system, blocks, k, alpha, dx) for k in range(_most_modes(blocks))]
+    slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
     common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
-    origin, basis = eliminated
+    origin, basis, growth = eliminated
     G, g = _reduced(K[:, :-1], kappa, origin, basis)
     options = [
         [
@@ -125,15 +129,21 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     options.sort(key=len)
     A, b = system.necessary(alpha)
     A, b = _reduced(dense(A), b, origin, basis)
-    return Problem(options, A, b, origin, basis, len(kappa))
+    return Problem(options, A, b, origin, basis, len(kappa), growth)
 
 
-def _most_modes(blocks: tuple[Block, ...]) -> int:
+def aside(scale: Array) -> Array:
+    """Return a generic displacement of z, shape (n + 1,), at which promises are held to."""
+    return np.append(scale * np.abs(generic(len(scale))), 0.0)
+
+
+def most_modes(blocks: Sequence[Block]) -> int:
+    """Return the number of modes of the block that has the most."""
     return max(len(block.modes) for block in blocks)
 
 
-def _affine(
-    system: SlicewiseLinearSystem, blocks: tuple[Block, ...], k: int, alpha: float, dx: Array
+def affine(
+    system: SlicewiseLinearSystem, blocks: Sequence[Block], k: int, alpha: float, dx: Array
 ) -> tuple[Array, Array]:
     """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last).
 
@@ -151,14 +161,16 @@ def _affine(
     return jacobian[:, :-1], residual
 
 
-def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array] | None:
-    """Return a solution of C z + c = 0 and a basis of the null space of C; None without solution.
+def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
+    """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
+
+    None without solution.
 
     By an orthogonal factorisation in scaled unknowns: the basis is as well conditioned as can
     be. Rows may depend on each other: a test that vanishes in all modes, as one more equation.
     """
     if not len(C):
-        return np.zeros(len(scale)), np.diag(scale)
+        return np.zeros(len(scale)), np.diag(scale), 1.0
     lengths = np.linalg.norm(C * scale, axis=1)
     lengths[lengths == 0.0] = 1.0
     rows, rest = C * scale / lengths[:, np.newaxis], c / lengths
@@ -172,7 +184,8 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array] | None:
     size = np.abs(R[:rank, rank:]).T @ np.abs(inner) + np.abs(rest[order[rank:]])
     if (np.abs(beyond) > tolerance * (size + np.abs(inner).max(initial=0.0))).any():
         return None
-    return scale * (Q[:, :rank] @ inner), scale[:, np.newaxis] * Q[:, rank:]
+    growth = 1.0 / float(np.abs(np.diagonal(R))[:rank].min(initial=1.0))
+    return scale * (Q[:, :rank] @ inner), scale[:, np.newaxis] * Q[:, rank:], growth
 
 
 def _option(
@@ -185,13 +198,13 @@ def _option(
 ) -> Option:
     rows, (G, g) = list(block.rows), tests
     E, e = _reduced(affine[0][rows], affine[1][rows], *reduced)
-    bounding = np.array(_bounding(system, block, mode, len(g)), dtype=np.intp)
-    side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounding])
-    G, g = side[:, np.newaxis] * G[bounding], side * g[bounding]
-    return Option(block.tests, mode, bounding, side, E, e, G, g)
+    bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
+    side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
+    G, g = side[:, np.newaxis] * G[bounds], side * g[bounds]
+    return Option(block.tests, mode, bounds, side, E, e, G, g)
 
 
-def _bounding(
+def bounding(
     system: SlicewiseLinearSystem, block: Block, mode: tuple[bool, ...], tests: int
 ) -> list[int]:
     """Return the tests of the block that bound its cell in this mode."""

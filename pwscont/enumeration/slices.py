@@ -13,7 +13,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, final
 
@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
 from pwscont.enumeration.options import Option, Problem, reduce
 from pwscont.enumeration.tree import SLACK, Choices, leaves
 from pwscont.foundation.arrays import Array, Indices
@@ -58,12 +59,15 @@ class Point:
         The cells in whose closure it lies; one unless it lies on an interface.
     det_sign : int
         Sign of det(dH/dz) in the first of them.
+    known_signs : tuple of int
+        The signs in all of them, where they are known; else empty.
     """
 
     x: Array
     error: Array
     characters: Sequence[Character]
     det_sign: int
+    known_signs: tuple[int, ...] = ()
 
 
 @final
@@ -87,10 +91,22 @@ class Face:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """All solutions at one alpha."""
+    """All solutions at one alpha.
+
+    Attributes
+    ----------
+    points : tuple of Point
+    faces : tuple of Face
+    undecided : int
+        Cells of which rounding leaves open whether they hold a solution.
+    exact : bool
+        Whether the points were found in exact arithmetic.
+    """
 
     points: tuple[Point, ...]
     faces: tuple[Face, ...]
+    undecided: int = 0
+    exact: bool = False
 
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
@@ -114,7 +130,62 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
                 faces += _face(problem, choices[k : k + 1], alpha)
         else:
             points.add(choices)
-    return Slice(tuple(points.points()), tuple(faces))
+    return Slice(tuple(points.points()), tuple(faces), points.undecided)
+
+
+def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
+    """Return all isolated solutions by trying every cell in exact arithmetic.
+
+    None where that takes too long, or the system's numbers are not finite. What is infinitely many
+    is left out.
+    """
+    if not is_affordable(system):
+        return None
+    rows = ExactSlice(system, metric.scale[:-1], alpha)
+    if not rows.is_finite:
+        return None
+    candidates = [_candidate(one, alpha) for one in rows.solutions()]
+    points: list[Point] = []
+    for one, point in candidates:
+        if one.is_inside and not any(_joins(metric, point, other) for other in points):
+            shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
+            cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
+            points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
+    undecided = sum(_is_undecided(system, metric, *candidate, points) for candidate in candidates)
+    return Slice(tuple(points), (), undecided, exact=True)
+
+
+def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
+    error = np.column_stack([one.error, np.zeros(len(one.error))])
+    return one, Point(np.append(one.z, alpha), error, (one.character,), one.det_sign)
+
+
+def _joins(metric: Metric, a: Point, b: Point) -> bool:
+    """Tell whether two points of exact cells are one.
+
+    Equal ones are. Two that only their errors do not tell apart are one where the signs agree: by
+    F1 such a curve crosses the interface between them. Where they differ it turns back there.
+    """
+    if np.array_equal(a.x, b.x):
+        return True
+    return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
+
+
+def _is_undecided(
+    system: PiecewiseSystem,
+    metric: Metric,
+    one: ExactSolution,
+    point: Point,
+    points: Sequence[Point],
+) -> bool:
+    """Tell whether a solution is outside its cell by no more than its error, and in no other."""
+    if one.is_inside:
+        return False
+    selection = Selection(system, one.character)
+    gradients, tests = selection.test_gradients(point.x), selection.tests(point.x)
+    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
+    found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
+    return bool((tests >= -slack).all()) and not found
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:
@@ -146,6 +217,8 @@ class _Points:
         self._system, self._metric, self._problem = system, metric, problem
         self._alpha = alpha
         self._found: list[_Known] = []
+        #: Cells whose solution could not be refined.
+        self.undecided = 0
 
     def points(self) -> list[Point]:
         """Return the solutions."""
@@ -184,6 +257,7 @@ class _Points:
         selection = Selection(self._system, problem.character(picks))
         root = _root(Curve(selection, self._metric), start)
         if isinstance(root, Failure):
+            self.undecided += 1
             return None
         error = uncertainty(root)
         known = _Known(root.x, error, self._holds(root.x, error), root.factor.sign, [])

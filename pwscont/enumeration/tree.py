@@ -10,6 +10,8 @@ Failure modes and answers
 - A solution on the very boundary of a cell must not be cut off: the linear programs and the
   first look at a batch are relaxed by SLACK, far above rounding; the exact decision is the
   caller's, from a refined solution.
+- Ill-conditioned equations, whose solution is off by far more: by how much rounding may have grown
+  is carried along, and nothing is cut off for less.
 - Equations that depend on those decided before: found by the factorisation of each block's own
   equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
   batch. A cell without a unique point is handed on as a subspace, not solved.
@@ -22,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +33,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from pwscont.enumeration.options import Option, Problem
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.budget import check_budget
-from pwscont.foundation.rounding import EPS
+from pwscont.foundation.rounding import EPS, GUARD
 
 #: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
 SLACK = 1e-5
@@ -53,11 +55,15 @@ class Choices:
     starts : ndarray, shape (N, d)
     directions : ndarray, shape (N, d, q)
         q is the same for all; 0 where all blocks are decided, but in singular cells.
+    growth : ndarray, shape (N,)
+        By how much rounding may have grown in the starts: the product over the blocks of the
+        condition of the equations of each on the subspace left to it.
     """
 
     picks: Indices
     starts: Array
     directions: Array
+    growth: Array
 
     def __len__(self) -> int:
         """Return the number of choices."""
@@ -65,16 +71,26 @@ class Choices:
 
     def __getitem__(self, index: Indices | slice) -> Choices:
         """Return some of the choices."""
-        return Choices(self.picks[:, index], self.starts[index], self.directions[index])
+        parts = self.starts[index], self.directions[index], self.growth[index]
+        return Choices(self.picks[:, index], *parts)
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Subspace:
-    """The points that satisfy the equations decided so far: start + directions @ s."""
+    """The points that satisfy the equations decided so far: start + directions @ s.
+
+    ``growth`` is that of :class:`Choices`.
+    """
 
     start: Array
     directions: Array
+    growth: float
+
+    @property
+    def slack(self) -> float:
+        """How far below zero an inequality of unit length may be computed and still hold."""
+        return float(_slack(self.growth) * (1.0 + np.abs(self.start).max(initial=0.0)))
 
 
 def leaves(problem: Problem) -> Iterator[Choices]:
@@ -83,7 +99,7 @@ def leaves(problem: Problem) -> Iterator[Choices]:
     In singular cells the inequalities are not looked at.
     """
     d = problem.dimension
-    yield from filter(len, _descend(problem, (), _Subspace(np.zeros(d), np.eye(d))))
+    yield from filter(len, _descend(problem, (), _Subspace(np.zeros(d), np.eye(d), problem.growth)))
 
 
 def _descend(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
@@ -104,11 +120,17 @@ def _impose(space: _Subspace, option: Option) -> _Subspace | None:
     U, sigma, Vt = np.linalg.svd(matrix)
     rank = int((sigma > _negligible(matrix)).sum())
     coefficients = U.T @ rest
-    size = 1.0 + np.abs(space.start).max(initial=0.0)
-    if (np.abs(coefficients[rank:]) > SLACK * size).any():
+    if (np.abs(coefficients[rank:]) > space.slack).any():
         return None
     step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
-    return _Subspace(space.start - space.directions @ step, space.directions @ Vt[rank:].T)
+    growth = space.growth / sigma[:rank].min(initial=1.0)
+    start, directions = space.start - space.directions @ step, space.directions @ Vt[rank:].T
+    return _Subspace(start, directions, growth)
+
+
+def _slack(growth: Any) -> Any:
+    """Return the relative slack of what only cuts off: more where rounding may have grown."""
+    return SLACK + GUARD * EPS * growth
 
 
 def _negligible(matrix: Array) -> float:
@@ -121,8 +143,7 @@ def _feasible(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> bo
     options = problem.chosen(chosen)
     G = np.vstack([problem.A, *(option.G for option in options)])
     g = np.concatenate([problem.b, *(option.g for option in options)])
-    size = 1.0 + np.abs(space.start).max(initial=0.0)
-    least = -(G @ space.start + g) - SLACK * size
+    least = -(G @ space.start + g) - space.slack
     if not space.directions.shape[1]:
         return bool((least <= 0.0).all())
     # milp without integers is SciPy's shortest way to HiGHS, two thirds of the time of linprog
@@ -137,7 +158,8 @@ def _feasible(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> bo
 def _together(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
     """Decide all remaining blocks, one after the other, for all their choices at once."""
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
-    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis])
+    growth = np.array([space.growth])
+    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
     for options in problem.blocks[len(chosen) :]:
         check_budget()
         choices, dependent = _spread(choices, options)
@@ -167,7 +189,9 @@ def _spread(
     steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
     starts = choices.starts[parents] - (directions @ steps)[..., 0]
     picks = np.vstack([choices.picks[:, parents], taken])
-    return Choices(picks, starts, directions @ Q[..., k:]), _dependent(choices, regular)
+    growth = choices.growth[parents] / pivots[regular].min(axis=-1, initial=1.0)
+    spread = Choices(picks, starts, directions @ Q[..., k:], growth)
+    return spread, _dependent(choices, regular)
 
 
 def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
@@ -182,7 +206,8 @@ def _dependent(
 ) -> Iterator[tuple[tuple[int, ...], _Subspace]]:
     for parent, option in np.argwhere(~regular):
         picked = (*choices.picks[:, parent].tolist(), int(option))
-        yield picked, _Subspace(choices.starts[parent], choices.directions[parent])
+        parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
+        yield picked, _Subspace(*parts)
 
 
 def _inside(problem: Problem, choices: Choices) -> Choices:
@@ -190,7 +215,7 @@ def _inside(problem: Problem, choices: Choices) -> Choices:
 
     The blocks decided last come first: they leave few choices to the others.
     """
-    slack = SLACK * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
+    slack = _slack(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
     inside = np.ones(len(choices), dtype=bool)
     for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):
         for k in np.flatnonzero(np.bincount(picks[inside])):

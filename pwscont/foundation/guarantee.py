@@ -9,11 +9,15 @@ from typing import final
 
 @final
 class Promise(IntEnum):
-    """How much of the zero set a search finds; larger is more."""
+    """How much of the zero set a search finds; larger is more.
+
+    UNIQUE is the system's own promise: at every alpha one solution at most.
+    """
 
     NOTHING = 0
     BUT_LOOPS = 1
     EVERYTHING = 2
+    UNIQUE = 3
 
 
 @final

@@ -23,6 +23,10 @@ class Trouble(Enum):
         "the bordered Jacobian is singular: two branches meet here, or the curve is tangent "
         "to the interface"
     )
+    NO_DIGITS = (
+        "not one digit of the point is certain: Newton ran off, or the equations are singular to "
+        "rounding"
+    )
     NOT_FINITE = (
         "the residual, the Jacobian or a test function is not finite here; is the parameter "
         "outside its domain?"

@@ -21,7 +21,7 @@ from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.refinement import refine
-from pwscont.graph.verdict import is_on_purpose, loose_ends, verdict
+from pwscont.graph.verdict import WORDS, is_on_purpose, loose_ends, verdict
 from pwscont.model.system import PiecewiseSystem
 
 #: Solutions that are larger or smaller by this factor are not of the order of one.
@@ -418,6 +418,12 @@ class BranchGraph:
         :meth:`sums`.
         """
         return verdict(self)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing can be missing, no closed loop either; else counts are least numbers."""
+        words = self.guarantee.split(";")[0]
+        return words in (WORDS[Promise.EVERYTHING], WORDS[Promise.UNIQUE])
 
     # -- outside -----------------------------------------------------------------------
 

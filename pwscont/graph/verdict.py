@@ -42,6 +42,7 @@ WORDS = {
     Promise.NOTHING: "balanced",
     Promise.BUT_LOOPS: "complete but for closed loops",
     Promise.EVERYTHING: "complete",
+    Promise.UNIQUE: "complete (unique by the system's promise)",
 }
 #: Kinds of points at which a branch may end because the system says so.
 ON_PURPOSE = ("end", "event")
@@ -57,7 +58,8 @@ def verdict(graph: BranchGraph) -> str:
     if gaps := graph.unbalanced():
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
-    if not doubts and not graph.pieces and graph.searched.promise == Promise.NOTHING:
+    promises = graph.searched.promise not in (Promise.NOTHING, Promise.UNIQUE)
+    if not doubts and not graph.pieces and not promises:
         return "nothing found"
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])

@@ -77,7 +77,8 @@ def _few(digits: float) -> str:
 
 
 def _counts(graph: BranchGraph) -> Iterator[str]:
-    yield f"Number of solutions by {graph.parameter}"
+    least = "" if graph.is_complete else ", at least"
+    yield f"Number of solutions by {graph.parameter}{least}"
     previous = None
     for stretch in graph.multiplicity():
         if previous is not None and not (previous.hi_closed or stretch.lo_closed):

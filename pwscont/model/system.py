@@ -43,6 +43,9 @@ class PiecewiseSystem(ABC):
     degree : int or None
         The sum of the signs of det(dH/dz) over all solutions at any regular alpha, where it is
         known to be one and the same; default None, not known.
+    unique : bool
+        The promise that there is never more than one solution at one alpha (a P-matrix, a convex
+        problem); default False. One found is then all, and two are an error in the promise.
     """
 
     __slots__ = ("__dict__", "__weakref__", "_differences")
@@ -51,6 +54,7 @@ class PiecewiseSystem(ABC):
     domain: tuple[float, float] = (-np.inf, np.inf)
     degree: int | None = None
     _differences: Differences
+    unique: bool = False
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -170,6 +174,22 @@ class PiecewiseSystem(ABC):
         """
         return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
 
+    def bounds(self) -> tuple[Any, Any]:
+        """Return between which values z makes sense, each broadcastable to (n,); default all.
+
+        Solutions outside are no starts, and a branch that leaves the bounds ends there: a
+        negative voltage, a concentration above one.
+        """
+        return -np.inf, np.inf
+
+    def periods(self) -> Any:
+        """Return after what each unknown repeats itself, broadcastable to (n,); default infinite.
+
+        A promise about H and the tests, such as 2 pi for an angle: solutions that differ by
+        whole periods are one. Infinite, or zero, is not periodic.
+        """
+        return np.inf
+
     def names(self) -> tuple[str, ...]:
         """Return a label for each component of z, for tables and axes."""
         return tuple(f"z[{i}]" for i in range(self.size))
@@ -182,8 +202,8 @@ class PiecewiseSystem(ABC):
         InvalidSystemError
             If there are too many tests to try all patterns: override this method.
         """
-        m = len(self.test_functions(np.zeros(self.size), self.somewhere))
-        if m > MANY_TESTS:
+        m = _number_of_tests(self)
+        if has_too_many_tests(self):
             raise InvalidSystemError(
                 f"{type(self).__name__} has {m} test functions, too many to try all 2^{m} sign "
                 "patterns; override cells() to yield one character for each selection"
@@ -249,6 +269,16 @@ class PiecewiseSystem(ABC):
         for i in self.bounding_tests(character):
             cell[i] = 2 if signs[i] else 1
         return bytes(cell)
+
+
+def _number_of_tests(system: PiecewiseSystem) -> int:
+    return len(system.test_functions(np.zeros(system.size), system.somewhere))
+
+
+def has_too_many_tests(system: PiecewiseSystem) -> bool:
+    """Tell whether a system without cells of its own has too many sign patterns to try all."""
+    is_default = type(system).cells is PiecewiseSystem.cells
+    return is_default and _number_of_tests(system) > MANY_TESTS
 
 
 @final

@@ -10,12 +10,14 @@ import numpy as np
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.model.box import Box
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import power_of_two
 
 #: Squares and products of magnitudes up to this one stay far from overflow.
 LARGEST = 1e120
 EVERYWHERE = (-math.inf, math.inf)
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -28,6 +30,8 @@ class Metric:
         Positive typical magnitudes of (z, alpha).
     interval : tuple of float
         The values of alpha at which a system may be asked for anything.
+    period : ndarray, shape (n,), optional
+        After what the unknowns repeat themselves, infinite where they do not; default all.
 
     Attributes
     ----------
@@ -35,8 +39,15 @@ class Metric:
         The magnitudes, and the powers of two next above them.
     """
 
-    def __init__(self, scale: Array, interval: tuple[float, float] = EVERYWHERE) -> None:
+    def __init__(
+        self,
+        scale: Array,
+        interval: tuple[float, float] = EVERYWHERE,
+        period: Array | None = None,
+    ) -> None:
         self.scale, self.interval = scale, interval
+        self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
+        self._period = period[self._turning] if period is not None else _NONE
         self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
 
@@ -44,19 +55,35 @@ class Metric:
     def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
         """Return the metric of a system on an interval, in which the interval has length 1."""
         lo, hi = interval
-        scale = finite_array(f"{type(system).__name__}.scale()", system.scale(lo, hi))
+        return cls._checked(system, system.scale(lo, hi), hi - lo, interval)
+
+    @classmethod
+    def at(cls, system: PiecewiseSystem, alpha: float) -> Metric:
+        """Return the metric of a system at one alpha."""
+        width = max(1.0, abs(alpha))
+        return cls._checked(system, system.scale(alpha, alpha), width, EVERYWHERE)
+
+    @classmethod
+    def _checked(
+        cls,
+        system: PiecewiseSystem,
+        magnitudes: Array,
+        width: float,
+        interval: tuple[float, float],
+    ) -> Metric:
+        scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
         if scale.shape != (system.size,) or not (scale > 0.0).all():
             raise InvalidSystemError(
                 f"{type(system).__name__}.scale() must return {system.size} positive numbers"
             )
-        everything = np.append(scale, hi - lo)
+        everything = np.append(scale, width)
         if everything.max() > LARGEST or everything.min() < 1.0 / LARGEST:
             raise InvalidSystemError(
                 f"typical magnitudes from {everything.min():.3g} to {everything.max():.3g} leave "
                 f"the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be "
                 "computed; choose other units"
             )
-        return cls(everything, (lo, hi))
+        return cls(everything, interval, Box.of(system).period)
 
     def admits(self, x: Array) -> bool:
         """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
@@ -69,6 +96,14 @@ class Metric:
             return False
         x[-1] = end
         return True
+
+    def difference(self, x: Array, y: Array) -> Array:
+        """Return x - y, shape (n + 1,), up to whole periods: from y to the nearest copy of x."""
+        apart: Array = x - y
+        if len(self._turning):
+            turns = np.round(apart[self._turning] / self._period)
+            apart[self._turning] -= turns * self._period
+        return apart
 
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""

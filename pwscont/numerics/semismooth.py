@@ -12,6 +12,8 @@ Failure modes and answers
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
+- Divergence: so far out that rounding hides the residual, no step reduces it. Where an error is as
+  large as the point itself, nothing is known, and it is no solution.
 - Ill conditioning: a solution can be so uncertain that its correction never converges. Where no
   step reduces the residual any more and the correction is nothing but rounding, it is one.
 """
@@ -34,7 +36,7 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import Factor, bordered, last_unit
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import is_rounding, uncertainty
+from pwscont.numerics.uncertainty import has_digits, is_rounding, uncertainty
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
@@ -85,7 +87,7 @@ def semismooth_newton(
         damped = _line_search(_Merit(system, metric, rows, known), x, step)
         if damped is None:
             root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
-            found = _as_good_as_it_gets(root, known)
+            found = _as_good_as_it_gets(root, metric, known)
             leaps += 1
             if known or leaps > MOST_LEAPS or not isinstance(found, Failure):
                 return found
@@ -103,15 +105,19 @@ def _is_solved(scaled: Array, size: Array) -> bool:
     return bool(np.abs(scaled).max() <= largest)
 
 
-def _as_good_as_it_gets(root: Root, known: Sequence[Array]) -> tuple[Array, Array] | Failure:
+def _as_good_as_it_gets(
+    root: Root, metric: Metric, known: Sequence[Array]
+) -> tuple[Array, Array] | Failure:
     """Return a point whose residual no step reduces, if it is a solution within rounding.
 
     So near a known solution it is that one again.
     """
-    again = (replace(root, error=np.abs(root.x - other)) for other in known)
+    again = (replace(root, error=np.abs(metric.difference(root.x, other))) for other in known)
     if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):
         return Failure(Trouble.NO_DESCENT)
-    return root.x, uncertainty(root)
+    error = uncertainty(root)
+    certain = has_digits(root.x, error, root.scale)
+    return (root.x, error) if certain else Failure(Trouble.NO_DIGITS)
 
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
@@ -163,7 +169,7 @@ def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
     """Return the product of 1 + 1 / distance^2 over the known solutions."""
     factor = 1.0
     for other in known:
-        factor *= 1.0 + 1.0 / max(metric.norm(x - other) ** 2, EPS**2)
+        factor *= 1.0 + 1.0 / max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
     return factor
 
 
@@ -175,7 +181,7 @@ def _stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> f
     """
     slope = 0.0
     for other in known:
-        distance = max(metric.norm(x - other) ** 2, EPS**2)
-        inner = float(metric.covector(x - other).dot(step))
+        distance = max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+        inner = float(metric.covector(metric.difference(x, other)).dot(step))
         slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0

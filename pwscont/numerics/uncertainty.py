@@ -27,6 +27,8 @@ from pwscont.numerics.root import Root, joined
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
 SMALL = 16
+#: A point is known to one digit where its error is at most this part of it.
+ONE_DIGIT = 0.1
 #: Samples for larger systems.
 SAMPLES = 4
 
@@ -83,10 +85,19 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
     return slack
 
 
+def has_digits(x: Array, error: Array, scale: Array) -> bool:
+    """Tell whether at least one digit of every component of ``x`` is certain, all finite.
+
+    Each is measured by its own size or, where that is smaller, by its typical magnitude.
+    """
+    known = ONE_DIGIT * np.maximum(np.abs(x), scale)
+    return bool(np.isfinite(x).all() and (magnitude(x, error) <= known).all())
+
+
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:
     """Tell whether two solutions, each with samples of its error, are one within their errors."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
-    return metric.norm(a[0] - b[0]) <= CONFIDENCE * sum(errors)
+    return metric.norm(metric.difference(a[0], b[0])) <= CONFIDENCE * sum(errors)
 
 
 @lru_cache(maxsize=8)

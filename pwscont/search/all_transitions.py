@@ -19,6 +19,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.model.box import Box
 from pwscont.model.system import (
     Block,
     PiecewiseLinearSystem,
@@ -56,10 +57,9 @@ class AllTransitions(Search):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> Searched:
-        """Promise everything."""
-        return Searched(
-            "all transition points, and all solutions at the lower end", Promise.EVERYTHING
-        )
+        """Promise everything; nothing where a piece may go from one bound to another."""
+        promise = Promise.NOTHING if Box.of(system).is_bounded else Promise.EVERYTHING
+        return Searched("all transition points, and all solutions at the lower end", promise)
 
 
 @final

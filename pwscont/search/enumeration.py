@@ -1,21 +1,35 @@
-"""Solutions at one alpha, by trying every cell."""
+"""Solutions at one alpha, by trying every cell.
+
+Failure modes and answers
+-------------------------
+- Ill conditioning: cells are cut off, or solutions taken to be outside them, by rounding that has
+  grown. Where few digits are left, the signs do not sum to the degree, cells could not be decided
+  or none has a solution, all is solved again in exact arithmetic.
+- That takes too long: the guarantee says what is not certain, and a search that meets it promises
+  nothing.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import final
+
 import numpy as np
 
-from pwscont.enumeration import Face, Point, Slice, det_sign, solve_slice
+from pwscont.enumeration import Face, Point, Slice, det_sign, solve_exactly, solve_slice
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.records import Solution, significant
+from pwscont.foundation.records import FEW_DIGITS, Solution, significant
+from pwscont.model.box import Box
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve
 from pwscont.numerics.linalg import last_unit
 from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import is_same, magnitude, slack_of_values
+from pwscont.numerics.uncertainty import has_digits, is_same, magnitude, slack_of_values
 from pwscont.transitions.cone import fan
 from pwscont.transitions.rays import vanishing
 
@@ -23,7 +37,23 @@ from pwscont.transitions.rays import vanishing
 Found = tuple[Array, Array]
 
 
-def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Solution]:
+@final
+class Solutions(list[Solution]):
+    """Solutions at one alpha, with what is known of their number.
+
+    Parameters
+    ----------
+    solutions : iterable of Solution
+    guarantee : str
+        "complete", also with a remark in brackets; or, beginning with "not", what is uncertain.
+    """
+
+    def __init__(self, solutions: Iterable[Solution] = (), guarantee: str = "") -> None:
+        super().__init__(solutions)
+        self.guarantee = guarantee
+
+
+def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
     """Return all isolated solutions of a system of linear pieces at one alpha.
 
     Parameters
@@ -33,14 +63,17 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Sol
 
     Returns
     -------
-    list of Solution
-        Each once, also where several cells share it; such a one carries the ``kind`` of point
-        that it is, and the sum of signs of the solutions that meet there: 0 at a fold.
+    Solutions
+        A list of them, whose ``guarantee`` says whether any may be missing. Each once, also where
+        several cells share it; such a one carries the ``kind`` of point that it is, and the sum of
+        signs of the solutions that meet there: 0 at a fold.
 
     Raises
     ------
     InvalidInputError
         If the system is not affine in z at fixed alpha, or alpha is no finite number.
+    InvalidSystemError
+        If typical magnitudes of z are too large or small to be computed with.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
@@ -48,8 +81,75 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[Sol
             "none; use explore with MultiStart"
         )
     alpha = float(finite_array("alpha", alpha, ()))
-    metric = Metric(np.append(system.scale(alpha, alpha), max(1.0, abs(alpha))))
-    return [_solution(system, metric, point) for point in solve_slice(system, metric, alpha).points]
+    metric, box = Metric.at(system, alpha), Box.of(system)
+    found = solve_surely(system, metric, alpha)
+    solutions = [_solution(system, metric, point) for point in found.points]
+    within = [s for s in solutions if box.contains(s.z, s.error[:-1])]
+    return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
+
+
+def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
+    """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
+
+    Where that takes too long, at least one cell is undecided. Of no solution at all it makes sure.
+    """
+    found = solve_slice(system, metric, alpha)
+    doubt = _leaves_doubt(system, metric, found)
+    exactly = solve_exactly(system, metric, alpha) if doubt or _is_empty(found) else None
+    if exactly is not None:
+        return replace(exactly, faces=found.faces)
+    return replace(found, undecided=max(found.undecided, 1)) if doubt else found
+
+
+def _is_empty(found: Slice) -> bool:
+    return not (found.points or found.faces)
+
+
+def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -> bool:
+    """Tell whether rounding may have changed the number of solutions of a slice."""
+    if found.undecided:
+        return True
+    if any(_is_doubtful(system, metric, point) for point in found.points):
+        return True
+    if system.degree is None or found.faces:
+        return False
+    return sum(_index(system, metric, point)[0] for point in found.points) != system.degree
+
+
+def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
+    """Tell whether a solution lost its digits, or is on an interface but in one cell only."""
+    digits = significant(magnitude(point.x, point.error), point.x, metric.scale)
+    if digits < FEW_DIGITS or len(point.characters) > 1:
+        return digits < FEW_DIGITS
+    selection = Selection(system, point.characters[0])
+    gradients = selection.test_gradients(point.x)
+    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
+    return bool((selection.tests(point.x) <= slack).any())
+
+
+def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str:
+    """Return what is known about the number of solutions, in words."""
+    if system.degree not in (None, balance) and not found.faces:
+        return (
+            f"not complete: the signs of det(dH/dz) sum to {balance:+d}, not to "
+            f"{system.degree:+d}, so at least one solution is missing"
+        )
+    if _is_empty(found) and not found.exact:
+        return "not certain: nothing found, with too many cells for exact arithmetic"
+    if found.undecided and not found.exact:
+        return (
+            "not certain: too ill conditioned for rounding, with too many cells for exact "
+            "arithmetic; solutions may be missing"
+        )
+    if found.undecided:
+        return (
+            f"not certain: {found.undecided} more may be solutions, for all that rounding in "
+            "the system itself can tell"
+        )
+    how = ["in exact arithmetic"] if found.exact else []
+    cells = f"cell{'s' if len(found.faces) > 1 else ''}"
+    how += [f"but for {len(found.faces)} {cells} with infinitely many"] if found.faces else []
+    return f"complete ({', '.join(how)})" if how else "complete"
 
 
 def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> Solution:
@@ -64,8 +164,7 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
     """Return the sum of signs to the right of a point, and the kind of point."""
     if len(point.characters) <= 2:
-        others = point.characters[1:]
-        signs = [point.det_sign, *(det_sign(system, metric, point.x, cell) for cell in others)]
+        signs = point.known_signs or _signs(system, metric, point)
         if len(signs) == 1:
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
@@ -79,17 +178,24 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
     return sum(right), found.kind
 
 
+def _signs(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, ...]:
+    others = point.characters[1:]
+    return point.det_sign, *(det_sign(system, metric, point.x, cell) for cell in others)
+
+
 def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
     """Return solutions at ``alpha`` to start from, each once; of a face, its corners.
 
     Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried
-    once in every cell, from z = 0, which may miss some.
+    once in every cell, from z = 0 or what of the bounds is near it, which may miss some.
     """
     if isinstance(system, SlicewiseLinearSystem):
-        return as_starts(solve_slice(system, metric, alpha))
+        slice_ = solve_surely(system, metric, alpha)
+        return as_starts(slice_) + _undecided(slice_, metric, alpha)
     found: list[Found] = []
+    box = Box.of(system)
     for character in system.cells():
-        solution = _in_cell(Curve(Selection(system, character), metric), alpha)
+        solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
         if solution and not any(is_same(metric, solution, other) for other in found):
             found.append(solution)
     return found
@@ -101,20 +207,28 @@ def as_starts(found: Slice) -> list[Found]:
     return points + [start for face in found.faces for start in _corners(face)]
 
 
+def _undecided(found: Slice, metric: Metric, alpha: float) -> list[Found]:
+    """Return as many points of which nothing is known as there are undecided cells."""
+    nowhere = np.append(np.zeros(len(metric.scale) - 1), alpha)
+    return [(nowhere, np.full((1, len(nowhere)), np.inf))] * found.undecided
+
+
 def _corners(face: Face) -> list[Found]:
     return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in face.corners]
 
 
-def _in_cell(curve: Curve, alpha: float) -> Found | None:
+def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
     """Return the solution of one selection at ``alpha``, if it lies in the closed cell."""
-    x = np.append(np.zeros(curve.selection.system.size), alpha)
+    x = np.append(box.centre(curve.metric.scale[:-1]), alpha)
     along_alpha = last_unit(len(x)) * curve.metric.scale[-1]
     corrected = BorderedNewton(most_iterations=30).correct(curve, x, along_alpha)
     if not isinstance(corrected, Corrected):
         return None
     state = corrected.state
-    state.x[-1] = alpha
-    gradients = curve.selection.test_gradients(state.x)
-    slack = slack_of_values(gradients, state.x, state.error, curve.metric.scale)
-    inside = (curve.selection.tests(state.x) >= -slack).all()
-    return (state.x, state.error) if inside else None
+    if not has_digits(state.x, state.error, curve.metric.scale):
+        return None  # Newton ran off
+    x = np.append(box.wrapped(state.x[:-1]), alpha)
+    gradients = curve.selection.test_gradients(x)
+    slack = slack_of_values(gradients, x, state.error, curve.metric.scale)
+    inside = (curve.selection.tests(x) >= -slack).all()
+    return (x, state.error) if inside else None

@@ -8,11 +8,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import finite_array
+from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.outcome import Failure
 from pwscont.foundation.rounding import EPS
+from pwscont.model.box import Box
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.semismooth import semismooth_newton
@@ -35,10 +36,13 @@ class MultiStart(Search):
     Attributes
     ----------
     count : int
-        Number of starts at each end; the first is z = 0.
+        Number of starts at each end; the first is z = 0, or what of the bounds is near it.
     seed : int
     spread : float
-        Starts are normally distributed with this many typical magnitudes as deviation.
+        Starts are normally distributed with this many typical magnitudes as deviation; evenly
+        over a period, and between bounds that are not much further apart.
+    around : tuple of tuple of float
+        States around which to start as well: from each of them, and every other start.
 
     Raises
     ------
@@ -49,6 +53,7 @@ class MultiStart(Search):
     count: int = 20
     seed: int = 0
     spread: float = 1.0
+    around: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -61,22 +66,21 @@ class MultiStart(Search):
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield the solutions found at lo, then those at hi."""
-        rng = np.random.default_rng(self.seed)
-        guesses = self.spread * rng.normal(size=(self.count, system.size)) * metric.scale[:-1]
-        guesses[0] = 0.0
+        box = Box.of(system)
+        guesses = self._guesses(box, metric.scale[:-1])
         for alpha in interval:
-            yield from self._at(system, metric, alpha, guesses)
+            yield from _found_at(system, metric, box, alpha, guesses)
 
-    def _at(
-        self, system: PiecewiseSystem, metric: Metric, alpha: float, guesses: np.ndarray
-    ) -> Iterator[Found]:
-        known: list[Found] = []
-        for guess in guesses:
-            found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
-            while not isinstance(found, Failure) and _is_new(metric, found, known):
-                known.append(found)
-                yield found
-                found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+    def _guesses(self, box: Box, scale: Array) -> list[Array]:
+        """Return all starts: the first ones, then random ones, every other around one of these."""
+        rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
+        normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
+        around = [finite_array("around", z, (len(scale),)) for z in self.around]
+        guesses = [*map(box.inside, around), box.centre(scale)]
+        for i in range(1, self.count):
+            near = around[i // 2 % len(around)] if around and i % 2 else None
+            guesses.append(box.guess(normal[i], even[i], self.spread * scale, near))
+        return guesses
 
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise nothing."""
@@ -84,5 +88,19 @@ class MultiStart(Search):
         return Searched(what, Promise.NOTHING)
 
 
+def _found_at(
+    system: PiecewiseSystem, metric: Metric, box: Box, alpha: float, guesses: list[Array]
+) -> Iterator[Found]:
+    """Yield the solutions at one alpha that some starts lead to; the same once more after each."""
+    known: list[Found] = []
+    for guess in guesses:
+        found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+        while not isinstance(found, Failure) and _is_new(metric, found, known):
+            found[0][:-1] = box.wrapped(found[0][:-1])
+            known.append(found)
+            yield found
+            found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+
+
 def _is_new(metric: Metric, found: Found, known: list[Found]) -> bool:
-    return all(metric.norm(found[0] - x) > SAME for x, _ in known)
+    return all(metric.norm(metric.difference(found[0], x)) > SAME for x, _ in known)

@@ -6,12 +6,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.model.box import Box
 from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.numerics.metric import Metric
 from pwscont.search.enumeration import Found, starts_at
 from pwscont.search.search import Search
+
+#: More values of alpha than these are not listed one by one.
+MANY_LISTED = 5
+#: Where a slice cuts its part of the interval: the smaller part of the golden section.
+OFFSET = 0.5 * (3.0 - 5.0**0.5)
 
 
 @final
@@ -20,7 +28,8 @@ class EndPoints(Search):
     """All solutions at both ends of the interval.
 
     A component of the zero set within the interval is a closed loop or ends at an end of the
-    interval, so this finds every component but loops, wherever the enumeration is complete.
+    interval, so this finds every component but loops, wherever the enumeration is complete. Where
+    unknowns are bounded a component may also end at a bound, and nothing is promised.
     """
 
     def starts(
@@ -33,7 +42,8 @@ class EndPoints(Search):
     def searched(self, system: PiecewiseSystem) -> Searched:
         """Promise everything but loops for slices that can be enumerated."""
         if isinstance(system, SlicewiseLinearSystem):
-            return Searched("all solutions at both ends of the interval", Promise.BUT_LOOPS)
+            ends = Promise.NOTHING if Box.of(system).is_bounded else Promise.BUT_LOOPS
+            return Searched("all solutions at both ends of the interval", ends)
         return Searched("one Newton iteration per cell at both ends", Promise.NOTHING)
 
 
@@ -52,6 +62,12 @@ class Slices(Search):
     """
 
     alphas: tuple[float, ...]
+
+    @classmethod
+    def spread(cls, count: int, interval: tuple[float, float]) -> Slices:
+        """Return slices at even distances, off the middle and other values that are special."""
+        lo, hi = interval
+        return cls(tuple((lo + (hi - lo) * (np.arange(count) + OFFSET) / count).tolist()))
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
@@ -74,5 +90,9 @@ class Slices(Search):
         """Promise nothing beyond the slices."""
         linear = isinstance(system, SlicewiseLinearSystem)
         what = "all solutions" if linear else "one Newton iteration per cell"
-        listed = ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
-        return Searched(f"{what} at alpha = {listed}", Promise.NOTHING)
+        if len(self.alphas) > MANY_LISTED:
+            first, last = min(self.alphas), max(self.alphas)
+            where = f"{len(self.alphas)} values of alpha from {first:.6g} to {last:.6g}"
+        else:
+            where = "alpha = " + ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
+        return Searched(f"{what} at {where}", Promise.NOTHING)

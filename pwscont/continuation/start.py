@@ -1,0 +1,78 @@
+"""Starts that a caller gives: checked, and corrected to solutions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pwscont.continuation.plan import Plan
+from pwscont.foundation.arrays import Array, finite_array
+from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
+from pwscont.foundation.outcome import Failure
+from pwscont.model.contract import checked_size
+from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.numerics.uncertainty import magnitude
+
+#: A rough state and its alpha, and a solution with samples of its error.
+Start = tuple[Array, float]
+Found = tuple[Array, Array]
+
+
+def checked_start(
+    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
+) -> Start:
+    """Return z, shape (n,), and alpha of a start, or say what is wrong with it.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the start by ``name``.
+    """
+    try:
+        z, alpha = start[0], float(start[1])
+        pair = len(start) == 2
+    except (TypeError, ValueError, IndexError, KeyError) as error:
+        raise InvalidInputError(f"{name} must be a pair (z, alpha): {error}") from error
+    if not pair:
+        raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
+    lo, hi = interval
+    if not lo <= alpha <= hi:
+        raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
+    return finite_array(f"z of {name}", z, (checked_size(system),)), alpha
+
+
+def checked_starts(
+    system: PiecewiseSystem, starts: Any, interval: tuple[float, float]
+) -> tuple[Start, ...]:
+    """Return several starts; a bad one is named by its place, as in ``starts[2]``."""
+    try:
+        listed = list(starts)
+    except TypeError as error:
+        raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
+    return tuple(
+        checked_start(system, start, interval, f"starts[{i}]") for i, start in enumerate(listed)
+    )
+
+
+def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
+    """Return the solution near a start of the full system, by semismooth Newton at its alpha.
+
+    Raises
+    ------
+    StartNotFoundError
+        If there is none, or it lies outside the bounds.
+    """
+    z, alpha = start
+    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
+    if isinstance(found, Failure):
+        raise StartNotFoundError(
+            f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
+            "solution, or let explore() search for starts"
+        )
+    x, error = found
+    if not plan.box.contains(x[:-1], magnitude(x, error)[:-1]):
+        raise StartNotFoundError(
+            f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
+            f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"
+        )
+    return found

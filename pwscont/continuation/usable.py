@@ -1,0 +1,47 @@
+"""The starts that can be followed, among those that a search finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import final
+
+import numpy as np
+
+from pwscont.foundation.guarantee import Promise, Searched
+from pwscont.model.box import Box
+from pwscont.numerics.metric import Metric
+from pwscont.numerics.uncertainty import has_digits, magnitude
+from pwscont.search.enumeration import Found
+
+
+@final
+class Usable:
+    """Starts within the bounds of which at least one digit is known; the others are counted.
+
+    Parameters
+    ----------
+    starts : iterable of (x, error)
+    metric : Metric
+    box : Box
+    """
+
+    def __init__(self, starts: Iterable[Found], metric: Metric, box: Box) -> None:
+        self._starts, self._metric, self._box = starts, metric, box
+        self._uncertain = 0
+
+    def __iter__(self) -> Iterator[Found]:
+        for x, given in self._starts:
+            error = np.atleast_2d(given)  # searches may give one sample as a vector
+            if not has_digits(x, error, self._metric.scale):
+                self._uncertain += 1
+            elif self._box.contains(x[:-1], magnitude(x, error)[:-1]):
+                yield x, error
+
+    def lowered(self, searched: Searched) -> Searched:
+        """Return what was searched, without a promise where a start could not be followed."""
+        if not self._uncertain:
+            return searched
+        lost = (
+            f"{self._uncertain} of the points found not followed, for no digit of them is certain"
+        )
+        return Searched(f"{searched.what}; {lost}", Promise.NOTHING)
