@@ -195,7 +195,7 @@ def test_the_graph_found_so_far_comes_back_after_ctrl_c(calls):
     assert graph.guarantee.startswith("interrupted")
     if graph.pieces:
         on_the_helix(graph)
-    assert (calls < 60) == (not graph.pieces)
+    assert (calls < 500) == (not graph.pieces)
     assert all("interrupted" in point.message for point in graph.special_points("stopped"))
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 

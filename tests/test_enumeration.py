@@ -71,7 +71,7 @@ def test_random_bodies(p, bodies):
         assert sum(solution.det_sign for solution in found) == 1
         counts.append(len(found))
     assert len(counts) > 0.95 * bodies
-    assert max(counts) > 1  # there was something to miss
+    assert max(counts) > 1 or bodies < 10  # there was something to miss
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
@@ -372,7 +372,7 @@ def problem_of(blocks, dimension):
         ]
         for block in blocks
     ]
-    return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0)
+    return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0, 1.0)
 
 
 @pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15, (4**7 + 1,)])

@@ -22,7 +22,7 @@ MANY_INTERFACES = 2_000_000
 #: Cells of a curved system in which Newton can be tried in a second or two.
 MANY_NEWTONS = 2**11
 #: Slices between the ends at which loops are looked for: as many as have these cells together.
-FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 3, 8, 10_000
+FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 
 
 def default_search(

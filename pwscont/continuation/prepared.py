@@ -5,6 +5,7 @@ from __future__ import annotations
 from pwscont.continuation.magnitudes import magnitudes
 from pwscont.continuation.plan import Plan
 from pwscont.foundation.arrays import Array
+from pwscont.foundation.budget import OutOfBudget
 from pwscont.model.contract import check_contract
 from pwscont.model.promises import check_promises
 from pwscont.model.system import PiecewiseSystem
@@ -27,5 +28,8 @@ def prepared(
     z, alpha = start
     plan = Plan.of(system, interval, stepper)
     check_promises(plan.system, interval, check_contract(plan.system, z, alpha))
-    fitting = magnitudes(plan.system, interval, z)
+    try:
+        fitting = magnitudes(plan.system, interval, z)
+    except OutOfBudget:  # the run that the plan is for ends before it begins
+        return plan
     return plan if fitting is None else Plan.of(system, interval, stepper, fitting)

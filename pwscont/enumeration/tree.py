@@ -56,8 +56,9 @@ class Choices:
     directions : ndarray, shape (N, d, q)
         q is the same for all; 0 where all blocks are decided, but in singular cells.
     growth : ndarray, shape (N,)
-        By how much rounding may have grown in the starts: the product over the blocks of the
-        condition of the equations of each on the subspace left to it.
+        By how much rounding may have grown in the starts: the worst condition of the equations of
+        a block on the subspace left to it. (The product over all blocks bounds it, but by so much
+        that nothing would be cut off.)
     """
 
     picks: Indices
@@ -123,7 +124,7 @@ def _impose(space: _Subspace, option: Option) -> _Subspace | None:
     if (np.abs(coefficients[rank:]) > space.slack).any():
         return None
     step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
-    growth = space.growth / sigma[:rank].min(initial=1.0)
+    growth = max(space.growth, 1.0 / sigma[:rank].min(initial=1.0))
     start, directions = space.start - space.directions @ step, space.directions @ Vt[rank:].T
     return _Subspace(start, directions, growth)
 
@@ -189,7 +190,8 @@ def _spread(
     steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
     starts = choices.starts[parents] - (directions @ steps)[..., 0]
     picks = np.vstack([choices.picks[:, parents], taken])
-    growth = choices.growth[parents] / pivots[regular].min(axis=-1, initial=1.0)
+    worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
+    growth = np.maximum(choices.growth[parents], worst)
     spread = Choices(picks, starts, directions @ Q[..., k:], growth)
     return spread, _dependent(choices, regular)
 

@@ -34,6 +34,8 @@ from pwscont.model.system import (
 #: What is promised to be affine may differ from its affine model by this part of its terms: far
 #: more than rounding, far less than a curved function does over typical magnitudes.
 BENT = EPS**0.5
+#: Tests below this part of their terms may vanish at the same corner.
+NEAR = EPS**0.5
 #: Points at which H is evaluated where a search found nothing.
 PROBES = 8
 
@@ -142,7 +144,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
         Naming the cells, the point and the size of the jump.
     """
     jump = np.abs(other.residual(x) - one.residual(x))
-    uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
+    relative = NEAR if _is_corner((one, other), x, scale) else GUARD * EPS
+    uncertain = relative * (np.abs(x) + scale) + CONFIDENCE * error
     excess = jump - sum(abs(side.jacobian(x)) @ uncertain for side in (one, other))
     row = int(np.argmax(excess))
     if excess[row] > 0.0:
@@ -152,6 +155,19 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
             f"meet, at alpha = {x[-1]:.10g}, z = {np.array2string(x[:-1], threshold=6)}: H must be "
             "continuous, so both selections must agree there; run check_system"
         )
+
+
+def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bool:
+    """Tell whether several tests are next to zero at a point.
+
+    Their signs there are rounding, and may name a cell whose selection agrees with the other one at
+    the corner only, which is as far from here as the tests are from zero.
+    """
+    near: set[int] = set()
+    for side in sides:
+        sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
+        near |= set(side.bounding[np.abs(side.tests(x)) <= NEAR * sizes].tolist())
+    return len(near) > 1
 
 
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
