@@ -154,7 +154,7 @@ def test_arrays_that_do_not_fit_are_refused(saved, name):
         (("pieces", 0, "count"), 0, "count of entry 0 of pieces must be a whole number from 2 on"),
         (("pieces", 0, "label"), ..., "entry 0 of pieces has no label"),
         (("interval",), [1.0, -1.0], r"the interval needs lo < hi, got \(1.0, -1.0\)"),
-        (("searched", 1), 9, "promise of searched must be at most 2, got 9"),
+        (("searched", 1), 9, "promise of searched must be at most 3, got 9"),
     ],
 )
 def test_messages_name_the_entry(tmp_path, way, value, words):

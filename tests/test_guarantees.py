@@ -104,23 +104,23 @@ def test_a_branch_that_is_missing():
     assert_says(less, "not balanced", "at least one branch missing in (-2, -0.5)")
 
 
-class Jump(PiecewiseSystem):
-    """H jumps by a half at z = 0: there is no way on."""
+class Saturating(PiecewiseSystem):
+    """alpha = tanh(z): the branch runs to infinity at alpha = 1."""
 
     size = 1
 
     def test_functions(self, z, alpha):
-        return z
+        return z - 0.5
 
     def residual(self, z, alpha, character):
-        return z - alpha + (0.5 if character.signs[0] else 0.0)
+        return np.tanh(z) - alpha
 
 
 def test_a_piece_that_was_stopped():
-    graph = trace(Jump(), ([-1.0], -1.0), (-1.0, 1.0))
+    graph = trace(Saturating(), ([0.0], 0.0), (-0.5, 2.0))
     (stopped,) = graph.special_points("stopped")
-    assert stopped.alpha == pytest.approx(0.0, abs=1e-12)
-    assert_says(graph, "not balanced", "a piece was stopped at alpha = 0 (")
+    assert stopped.alpha == pytest.approx(1.0, abs=1e-12)
+    assert_says(graph, "not balanced", "a piece was stopped at alpha = 1 (")
 
 
 class Root(PiecewiseSystem):

@@ -109,7 +109,7 @@ class Network:
         if known:
             self._absorb(known[0][0], arrival, _place(arrival))
             self._follow_all(after_first=None)
-        if known or self._is_isolated_twin(arrival) or (interior and self._is_known(rays[0])):
+        if known or self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
             return
         if not self._budget.allows(len(self.edges)):
             return
@@ -263,6 +263,16 @@ class Network:
             and lies_on(edge.trail.curve(ray.curve), edge.track.points, ray.state, interval)
             for edge in self.edges
         )
+
+    def _stands_on_pieces(self, arrival: Arrival, interior: bool) -> bool:
+        """Tell whether a start is a point of known pieces.
+
+        One that lies on an interface only for all that rounding can tell is one of both sides.
+        """
+        rays = arrival.rays
+        crossed = arrival.kind in (Kind.TRANSITION, Kind.NONSMOOTH_FOLD) and len(rays) == 2
+        asked = rays if crossed else rays[:1] if interior else ()
+        return bool(asked) and all(self._is_known(ray) for ray in asked)
 
     def _is_isolated_twin(self, arrival: Arrival) -> bool:
         """Tell whether a solution without rays is a node already."""

@@ -34,7 +34,7 @@ class Trouble(Enum):
     OUTSIDE = "the way on leaves the interval of the parameter and comes back into it"
     JUMP = (
         "every step that was tried, down to the smallest, leads away from the curve or to another "
-        "one close by; allow a smaller StepSize.smallest"
+        "one close by; check the Jacobian with check_system, or allow a smaller StepSize.smallest"
     )
     THIN_CELL = (
         "a test function vanishes within every step that was tried, but not at its ends; does it "

@@ -128,8 +128,8 @@ def _kink(function: Callable[[float], Array]) -> float | None:
             values = np.array([function(float(s)) for s in t])
         if not np.isfinite(values).all():
             return None
-        seconds = np.abs(np.diff(values, 2, axis=0)).max(axis=1)
-        i, size = int(np.argmax(seconds)), float(np.abs(values).max())
+        seconds = np.abs(np.diff(values, 2, axis=0)).max(axis=1, initial=0.0)
+        i, size = int(np.argmax(seconds)), float(np.abs(values).max(initial=0.0))
         if seconds[i] <= EPS**0.75 * size or (before and seconds[i] * SHRINK < before):
             return None
         step, before = t[1] - t[0], seconds[i]

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.generic import generic
@@ -144,11 +144,13 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
         Naming the cells, the point and the size of the jump.
     """
     jump = np.abs(other.residual(x) - one.residual(x))
-    relative = NEAR if _is_corner((one, other), x, scale) else GUARD * EPS
-    uncertain = relative * (np.abs(x) + scale) + CONFIDENCE * error
-    excess = jump - sum(abs(side.jacobian(x)) @ uncertain for side in (one, other))
+    uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
+    jacobians = one.jacobian(x), other.jacobian(x)
+    excess = jump - sum(abs(jacobian) @ uncertain for jacobian in jacobians)
+    if (excess > 0.0).any() and _is_corner((one, other), x, scale):
+        excess -= NEAR * (jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians))
     row = int(np.argmax(excess))
-    if excess[row] > 0.0:
+    if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
         name, size = type(one.system).__name__, float(jump[row])
         raise InvalidSystemError(
             f"{name}.residual jumps by {size:.3g} in row {row} where {one.label} and {other.label} "
@@ -161,13 +163,30 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
     """Tell whether several tests are next to zero at a point.
 
     Their signs there are rounding, and may name a cell whose selection agrees with the other one at
-    the corner only, which is as far from here as the tests are from zero.
+    the corner only. Rows with different gradients differ there as far as the corner is away.
     """
     near: set[int] = set()
     for side in sides:
         sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
         near |= set(side.bounding[np.abs(side.tests(x)) <= NEAR * sizes].tolist())
     return len(near) > 1
+
+
+def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
+    """Tell whether a point lies in the closed cells of both selections, as far as tests can tell.
+
+    A test tells nothing where rounding of one of its terms hides another one: with friction
+    coefficients of 1e13 the cell that it names may be any.
+    """
+    for side in sides:
+        gradients = np.abs(dense(side.test_gradients(x)))
+        terms = gradients * (np.abs(x) + scale)
+        least = np.where(terms > 0.0, terms, np.inf).min(axis=1, initial=np.inf)
+        if (GUARD * EPS * terms.sum(axis=1) > least).any():
+            return False
+        if (side.tests(x) < -(gradients @ uncertain)).any():
+            return False
+    return True
 
 
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:

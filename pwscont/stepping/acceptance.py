@@ -10,6 +10,8 @@ Failure modes and answers
 - Both accept by chance, where the sheets are much closer than the step: the cubic between the two
   points, which the graph interpolates, then leads from one sheet to the other, and at points inside
   the step it is off by the part of their distance that it has crossed there.
+- Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
+  of its point is estimated, and what is no larger than that tells nothing.
 - The check itself must be cheap: a point inside costs one residual and one solution with the
   factorisation that the corrector leaves. One point is enough if it is well chosen: where the cubic
   has crossed a golden section of the distance between the sheets, of all parts the one whose
@@ -24,11 +26,12 @@ import math
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import EPS
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.numerics.corrector import Corrected
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.root import joined
+from pwscont.numerics.root import Root, joined
 from pwscont.numerics.step_size import StepSize
+from pwscont.numerics.uncertainty import magnitude, uncertainty
 from pwscont.stepping.stepper import BESIDE, CurvedSegment
 
 #: Largest correction, as a part of the step.
@@ -39,7 +42,7 @@ SLOWEST = 0.1
 OFF = 0.1 * BESIDE
 #: What is not told apart anyway, in the metric: by so much it may be off however short the step is,
 #: where tangents from differences are no better.
-NEGLIGIBLE = EPS**0.5
+NEGLIGIBLE: float = EPS**0.5
 #: Where the cubic is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden section there.
 INSIDE = 0.4209
 
@@ -68,15 +71,37 @@ def accepted(
     """
     end = corrected.state
     cosine = float(curve.metric.covector(state.tangent).dot(end.tangent))
-    off = curve.metric.norm(end.x - predicted)
-    strain = max(off / (FARTHEST * length), corrected.contraction / SLOWEST)
-    if not (strain <= 1.0 and step_size.accepts(cosine)):
+    if not step_size.accepts(cosine):
         return Failure(Trouble.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
-    strain = max(strain, _off(segment, corrected) / (OFF * length + NEGLIGIBLE))
+    sizes = curve.metric.norm(end.x - predicted), _off(segment, corrected)
+    strain = _strain(sizes, corrected.contraction, length, NEGLIGIBLE)
+    if not strain <= 1.0 and math.isfinite(sizes[1]):
+        strain = _strain(sizes, corrected.contraction, length, _noise(curve, corrected))
     if not strain <= 1.0:
         return Failure(Trouble.JUMP)
     return segment.suggesting(step_size.after(length, strain, cosine))
+
+
+def _strain(sizes: tuple[float, float], contraction: float, length: float, noise: float) -> float:
+    """Return what a step makes of its tolerances: more than 1 where it must not be taken.
+
+    ``sizes`` are those of the correction, and of how far the cubic is off; what is no larger than
+    the noise tells nothing.
+    """
+    correction, off = sizes
+    by_contraction = contraction / SLOWEST if correction > noise else 0.0
+    return max(
+        by_contraction, correction / (FARTHEST * length + noise), off / (OFF * length + noise)
+    )
+
+
+def _noise(curve: Curve, corrected: Corrected) -> float:
+    """Return how far a corrected point may be off because of rounding."""
+    state, metric = corrected.state, curve.metric
+    jacobian, row = curve.selection.jacobian(state.x), metric.covector(state.tangent)
+    root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale, 0)
+    return NEGLIGIBLE + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
 
 
 def _off(segment: CurvedSegment, corrected: Corrected) -> float:

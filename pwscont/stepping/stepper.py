@@ -10,9 +10,10 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONVERGED
+from pwscont.foundation.rounding import CONFIDENCE, CONVERGED
 from pwscont.numerics.corrector import BorderedNewton
 from pwscont.numerics.curve import Curve, State
+from pwscont.numerics.uncertainty import magnitude
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -41,7 +42,7 @@ class Segment(ABC):
     def position(self, x: Array) -> float:
         """Return the distance s of a point of the curve."""
 
-    def is_beside(self, x: Array, s: float) -> bool:
+    def is_beside(self, state: State, s: float) -> bool:
         """Tell whether a point at distance ``s`` is near enough to belong to this stretch."""
         return True
 
@@ -128,18 +129,21 @@ class CurvedSegment(Segment):
         """Return the distance of the projection of ``x`` on the chord."""
         return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
 
-    def is_beside(self, x: Array, s: float) -> bool:
+    def is_beside(self, state: State, s: float) -> bool:
         """Tell whether a point of the curve at ``s`` is no farther from the cubic than this is."""
-        metric = self.curve.metric
-        slack = BESIDE * self.length + CONVERGED * (1.0 + metric.norm(x))
-        return metric.norm(x - self.near(s)) <= slack
+        metric, x = self.curve.metric, state.x
+        apart = metric.norm(x - self.near(s))
+        if apart <= BESIDE * self.length + CONVERGED * (1.0 + metric.norm(x)):
+            return True
+        rounding = CONFIDENCE * metric.norm(magnitude(x, state.error))
+        return apart <= BESIDE * self.length + rounding
 
     def at(self, s: float) -> State | Failure:
         """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
         found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
         if isinstance(found, Failure):
             return found
-        return found.state if self.is_beside(found.state.x, s) else Failure(Trouble.JUMP)
+        return found.state if self.is_beside(found.state, s) else Failure(Trouble.JUMP)
 
 
 def _bend(tangent: Array, chord: Array, row: Array) -> Array:

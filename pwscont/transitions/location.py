@@ -75,7 +75,7 @@ def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
     if lo == hi:
         return True
     s, slack = segment.position(found.x), CONVERGED * (1.0 + segment.curve.metric.norm(found.x))
-    return lo - slack <= s <= hi + slack and segment.is_beside(found.x, s)
+    return lo - slack <= s <= hi + slack and segment.is_beside(found, s)
 
 
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
