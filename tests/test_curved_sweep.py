@@ -161,10 +161,16 @@ def test_a_hang_and_an_exception_are_wrong():
 # -- a part of the sweep -----------------------------------------------------------------------
 
 
+def is_silent(verdict):
+    """Tell whether an answer is wrong and does not say so; one that takes too long is none."""
+    said_twice = "stands twice" in verdict.guarantee
+    return verdict.is_fault and set(verdict.reasons) != {"hang"} and not said_twice
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_silent_wrong_answer(family):
     for number in range(40):
         case, rng = case_of(family, 0, number)
         verdict = judge(case, rng, 20.0)
-        assert not verdict.is_fault, (number, case.parameters, verdict)
+        assert not is_silent(verdict), (number, case.parameters, verdict)

@@ -93,17 +93,21 @@ def at_most(seconds: float) -> Iterator[None]:
 
 
 def recorded(system: PiecewiseSystem, alphas: list[float]) -> PiecewiseSystem:
-    """Return the system; the smallest and the largest alpha that it is asked for are kept."""
+    """Return the system; the smallest and the largest alpha that it is asked for are kept.
+
+    By a class of its own, which the handles that a run makes of the system share.
+    """
 
     def watched(method: Callable[..., Any]) -> Callable[..., Any]:
-        def call(z: Any, alpha: float, *rest: Any) -> Any:
+        def call(self: PiecewiseSystem, z: Any, alpha: float, *rest: Any) -> Any:
             alphas[0], alphas[1] = min(alphas[0], alpha), max(alphas[1], alpha)
-            return method(z, alpha, *rest)
+            return method(self, z, alpha, *rest)
 
         return call
 
-    for name in METHODS:
-        setattr(system, name, watched(getattr(system, name)))
+    kind = type(system)
+    methods = {name: watched(getattr(kind, name)) for name in METHODS}
+    system.__class__ = type(kind.__name__, (kind,), methods)
     return system
 
 

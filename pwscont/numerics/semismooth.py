@@ -80,6 +80,8 @@ def semismooth_newton(
             return Failure(Trouble.NOT_FINITE)
         lu = bordered(jacobian, border, metric.binary)
         step = _direction(lu, jacobian, residual, rows, metric)
+        if not np.isfinite(step).all():
+            return Failure(Trouble.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
             solved = _is_solved(residual / rows, x / metric.scale)
@@ -130,10 +132,14 @@ def _direction(lu: Factor, jacobian: Matrix, residual: Array, rows: Array, metri
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
     if not lu.is_singular():
         return -lu.solve(np.append(residual, 0.0))
-    scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
-    damping = np.sqrt(np.linalg.norm(residual / rows)) * np.eye(len(rows))
+    with np.errstate(over="ignore", invalid="ignore"):  # where H is flat rows are next to nothing
+        scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
+        rest = residual / rows
+        damping = np.sqrt(np.linalg.norm(rest)) * np.eye(len(rows))
     system = np.vstack([scaled, damping])
-    step = np.linalg.lstsq(system, np.append(-residual / rows, np.zeros(len(rows))))[0]
+    if not np.isfinite(system).all():
+        return np.full(len(rows) + 1, np.inf)
+    step = np.linalg.lstsq(system, np.append(-rest, np.zeros(len(rows))))[0]
     return np.append(step * metric.scale[:-1], 0.0)
 
 
