@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from math import isfinite
 from typing import Any, final
 
 import numpy as np
@@ -88,7 +89,7 @@ class CoulombLoad(Coulomb):
         f = np.asarray(self.load(alpha), dtype=float)
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
-        if not np.isfinite(f).all():
+        if not isfinite(np.add.reduce(f)):
             raise InvalidInputError(f"load({alpha}) is not finite: {f}")
         self.body.refuse_guided_load(f)
         return f
@@ -115,6 +116,13 @@ class CoulombLoad(Coulomb):
         matrix = self.state_matrix(contact.modes(character), self.friction)
         return self.with_alpha_column(matrix, column)
 
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
+        if self._has_sparse_tests:
+            return super().test_functions(z, alpha)
+        tests: Array = self._test_gradients[:, :-1] @ z + self._tests_at_rest
+        return tests
+
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the constant gradients of the tests."""
         return self._test_gradients
@@ -123,6 +131,11 @@ class CoulombLoad(Coulomb):
         if hasattr(self.load, "derivative"):
             return np.asarray(self.load.derivative(alpha), dtype=float)
         return self.differences(alpha).by_parameter(self.load_at, alpha)
+
+    @cached_property
+    def _tests_at_rest(self) -> Array:
+        """The tests at z = 0, shape (3 p,)."""
+        return super().test_functions(np.zeros(self.size), 0.0)
 
     @cached_property
     def _test_gradients(self) -> Matrix:

@@ -10,7 +10,7 @@ import numpy as np
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
-from pwscont.continuation.prepared import prepared
+from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_starts, corrected
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.guarantee import Searched
@@ -70,11 +70,12 @@ def explore(
     checked_kind("limits", limits, Limits)
     given = checked_starts(system, starts, (lo, hi))
     with Budget(limits or Limits()) as budget:
-        plan = prepared(system, (np.zeros(checked_size(system)), lo), (lo, hi), stepper)
+        guess = np.zeros(checked_size(system))
+        plan = prepared(system, (guess, lo), (lo, hi), stepper)
         around = [plan.reduced(z) for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)
         searched = _searched(given, chosen.searched(plan.followed))
-        found = _found(plan, given, chosen)
+        plan, found = measured(plan, guess, lambda plan: _found(plan, given, chosen))
         graph = plan.follow(found, parameter, report, searched, journal, budget)
     if not graph.special_points() and not budget.spent:
         refuse_undefined(plan.system, plan.interval)

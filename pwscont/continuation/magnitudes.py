@@ -1,7 +1,7 @@
 """Typical magnitudes of z for a system that gives none, from solutions.
 
-Without ``scale()`` magnitudes of one are tried first. Where solutions are of that magnitude, or not
-far from it, nothing else is done.
+Without ``scale()`` magnitudes of one are tried first. Where the first solutions are of that
+magnitude, or not far from it, nothing else is done.
 
 Failure modes and answers
 -------------------------
@@ -56,12 +56,10 @@ def magnitudes(
     Returns
     -------
     ndarray, shape (n,), or None
-        None also where no others are found, or the system gives its own.
+        None also where no others are found.
     """
-    if system.gives_scale:
-        return None
     found = list(_solutions(system, interval, guess))
-    if _ones_fit(system, interval, found):
+    if ones_fit(system, interval, found):
         return None
     hints = [size] if (size := _sizes(found).max(initial=0.0)) else []
     alike = (np.full(system.size, size) for size in (*hints, *TRIED))
@@ -89,7 +87,8 @@ def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
     return residual_at(system, z, alpha, system.character(z, alpha))
 
 
-def _ones_fit(
+@np.errstate(all="ignore")
+def ones_fit(
     system: PiecewiseSystem, interval: tuple[float, float], found: Sequence[Found]
 ) -> bool:
     """Tell whether solutions found with magnitudes of one are solutions, and not far from them."""

@@ -177,7 +177,7 @@ class Plan:
 
         Where the budget is spent it is the graph of what was found.
         """
-        bounds = Bounds(self.box, self.followed.names())
+        bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
         walker: Follower = Walker(self.stepper, Watch(watched), self.interval, bounds)
         if journal is not None:

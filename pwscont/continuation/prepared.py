@@ -1,15 +1,22 @@
-"""The plan of a run, once its system has kept its promises at a first point."""
+"""The plan of a run whose system keeps its promises, and whose unknowns are measured."""
 
 from __future__ import annotations
 
-from pwscont.continuation.magnitudes import magnitudes
+from collections.abc import Callable, Iterator
+from itertools import chain, islice
+
+from pwscont.continuation.magnitudes import magnitudes, ones_fit
 from pwscont.continuation.plan import Plan
 from pwscont.foundation.arrays import Array
-from pwscont.foundation.budget import OutOfBudget
+from pwscont.foundation.errors import StartNotFoundError
 from pwscont.model.contract import check_contract
 from pwscont.model.promises import check_promises
 from pwscont.model.system import PiecewiseSystem
+from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+
+#: Starts by which the unknowns are measured.
+FIRST = 2
 
 
 def prepared(
@@ -18,7 +25,7 @@ def prepared(
     interval: tuple[float, float],
     stepper: Stepper | None,
 ) -> Plan:
-    """Return the plan for a system whose promises hold at a start, measured by its solutions.
+    """Return the plan for a system whose promises hold at a start.
 
     Raises
     ------
@@ -28,8 +35,49 @@ def prepared(
     z, alpha = start
     plan = Plan.of(system, interval, stepper)
     check_promises(plan.system, interval, check_contract(plan.system, z, alpha))
+    return plan
+
+
+def measured(
+    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]]
+) -> tuple[Plan, Iterator[Found]]:
+    """Return a plan with typical magnitudes of z, and its starts.
+
+    A system that gives none is measured by its first solutions; where these are far from one, by
+    solutions found again with what fits them.
+
+    Parameters
+    ----------
+    plan : Plan
+    guess : ndarray, shape (n,)
+        Where to look for solutions if the starts are none.
+    starts_of : callable
+        Plan -> its starts, sought when they are asked for.
+    """
+    starts, first = starts_of(plan), []
+    if plan.system.gives_scale:
+        return plan, starts
     try:
-        fitting = magnitudes(plan.system, interval, z)
-    except OutOfBudget:  # the run that the plan is for ends before it begins
-        return plan
-    return plan if fitting is None else Plan.of(system, interval, stepper, fitting)
+        first, starts = _looked_ahead(starts)
+        fit = ones_fit(plan.system, plan.interval, first)
+        fitting = None if fit else magnitudes(plan.system, plan.interval, guess)
+    except KeyboardInterrupt as why:  # or no budget left: what was found so far is followed
+        return plan, chain(first, _raising(why))
+    if fitting is None:
+        return plan, chain(first, starts)
+    plan = Plan.of(plan.system, plan.interval, plan.stepper, fitting)
+    return plan, starts_of(plan)
+
+
+def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
+    """Return the first starts and the others; where none is found that is said when asked."""
+    try:
+        return list(islice(starts, FIRST)), starts
+    except StartNotFoundError as error:
+        return [], _raising(error)
+
+
+def _raising(error: BaseException) -> Iterator[Found]:
+    """Raise where the next start is asked for."""
+    raise error
+    yield

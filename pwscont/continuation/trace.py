@@ -7,7 +7,7 @@ from typing import Any
 
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
-from pwscont.continuation.prepared import prepared
+from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.limits import Limits
@@ -71,7 +71,7 @@ def trace(
     rough = checked_start(system, start, (lo, hi))
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper)
-        found = _corrected(plan, rough)
+        plan, found = measured(plan, rough[0], lambda plan: _corrected(plan, rough))
         return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget)
 
 

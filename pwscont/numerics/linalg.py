@@ -51,7 +51,8 @@ class DenseFactor(Factor):
 
     def __init__(self, matrix: Array, scale: Array) -> None:
         matrix *= scale
-        self._columns, self._rows = scale, power_of_two(np.abs(matrix).max(axis=1))
+        self._columns = scale
+        self._rows = power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
         matrix /= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)

@@ -112,7 +112,7 @@ class Metric:
 
     def relative(self, dx: Array, x: Array) -> float:
         """Return the largest component of ``dx`` relative to that of ``x`` or its scale."""
-        return float((np.abs(dx) / (self.scale + np.abs(x))).max())
+        return float(np.maximum.reduce(np.abs(dx) / (self.scale + np.abs(x))))
 
     def covector(self, t: Array) -> Array:
         """Return the row w with ``w @ x`` the inner product of t and x."""

@@ -72,9 +72,13 @@ class Hermite(Predictor):
     ) -> tuple[Array, Array]:
         """Return a point of the cubic; of the tangent on the first step."""
         straight = state.x + length * state.tangent
-        step = curve.metric.norm(state.x - previous.x) if previous else 0.0
-        if previous is None or step < CONVERGED:
+        if previous is None:
             return straight, state.tangent
-        u, chord = length / step, (state.x - previous.x) / step
-        bend = previous.tangent + state.tangent - 2.0 * chord
-        return straight + length * u * ((1.0 + u) * bend + state.tangent - chord), state.tangent
+        chord = state.x - previous.x
+        step = curve.metric.norm(chord)
+        if step < CONVERGED:
+            return straight, state.tangent
+        u, chord = length / step, chord / step
+        turn = state.tangent - chord
+        bend = previous.tangent - chord + turn
+        return straight + (length * u) * ((1.0 + u) * bend + turn), state.tangent

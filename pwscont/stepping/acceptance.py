@@ -43,8 +43,6 @@ OFF = 0.1 * BESIDE
 #: What is not told apart anyway, in the metric: by so much it may be off however short the step is,
 #: where tangents from differences are no better.
 NEGLIGIBLE: float = EPS**0.5
-#: Where the cubic is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden section there.
-INSIDE = 0.4209
 
 
 def accepted(
@@ -74,26 +72,26 @@ def accepted(
     if not step_size.accepts(cosine):
         return Failure(Trouble.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
-    sizes = curve.metric.norm(end.x - predicted), _off(segment, corrected)
-    strain = _strain(sizes, corrected.contraction, length, NEGLIGIBLE)
-    if not strain <= 1.0 and math.isfinite(sizes[1]):
-        strain = _strain(sizes, corrected.contraction, length, _noise(curve, corrected))
+    measured = curve.metric.norm(end.x - predicted), _off(segment, corrected)
+    strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
+    if not strain <= 1.0 and math.isfinite(measured[1]):
+        strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
     if not strain <= 1.0:
         return Failure(Trouble.JUMP)
-    return segment.suggesting(step_size.after(length, strain, cosine))
+    segment.suggestion = step_size.after(length, strain, cosine)
+    return segment
 
 
-def _strain(sizes: tuple[float, float], contraction: float, length: float, noise: float) -> float:
-    """Return what a step makes of its tolerances: more than 1 where it must not be taken.
+def _strain(
+    correction: float, off: float, contraction: float, length: float, noise: float
+) -> float:
+    """Return what a step makes of its tolerances, more than 1 where it must not be taken.
 
-    ``sizes`` are those of the correction, and of how far the cubic is off; what is no larger than
-    the noise tells nothing.
+    A correction that is no larger than the noise, and a cubic that is off by no more, tell nothing.
     """
-    correction, off = sizes
     by_contraction = contraction / SLOWEST if correction > noise else 0.0
-    return max(
-        by_contraction, correction / (FARTHEST * length + noise), off / (OFF * length + noise)
-    )
+    by_correction = correction / (FARTHEST * length + noise)
+    return max(by_contraction, by_correction, off / (OFF * length + noise))
 
 
 def _noise(curve: Curve, corrected: Corrected) -> float:
@@ -106,7 +104,7 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
 
 def _off(segment: CurvedSegment, corrected: Corrected) -> float:
     """Return how far the cubic of a segment is from the curve, infinite outside the interval."""
-    curve, x = segment.curve, segment.near(INSIDE * segment.length)
+    curve, x = segment.curve, segment.inside
     if not curve.metric.admits(x):
         return math.inf
     return curve.metric.norm(corrected.factor.solve(joined(curve.selection.residual(x), 0.0)))

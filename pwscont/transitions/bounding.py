@@ -32,8 +32,8 @@ from pwscont.transitions.simple_corner import SLANT
 #: Tests smaller than this part of the largest, or of the largest slope times the length of the
 #: interval, are looked at more closely.
 NEAR = 1e-9
-#: Where within a step the tests are looked at, as parts of it.
-INSIDE = (1.0 / 3.0, 2.0 / 3.0)
+#: Within a step longer than this, in the metric, the tests are looked at in two points.
+LONG = 0.05
 
 
 @final
@@ -52,7 +52,7 @@ class BoundingTests(TransitionDetector):
         gradients = selection.test_gradients(state.x)
         values, slopes = selection.tests(state.x), gradients @ state.tangent
         sizes = np.abs(values)
-        near = sizes <= NEAR * max(sizes.max(), np.abs(slopes).max())
+        near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
         if np.count_nonzero(near):
             riding = np.flatnonzero(near)
             scale = curve.metric.scale
@@ -67,10 +67,9 @@ class BoundingTests(TransitionDetector):
         """
         if not len(start.values):
             return None
-        tests = segment.curve.selection.tests
-        for part in INSIDE:
-            values = tests(segment.near(part * segment.length))
-            if values.min() < 0.0 and _is_dip(values, start, end):
+        for x in _looked_at(segment):
+            values = segment.curve.selection.tests(x)
+            if np.minimum.reduce(values) < 0.0 and _is_dip(values, start, end):
                 return Failure(Trouble.THIN_CELL)
         return None
 
@@ -103,6 +102,14 @@ class BoundingTests(TransitionDetector):
         )
         kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
         return Arrival(kind, x, message, (back, forth))
+
+
+def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
+    """Return the points inside a step in which the tests are looked at."""
+    if segment.length <= LONG:
+        return (segment.inside,)
+    third = segment.length / 3.0
+    return segment.near(third), segment.near(2.0 * third)
 
 
 def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:

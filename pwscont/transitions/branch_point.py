@@ -30,7 +30,7 @@ from pwscont.numerics.crossing import Crossing, crossing
 from pwscont.numerics.curve import Curve, State
 from pwscont.numerics.linalg import bordered
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import UNKNOWN, Arrival, Reading, TransitionDetector
 from pwscont.transitions.rays import Ray
 
 #: A branch point this part of a step outside it belongs to it.
@@ -48,7 +48,7 @@ class SmoothBranchPoints(TransitionDetector):
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the sign and its negative."""
         sign = float(state.orientation)
-        return Reading(np.array([sign, -sign]), np.zeros(2))
+        return Reading(np.array([sign, -sign]), UNKNOWN)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""

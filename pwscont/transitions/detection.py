@@ -6,8 +6,8 @@ Failure modes and answers
   outside the cell whatever is beyond it (docs/theory, F7).
 - A test that dips below zero and comes back within one step: its slopes at both ends differ in
   sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
-  that neither end knows of is seen by the tests at points inside the step; what it cannot hide in
-  is a third of a step.
+  that neither end knows of is seen by the tests inside the step: at thirds of a long one, at one
+  point of a short one.
 - The test that was just crossed starts at zero, with a sign that is rounding: its slope says
   that it is inside, and a bracket starts where its value is positive.
 """
@@ -50,6 +50,11 @@ class Watch:
 
     def __init__(self, detectors: Sequence[TransitionDetector]) -> None:
         self._detectors = detectors
+        self._looking = [
+            (i, detector)
+            for i, detector in enumerate(detectors)
+            if type(detector).overlooks is not TransitionDetector.overlooks
+        ]
 
     def read(self, curve: Curve, state: State) -> Joined:
         """Return what all detectors read at ``state``."""
@@ -57,8 +62,8 @@ class Watch:
 
     def overlooks(self, segment: CurvedSegment, start: Joined, end: Joined) -> Failure | None:
         """Say why a shorter step must be taken, if a detector asks for one."""
-        for detector, *readings in zip(self._detectors, start.parts, end.parts, strict=True):
-            if failure := detector.overlooks(segment, *readings):
+        for i, detector in self._looking:
+            if failure := detector.overlooks(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
 

@@ -6,12 +6,18 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
+
+#: Slopes of a pair of functions that are not known.
+UNKNOWN = np.zeros(2)
+UNKNOWN.setflags(write=False)
 
 
 @final

@@ -12,7 +12,7 @@ from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import EPS, GUARD
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import UNKNOWN, Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_sign_change
 from pwscont.transitions.rays import Ray
 
@@ -28,7 +28,7 @@ class SmoothFolds(TransitionDetector):
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the component and its negative; zero to rounding counts as zero."""
         slope = curve.slope(state)
-        return Reading(np.array([slope, -slope]), np.zeros(2))
+        return Reading(np.array([slope, -slope]), UNKNOWN)
 
     def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
         """Say that alpha turns twice on the cubic of the segment, or does not change at its end.
