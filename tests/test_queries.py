@@ -12,7 +12,8 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
-from pwscont import AllTransitions, PiecewiseSystem, explore, trace
+from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
+from pwscont.foundation.errors import SystemNeededError
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -278,3 +279,25 @@ def test_path_on_a_loop_takes_the_shorter_way():
     opposite = [s for s in graph.solutions(0.5) if s.z[0] > 0.0]
     assert len(graph.path(pair[0], opposite[0])) == 3
     assert upper_left.alpha == -upper_right.alpha
+
+
+class ShortCell(PiecewiseSystem):
+    """z = sin(alpha), with a cell from alpha = 1 to 1.01: shorter than the first step."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([alpha - 1.0, 1.01 - alpha])
+
+    def residual(self, z, alpha, character):
+        return z - np.sin(alpha)
+
+
+def test_a_curved_piece_of_one_step_is_no_straight_one(tmp_path):
+    graph = explore(ShortCell(), (0.0, 3.0), starts=[([0.0], 0.0), ([0.846], 1.0047)])
+    short = [piece for piece in graph.pieces if piece.interval[1] - piece.interval[0] < 0.02]
+    assert len(short) == 1  # the second start is a point of it
+    assert len(short[0].points) > 2
+    graph.save(tmp_path / "graph.npz")
+    with pytest.raises(SystemNeededError, match="curved"):
+        BranchGraph.load(tmp_path / "graph.npz").solutions(1.005)

@@ -89,7 +89,8 @@ class Walker(Follower):
                 return reached.stopped(str(blocked or segment))
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
-                return Walk(np.array([*reached.points, event.state.x]), event.arrive(curve))
+                points = [*reached.points, *reached.between(segment, event), event.state.x]
+                return Walk(np.array(points), event.arrive(curve))
             if isinstance(event, Failure):  # too long a step to see what happens within it
                 if not isinstance(segment, CurvedSegment):
                     return reached.stopped(str(event))
@@ -121,6 +122,13 @@ class _Reached:
         """Add a point."""
         self.state = state
         self.points.append(state.x)
+
+    def between(self, segment: Segment, event: Event) -> list[Array]:
+        """Return a point between the only two of a curved piece: two alone mean a straight one."""
+        if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
+            return []
+        middle = segment.at(0.5 * event.position)
+        return [] if isinstance(middle, Failure) else [middle.x]
 
     def stopped(self, why: str) -> Walk:
         """Return the walk that ends here."""
