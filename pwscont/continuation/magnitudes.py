@@ -10,6 +10,8 @@ Failure modes and answers
   solutions found with them have them.
 - Unknowns of different magnitudes: each has its own, in a second round.
 - An unknown that is zero in all solutions found has no magnitude: that of the largest is taken.
+- A tail that decays along a chain: what is next to nothing beside the largest is not measured by
+  itself.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ DIFFERENT = 1e-3
 #: What is tried where solutions give no hint: from one outwards.
 TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
 ROUNDS = 3
+#: An unknown that is smaller than this part of the largest is a tail.
+TAIL = 1e-30
 
 
 @np.errstate(all="ignore")  # what is tried may be far outside of where H can be computed
@@ -116,10 +120,12 @@ def _settled(
         new = _sizes(found)
         if not found or not (largest := new.max()):
             return None
-        alike = (new <= ALIKE * sizes) & (sizes <= ALIKE * new) | (new == 0.0)
+        unseen = new == 0.0
+        new = np.where(new > 0.0, np.maximum(new, TAIL * largest), largest)
+        alike = (new <= ALIKE * sizes) & (sizes <= ALIKE * new) | unseen
+        sizes = new
         if alike.all():
-            return np.where(new > 0.0, new, largest)
-        sizes = np.where(new > 0.0, new, largest)
+            return sizes
     return None
 
 
