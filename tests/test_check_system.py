@@ -155,3 +155,34 @@ def test_wrong_unique():
 def test_radius(radius):
     with pytest.raises(InvalidInputError, match="radius"):
         check_system(broken(), POINTS, radius=radius)
+
+
+class Hinge(PiecewiseLinearSystem):
+    """z + c max(z, 0) = alpha: the signs sum to 1 for c > -1, to 0 below."""
+
+    size = 1
+
+    def __init__(self, c, degree=None, unique=False):
+        self.c, self.degree, self.unique = c, degree, unique
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return z + self.c * z * character.signs[0] - alpha
+
+
+@pytest.mark.parametrize(
+    ("c", "degree", "unique", "word"),
+    [
+        (1.0, 1, True, None),
+        (-2.0, 0, False, None),
+        (-2.0, 1, False, "degree"),
+        (1.0, -1, False, "degree"),
+        (-2.0, None, True, "unique"),
+    ],
+)
+def test_degree_and_unique_are_held_to_all_solutions(c, degree, unique, word):
+    report = check_system(Hinge(c, degree, unique), [([0.3], -0.7), ([-0.1], 0.4)])
+    assert bool(report) == (word is None)
+    assert word is None or word in str(report)

@@ -54,7 +54,8 @@ def measured(
     starts_of : callable
         Plan -> its starts, sought when they are asked for.
     """
-    starts, first = starts_of(plan), []
+    starts = starts_of(plan)
+    first: list[Found] = []
     if plan.system.gives_scale:
         return plan, starts
     try:

@@ -53,8 +53,10 @@ def check_system(
     - Signs of tests that :meth:`~PiecewiseSystem.bounding_tests` leaves out change nothing.
     - What is promised to be affine is affine; blocks own what depends on their modes.
     - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and where
-      the system says ``unique`` there are no two at one alpha. Whether ``degree`` is right, every
-      run says: its graph is not balanced otherwise.
+      the system says ``unique`` there are no two at one alpha.
+    - At the alphas of the points, of a slicewise linear system of up to some thousand cells: the
+      signs of all solutions sum to ``degree``, and there is one only if ``unique`` says so. For
+      other systems every run says it: the graph is not balanced, or the promise is refused.
 
     Parameters
     ----------

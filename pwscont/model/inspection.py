@@ -22,6 +22,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.generic import generic
 from pwscont.foundation.rounding import EPS
+from pwscont.model.all_cells import signs_of_solutions
 from pwscont.model.contract import check_contract, residual_at
 from pwscont.model.promises import check_blocks, check_promises
 from pwscont.model.system import Block, PiecewiseSystem, SlicewiseLinearSystem
@@ -148,6 +149,7 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     except InvalidSystemError as error:
         yield Defect(str(error), z, alpha, 1.0)
         return
+    yield from _wrong_number(system, x)
     character = system.character(z, alpha)
     for number, block in enumerate(system.blocks()):
         others = np.setdiff1d(np.arange(system.size), block.rows)
@@ -158,6 +160,22 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
                 what = f"blocks(): a mode of block {number} changes rows that it does not own"
                 yield Defect(what, z, alpha, size)
                 break
+
+
+def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
+    """Compare all solutions at one alpha with what is said of their number and signs."""
+    alpha = float(x[-1])
+    if system.degree is None and not system.unique:
+        return
+    signs = signs_of_solutions(system, alpha)
+    if signs is None:
+        return
+    if system.degree is not None and sum(signs) != system.degree:
+        what = f"degree is {system.degree}, but the signs of all solutions sum to {sum(signs)}"
+        yield Defect(what, x[:-1], alpha, float(abs(sum(signs) - system.degree)))
+    if system.unique and len(signs) > 1:
+        what = f"unique is True, but there are {len(signs)} solutions at this alpha"
+        yield Defect(what, x[:-1], alpha, float(len(signs) - 1))
 
 
 def _with_each_mode(character: Character, block: Block) -> Iterator[tuple[Character, Character]]:
