@@ -11,6 +11,7 @@ from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
+from sweeps import swept
 
 import pwscont
 from pwscont import (
@@ -204,7 +205,7 @@ def circle(friction):
     )
 
 
-@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+@pytest.mark.parametrize("method", swept(["spawn"], ["forkserver"]))
 def test_explore_in_other_processes(method):
     """Systems go there, graphs come back, bit by bit those of this process."""
     systems = [fig7().system, example1().system, circle(0.7)]
