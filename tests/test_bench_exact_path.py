@@ -285,7 +285,8 @@ def test_no_right_side_no_solution():
     assert refined(np.eye(2), np.zeros((2, 1))) == ([[0], [0]], 1)
 
 
-def test_command(capsys, monkeypatch):
+def test_command(capsys, monkeypatch, block20):
+    monkeypatch.setattr("pwscont.bench.command.load_case", lambda *_: block20)
     monkeypatch.setattr("pwscont.bench.command.contestants", few)
     assert main(["bench", "block", "--quick"]) == 0
     printed = capsys.readouterr().out

@@ -676,6 +676,7 @@ def test_a_start_where_a_curve_touches_an_interface():
 
 
 @pytest.mark.parametrize("start", [([1.0], 0.0), ([0.0], 1.0), ([0.0], -1.0)])
+@pytest.mark.sweep(2)
 def test_a_fold_tangent_to_an_interface(start):
     graph = trace(Kiss(), start, (-2.0, 2.0))
     for alpha in (-0.9, 0.0, 0.5, 0.999):

@@ -50,6 +50,7 @@ def test_truth_of_polynomials_is_the_roots(number):
 
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("number", range(3))
+@pytest.mark.sweep(2)
 def test_truth_of_contact_is_the_enumeration(p, number):
     rng = np.random.default_rng([p, number])
     body, compliance, gap = body_of(rng, p)

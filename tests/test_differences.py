@@ -47,6 +47,7 @@ def reference():
 
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("which", ["length", "force", "time"])
+@pytest.mark.sweep(5)
 def test_the_same_system_in_other_units_gives_the_same_graph(unit, which, reference):
     units = {"length": 1.0, "force": 1.0, "time": 1.0, which: unit}
     time = units["time"]
@@ -323,6 +324,7 @@ def coupled(length, force):
     ("length", "force"),
     [(1.0, 1.0), (1e-5, 1.0), (1e-9, 1e6), (1e-12, 1e-12), (1e6, 1.0), (1e9, 1e-9), (1e12, 1e12)],
 )
+@pytest.mark.sweep(3)
 def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
     system = coupled(length, force)
     traced = trace(system, ([1.3 * length, 1.69 * force], 1.0), (-1.0, 1.0))
