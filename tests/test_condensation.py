@@ -283,4 +283,4 @@ def test_friction_as_the_parameter():
     assert (first.modes == second.modes).all()
     np.testing.assert_allclose(second.displacements, first.displacements, atol=1e-12)
     np.testing.assert_allclose(second.pressure, first.pressure, rtol=1e-9, atol=1e-12)
-    assert (first.alpha, second.alpha) == (1.3, 0.5)
+    assert (first.alpha, second.alpha) == (1.3, 0.3)
