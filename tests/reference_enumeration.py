@@ -11,7 +11,7 @@ package under test: per node the modes are
 
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
@@ -97,14 +97,47 @@ def det_sign(body, friction, modes):
 def enumerate_solutions(body, load, friction, tolerance=1e-9):
     """Return every isolated solution at one load and friction, as a list of Found."""
     friction, found = per_node(friction, body.p), []
-    for modes in product(MODES, repeat=body.p):
-        if det_sign(body, friction, modes) == 0:
-            continue
-        z = solve_modes(body, load, friction, modes)
+    for modes, z, sign in _promising(body, load, friction, tolerance):
         margin = slacks(body, friction, modes, z).min()
         if margin >= -tolerance:
-            found.append(Found(z, modes, det_sign(body, friction, modes), margin))
+            found.append(Found(z, modes, sign, margin))
     return found
+
+
+AT_ONCE = 1024
+
+
+def _promising(body, load, friction, tolerance):
+    """Yield (modes, z, det_sign) of the regular choices but those with a clearly negative slack.
+
+    The same as trying one after the other, in stacks of many.
+    """
+    choices = product(range(len(MODES)), repeat=body.p)
+    matrices, rights = zip(*(equations(body, friction, (m,) * body.p) for m in MODES), strict=True)
+    matrices, rights = np.array(matrices), np.array(rights)
+    rights[:, : body.n] += load
+    row = np.arange(matrices.shape[1])
+    while some := list(islice(choices, AT_ONCE)):
+        nodes = np.array(some)
+        mode = np.hstack([np.zeros((len(some), body.n), dtype=int), nodes, nodes])  # of each row
+        stack, right = matrices[mode, row], rights[mode, row]
+        signs = np.linalg.slogdet(stack)[0]
+        regular = np.flatnonzero(signs)
+        z = np.linalg.solve(stack[regular], right[regular, :, np.newaxis])[..., 0]
+        least = _least_slacks(body, friction, nodes[regular], z)
+        clearly = tolerance + 1e-6 * (1.0 + np.abs(z).max(axis=1)) * (1.0 + friction.max())
+        for k in np.flatnonzero(~(least < -clearly)):
+            i = regular[k]
+            yield tuple(MODES[m] for m in some[i]), z[k], int(signs[i])
+
+
+def _least_slacks(body, friction, modes, z):
+    """Return the least of what ``slacks`` returns, for many choices of modes at once."""
+    u, lam_nu, lam_t = np.split(z, [body.n, body.n + body.p], axis=1)
+    free, u_t, bound = body.gap - u @ body.N.T, u @ body.T.T, -friction * lam_nu
+    slip = [np.minimum(-lam_nu, u_t), np.minimum(-lam_nu, -u_t)]
+    every = np.stack([free, np.minimum(bound - lam_t, bound + lam_t), *slip])
+    return np.take_along_axis(every, modes[np.newaxis], axis=0)[0].min(axis=1)
 
 
 def modes_of(label):
@@ -150,26 +183,35 @@ def exact_pieces(body, f0, f1, friction, interval):
 
 
 def exact_solve(matrix, columns):
-    """Return the solutions as lists of Fraction, and the sign of the determinant."""
+    """Return the solutions as lists of Fraction, and the sign of the determinant.
+
+    Elimination without fractions (Bareiss): rows are whole numbers, and every division goes
+    without remainder; in the end the diagonal holds the determinant everywhere.
+    """
     size = len(matrix)
-    rows = [
-        [Fraction(float(value)) for value in row] + [Fraction(float(c[i])) for c in columns]
-        for i, row in enumerate(matrix)
-    ]
-    sign = 1
+    rows = [_whole([*row, *(c[i] for c in columns)]) for i, row in enumerate(matrix)]
+    sign, before = 1, 1
     for k in range(size):
         pivot = next((i for i in range(k, size) if rows[i][k] != 0), None)
         if pivot is None:
             return None, 0
         if pivot != k:
             rows[k], rows[pivot], sign = rows[pivot], rows[k], -sign
-        sign = sign if rows[k][k] > 0 else -sign
-        rows[k] = [value / rows[k][k] for value in rows[k]]
+        own, rest = rows[k][k], rows[k][k + 1 :]
         for i in range(size):
-            if i != k and rows[i][k] != 0:
-                factor = rows[i][k]
-                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
-    return [[row[size + j] for row in rows] for j in range(len(columns))], sign
+            if i != k:
+                factor, pairs = rows[i][k], zip(rows[i][k + 1 :], rest, strict=True)
+                rows[i][k + 1 :] = [(own * a - factor * b) // before for a, b in pairs]
+        before = own
+    sign = sign if before > 0 else -sign
+    return [[Fraction(row[size + j], before) for row in rows] for j in range(len(columns))], sign
+
+
+def _whole(row):
+    """Return the numbers of a row as whole ones, all multiplied by one power of two."""
+    ratios = [float(value).as_integer_ratio() for value in row]
+    common = max(denominator for _, denominator in ratios)
+    return [numerator * (common // denominator) for numerator, denominator in ratios]
 
 
 def _admissible(body, friction, modes, solution, interval):

@@ -12,6 +12,7 @@ from paper_systems import CASES
 from pwscont_coulomb.scenes import fig12
 from reference_enumeration import exact_pieces
 from scipy.optimize import brentq
+from sweeps import swept
 
 from pwscont import BranchGraph, ExactLinear, PseudoArclength, explore
 from pwscont.bench.calls import KINDS
@@ -32,10 +33,21 @@ ROUNDING = 1e-13
 KNOWN = [name for name in CASES if name not in ("fig12", "fig16_as_captioned")]
 
 
+SHORT = ("fig7", "fig10", "fig13", "example1")  # one of each kind, built soon
+LONG = [name for name in KNOWN if name not in SHORT]
+
+
+class Cases(dict):
+    """Every problem, built once, when it is asked for."""
+
+    def __missing__(self, name):
+        self[name] = load_case(name)
+        return self[name]
+
+
 @pytest.fixture(scope="module")
 def cases():
-    """Every problem, built once."""
-    return {name: load_case(name) for name in [*OWN, *KNOWN]}
+    return Cases()
 
 
 def by_steps(name, largest):
@@ -45,7 +57,7 @@ def by_steps(name, largest):
 # -- the true answers -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", swept(SHORT, LONG))
 def test_true_pieces_are_those_of_the_reference(cases, name):
     """The reference was made by an enumeration that shares nothing with the package."""
     found = sorted((p.det_sign, *p.extent()) for p in cases[name].truth.pieces)
@@ -65,7 +77,7 @@ def test_straight_truths_are_rational(cases, name):
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("name", [*OWN, *KNOWN])
+@pytest.mark.parametrize("name", swept([*OWN, *SHORT], LONG))
 def test_true_points_solve_the_system(cases, name):
     """The residual is rounding, in the cell of the piece and with the sign it claims."""
     case = cases[name]
@@ -121,7 +133,7 @@ def test_exact_linear_is_right_to_rounding(cases, name):
     assert max(vars_of(found)) < ROUNDING
 
 
-@pytest.mark.parametrize("name", [*OWN, *KNOWN])
+@pytest.mark.parametrize("name", swept([*OWN, *SHORT], LONG))
 @pytest.mark.parametrize("largest", [0.3, 0.03])
 def test_special_points_are_exact_whatever_the_step(cases, name, largest):
     case = cases[name]
@@ -132,7 +144,7 @@ def test_special_points_are_exact_whatever_the_step(cases, name, largest):
     assert found.points_max < 1e-12
 
 
-@pytest.mark.parametrize("name", ["fig10", "fig13", "example3", "two-curves"])
+@pytest.mark.parametrize("name", swept(["fig10", "two-curves"], ["fig13", "example3"]))
 def test_chords_are_of_second_order(cases, name):
     """A third of the step is a ninth of the error between stored points."""
     found = [
@@ -225,7 +237,8 @@ def test_what_is_drawn_is_clipped_and_said(cases):
 # -- the command ----------------------------------------------------------------------------------
 
 
-def test_quick_form(tmp_path, capsys):
+def test_quick_form(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pwscont.bench.measure.FEW_RUNS", 1)
     assert main(["bench", "fig7", "two-curves", "--quick", "-o", str(tmp_path / "new")]) == 0
     printed = capsys.readouterr().out
     assert "exact linear" in printed

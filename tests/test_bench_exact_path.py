@@ -200,6 +200,7 @@ def test_exact_and_arclength_agree_on_block_with_20_contact_nodes(block20):
 
 
 @pytest.mark.parametrize("nodes", [5, 10])
+@pytest.mark.sweep(2)
 def test_block_by_mesh_size(nodes):
     case = case_of(sized(nodes))
     size = by_longest(0.1)
@@ -210,7 +211,7 @@ def test_block_by_mesh_size(nodes):
 
 
 def test_a_piece_of_the_block_that_is_shifted_is_refused():
-    scene = sized(10).curve()
+    scene = sized(5).curve()
     pieces = list(exact_graph(scene).pieces)
     verify(scene, pieces)
     pieces[4] = shifted(pieces[4], -1, 1e-6)
@@ -284,7 +285,8 @@ def test_no_right_side_no_solution():
     assert refined(np.eye(2), np.zeros((2, 1))) == ([[0], [0]], 1)
 
 
-def test_command(capsys, monkeypatch):
+def test_command(capsys, monkeypatch, block20):
+    monkeypatch.setattr("pwscont.bench.command.load_case", lambda *_: block20)
     monkeypatch.setattr("pwscont.bench.command.contestants", few)
     assert main(["bench", "block", "--quick"]) == 0
     printed = capsys.readouterr().out

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from sweeps import swept
 
 from pwscont import BranchGraph, explore
 from pwscont.foundation.errors import BrokenSceneError
@@ -95,7 +96,7 @@ def limited_to(size):
 
 
 @posix
-@pytest.mark.parametrize("size", [0, 700])
+@pytest.mark.parametrize("size", swept([700], [0]))
 def test_a_full_disk(tmp_path, size, capsys):
     """The answer is printed, one line says why there is no file, and the next run is as ever."""
     done = command("run", "fig7", "-o", str(tmp_path), preexec_fn=limited_to(size))
@@ -185,6 +186,7 @@ linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no /pro
 
 @linux
 @pytest.mark.parametrize("seconds", [0.0, 0.3, 0.8])
+@pytest.mark.sweep(2)
 def test_interruption_within_the_first_second(seconds):
     check_interruption(seconds)
 
@@ -299,6 +301,7 @@ print({name: os.environ.get(name) for name in VARIABLES})
 
 
 @pytest.mark.parametrize("chosen", [{}, {"OPENBLAS_NUM_THREADS": "3"}, {"OMP_NUM_THREADS": "2"}])
+@pytest.mark.sweep(2)
 def test_the_command_line_limits_threads_before_numpy_is_loaded(chosen):
     """Whoever sets one decides: OpenBLAS heeds its own variable before OMP_NUM_THREADS."""
     environment = {key: value for key, value in os.environ.items() if key not in VARIABLES} | chosen

@@ -22,6 +22,7 @@ from pwscont_coulomb.elastic import (
 from pwscont_coulomb.elastic import dissection as dissection_module
 from pwscont_coulomb.elastic.dissection import dissect
 from pwscont_coulomb.elastic.scenes import block_body
+from sweeps import swept
 
 from pwscont import explore
 from pwscont.foundation.errors import InvalidInputError
@@ -147,12 +148,14 @@ BODIES = {
 }
 
 
+SMALL = ("Q2", "jammed")
+
+
 def reach(body):
     return (0.0, 2.5 if body.contact.friction.max() < 1.0 else 4.0)
 
 
-@pytest.mark.parametrize("name", BODIES)
-@pytest.mark.sweep(2)
+@pytest.mark.parametrize("name", swept(SMALL, [name for name in BODIES if name not in SMALL]))
 def test_condensed_and_full_give_the_same_graph(name):
     body = BODIES[name]()
     full, condensed = body.full(), body.condensed()
@@ -185,7 +188,7 @@ def worst(mesh, state, held, nodes, contact=None):
     )
 
 
-@pytest.mark.parametrize("name", ["Q1", "P1", "gap"])
+@pytest.mark.parametrize("name", swept(["P1"], ["Q1", "gap"]))
 def test_every_solution_holds_on_the_full_mesh(name):
     """Equilibrium, contact and friction to 1e-9, by an element loop that shares no code."""
     body = BODIES[name]()
@@ -209,6 +212,7 @@ def test_every_solution_holds_on_the_full_mesh(name):
 
 
 @pytest.mark.parametrize(("height", "nu"), [(1e-4, 0.3), (1e4, 0.3), (1.0, 0.4999999)])
+@pytest.mark.sweep(2)
 def test_ill_shaped_and_nearly_incompressible_bodies(height, nu):
     """Aspect ratio 1e4 and a bulk modulus 5e6 times the shear modulus: still 1e-9 relative."""
     lam, mu = Young(1.0, nu).lame
@@ -270,13 +274,13 @@ def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
 
 def test_friction_as_the_parameter():
     """At the friction coefficient of the contact boundary both systems have the same solution."""
-    problem = BODIES["Q1"]().condensed()
+    problem = BODIES["P1"]().condensed()
     by_load = explore(problem.along_load(), (0.0, 2.5)).solutions(1.3)
-    by_friction = explore(problem.along_friction(1.3), (0.1, 1.0)).solutions(0.5)
+    by_friction = explore(problem.along_friction(1.3), (0.1, 1.0)).solutions(0.3)
     assert len(by_load) == len(by_friction) == 1
     first = recover(problem, by_load[0])
     second = recover(problem, by_friction[0])
     assert (first.modes == second.modes).all()
     np.testing.assert_allclose(second.displacements, first.displacements, atol=1e-12)
     np.testing.assert_allclose(second.pressure, first.pressure, rtol=1e-9, atol=1e-12)
-    assert (first.alpha, second.alpha) == (1.3, 0.5)
+    assert (first.alpha, second.alpha) == (1.3, 0.3)

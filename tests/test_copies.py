@@ -11,6 +11,7 @@ from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
+from sweeps import swept
 
 import pwscont
 from pwscont import (
@@ -107,6 +108,7 @@ def same(a, b):
 
 @EVERY_WAY
 @EVERY_CASE
+@pytest.mark.sweep(2)
 def test_systems_before_and_after_use(case, way):
     """A copy gives the same graph, whatever the original remembers, and so does the original."""
     system, interval, find = CASES[case]()
@@ -204,7 +206,7 @@ def circle(friction):
     )
 
 
-@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+@pytest.mark.parametrize("method", swept(["spawn"], ["forkserver"]))
 def test_explore_in_other_processes(method):
     """Systems go there, graphs come back, bit by bit those of this process."""
     systems = [fig7().system, example1().system, circle(0.7)]

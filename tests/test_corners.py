@@ -13,6 +13,7 @@ from paper_systems import CASES, ONE_NODE
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, load_with_several_solutions, random_body, random_vector
 from reference_enumeration import Body, enumerate_solutions, modes_of
+from sweeps import swept
 
 from pwscont import (
     AllTransitions,
@@ -173,7 +174,7 @@ def test_through_the_apex():
         assert graph.count(0.7) == 1
 
 
-@pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("distance", swept([1e-9], [1e-3, 1e-6]))
 def test_past_the_apex(distance):
     """The corner dissolves into transitions that far apart, and all of them are found."""
     for p, seed, friction in PASSING:
@@ -185,6 +186,7 @@ def test_past_the_apex(distance):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(3)
 def test_past_the_apex_within_rounding(seed):
     """Which tests count as zero is a matter of rounding here; it must not lose a branch.
 
@@ -323,6 +325,7 @@ def polygon(friction, side, before, after):
 
 @pytest.mark.parametrize("stepper", [None, PseudoArclength()], ids=["exact", "arc"])
 @pytest.mark.parametrize(("friction", "side", "before", "after"), RIDES)
+@pytest.mark.sweep(5)
 def test_onto_a_boundary_along_it_and_off_it(stepper, friction, side, before, after):
     system, load = polygon(friction, side, before, after)
     graph = explore(system, (0.0, 3.0), stepper=stepper)
@@ -332,6 +335,7 @@ def test_onto_a_boundary_along_it_and_off_it(stepper, friction, side, before, af
 
 @pytest.mark.parametrize("search", SEARCHES[1:], ids=["ends", "slices", "all"])
 @pytest.mark.parametrize("friction", [1.0, 4.0])
+@pytest.mark.sweep(4)
 def test_a_piece_along_a_boundary_is_drawn_once(search, friction):
     for signs in product(SIDES, SIDES, SIDES):
         system, load = polygon(friction, *signs)
@@ -341,6 +345,7 @@ def test_a_piece_along_a_boundary_is_drawn_once(search, friction):
 
 
 @pytest.mark.parametrize(("friction", "side", "before", "after"), RIDES)
+@pytest.mark.sweep(5)
 def test_along_a_boundary_nothing_is_missing(friction, side, before, after):
     """The sum of signs is +1 on the boundary too: a double solution on a fold counts zero."""
     system, _ = polygon(friction, side, before, after)
@@ -350,6 +355,7 @@ def test_along_a_boundary_nothing_is_missing(friction, side, before, after):
 
 
 @pytest.mark.parametrize(("friction", "side", "before", "after"), RIDES)
+@pytest.mark.sweep(5)
 def test_along_a_boundary_is_reported_as_degenerate(friction, side, before, after):
     """Where the path reaches the boundary and leaves it; no selection is blamed for it."""
     system, _ = polygon(friction, side, before, after)
@@ -365,6 +371,7 @@ def test_along_a_boundary_is_reported_as_degenerate(friction, side, before, afte
 
 @STEPPERS
 @pytest.mark.parametrize("search", SEARCHES, ids=["default", "ends", "slices", "all"])
+@pytest.mark.sweep(3)
 def test_on_a_boundary_from_end_to_end(stepper, search):
     for friction, side in product((1.0, 4.0), SIDES):
         on = boundary(friction, side)
@@ -407,6 +414,7 @@ CALLABLES = [
 
 @pytest.mark.parametrize(("side", "before", "after"), CALLABLES)
 @pytest.mark.parametrize("power", [2, 3])
+@pytest.mark.sweep(5)
 def test_a_smooth_path_onto_a_boundary_along_it_and_off_it(side, before, after, power):
     load = Callable(1.0, side, before, after, power)
     system = CoulombLoad(contact_body(ONE_NODE), load, 1.0)
@@ -495,6 +503,7 @@ def test_transitions_almost_together(shift, unknown):
 
 
 @pytest.mark.parametrize("unknown", [2, 3], ids=["normal", "tangential"])
+@pytest.mark.sweep(2)
 def test_transitions_together_but_for_rounding(unknown):
     """Nodes may be one or two here, but on the long stretches nothing is lost or doubled."""
     for shift in np.geomspace(1e-16, 1e-12, 17):
@@ -667,6 +676,7 @@ def test_a_start_where_a_curve_touches_an_interface():
 
 
 @pytest.mark.parametrize("start", [([1.0], 0.0), ([0.0], 1.0), ([0.0], -1.0)])
+@pytest.mark.sweep(2)
 def test_a_fold_tangent_to_an_interface(start):
     graph = trace(Kiss(), start, (-2.0, 2.0))
     for alpha in (-0.9, 0.0, 0.5, 0.999):

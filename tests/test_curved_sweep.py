@@ -50,6 +50,7 @@ def test_truth_of_polynomials_is_the_roots(number):
 
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("number", range(3))
+@pytest.mark.sweep(2)
 def test_truth_of_contact_is_the_enumeration(p, number):
     rng = np.random.default_rng([p, number])
     body, compliance, gap = body_of(rng, p)
@@ -70,6 +71,7 @@ def test_truth_of_contact_is_the_enumeration(p, number):
 
 
 @pytest.mark.parametrize(("family", "number"), list(product(FAMILIES, NUMBERS)))
+@pytest.mark.sweep(4)
 def test_the_truth_solves_the_system(family, number):
     case, rng = case_of(family, 1, number)
     lo, hi = case.interval
@@ -89,6 +91,7 @@ def test_the_truth_solves_the_system(family, number):
 @pytest.mark.parametrize(
     ("family", "number"), list(product(sorted(set(FAMILIES) - NO_END), range(30)))
 )
+@pytest.mark.sweep(6)
 def test_components_of_the_truth_end_at_the_interval(family, number):
     """F5: a curve that is cut off before would make right solutions look invented."""
     case, _ = case_of(family, 2, number)

@@ -1,5 +1,7 @@
 """Systems that are not Coulomb's, with curves in closed form, by public names only."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,11 @@ class TwoCurves(PiecewiseSystem):
         return (z**3 - z if character.signs[0] else z**2 + 2.0 * z) - alpha
 
 
+@cache
+def two_curves(stepper):
+    return trace(TwoCurves(), ([-2.0], 0.3), (-2.0, 2.0), stepper=stepper)
+
+
 UPPER_FOLD = (3.0**-0.5, -2.0 / 27.0**0.5)
 
 
@@ -70,7 +77,7 @@ def two_curves_roots(alpha):
 
 @ALL_VARIANTS
 def test_two_curves_special_points(stepper):
-    graph = trace(TwoCurves(), ([-2.0], 0.3), (-2.0, 2.0), stepper=stepper)
+    graph = two_curves(stepper)
     assert_alphas(graph.special_points("fold"), [-1.0, UPPER_FOLD[1]])
     assert_alphas(graph.special_points("nonsmooth fold"), [0.0])
     assert_alphas(graph.special_points("end"), [2.0, 2.0])
@@ -81,7 +88,7 @@ def test_two_curves_special_points(stepper):
 @ALL_VARIANTS
 def test_two_curves_folds_are_located_in_z(stepper):
     """Alpha is flat at a fold: z is known to half the digits of alpha."""
-    graph = trace(TwoCurves(), ([-2.0], 0.3), (-2.0, 2.0), stepper=stepper)
+    graph = two_curves(stepper)
     found = sorted(point.z[0] for point in graph.special_points("fold"))
     np.testing.assert_allclose(found, [-1.0, UPPER_FOLD[0]], rtol=0, atol=1e-7)
 
@@ -89,7 +96,7 @@ def test_two_curves_folds_are_located_in_z(stepper):
 @ALL_VARIANTS
 @pytest.mark.parametrize("alpha", [-1.5, -0.99, -0.7, -0.3, -1e-6, 1e-6, 0.9, 1.999])
 def test_two_curves_solutions(stepper, alpha):
-    graph = trace(TwoCurves(), ([-2.0], 0.3), (-2.0, 2.0), stepper=stepper)
+    graph = two_curves(stepper)
     expected = two_curves_roots(alpha)
     assert graph.count(alpha) == len(expected)
     np.testing.assert_allclose(np.ravel(states(graph, alpha)), expected, rtol=0, atol=LOCATED)
@@ -107,7 +114,7 @@ def test_two_curves_multiplicity():
 
 @ALL_VARIANTS
 def test_pieces_follow_the_sign_of_the_determinant(stepper):
-    graph = trace(TwoCurves(), ([-2.0], 0.3), (-2.0, 2.0), stepper=stepper)
+    graph = two_curves(stepper)
     for piece in graph.pieces:
         z = piece.z[len(piece.z) // 2, 0]
         slope = 3.0 * z * z - 1.0 if z > 0.0 else 2.0 * z + 2.0  # dH/dz in closed form
@@ -159,11 +166,17 @@ def loop_roots(alpha):
     return sorted(real + [r.real for r in upper if abs(r.imag) < 1e-12 and r.real >= 0.3])
 
 
+@cache
+def loop(stepper):
+    return trace(Loop(), ([-1.0], 0.0), (-1.5, 1.5), stepper=stepper)
+
+
 LOOP_STARTS = [([-1.0], 0.0), ([1.5], 0.2), ([0.01], 0.99), ([0.45], -0.96)]
 
 
 @ALL_VARIANTS
 @pytest.mark.parametrize("start", LOOP_STARTS, ids=["bottom", "top", "near fold", "rough"])
+@pytest.mark.sweep(5)
 def test_loop_closes(stepper, start):
     graph = trace(Loop(), start, (-1.5, 1.5), stepper=stepper)
     (component,) = graph.components()
@@ -179,7 +192,7 @@ def test_loop_closes(stepper, start):
 @pytest.mark.parametrize("alpha", [-1.2, -0.99, -0.96, -0.5, 0.0, 0.94, 0.97, 0.9999, 1.0001])
 @pytest.mark.sweep(4)
 def test_loop_solutions(stepper, alpha):
-    graph = trace(Loop(), ([-1.0], 0.0), (-1.5, 1.5), stepper=stepper)
+    graph = loop(stepper)
     expected = loop_roots(alpha)
     assert graph.count(alpha) == len(expected)
     np.testing.assert_allclose(np.ravel(states(graph, alpha)), expected, rtol=0, atol=LOCATED)

@@ -40,19 +40,22 @@ def in_units(length, force, time):
     return System()
 
 
-REFERENCE = explore(in_units(1.0, 1.0, 1.0), (-1.0, 1.0))
+@pytest.fixture(scope="module")
+def reference():
+    return explore(in_units(1.0, 1.0, 1.0), (-1.0, 1.0))
 
 
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("which", ["length", "force", "time"])
-def test_the_same_system_in_other_units_gives_the_same_graph(unit, which):
+@pytest.mark.sweep(5)
+def test_the_same_system_in_other_units_gives_the_same_graph(unit, which, reference):
     units = {"length": 1.0, "force": 1.0, "time": 1.0, which: unit}
     time = units["time"]
     graph = explore(in_units(**units), (-time, time))
     kinds = [point.kind for point in graph.special_points()]
-    assert kinds == [point.kind for point in REFERENCE.special_points()]
+    assert kinds == [point.kind for point in reference.special_points()]
     alphas = [point.alpha / time for point in graph.special_points()]
-    expected = [point.alpha for point in REFERENCE.special_points()]
+    expected = [point.alpha for point in reference.special_points()]
     np.testing.assert_allclose(alphas, expected, rtol=1e-9, atol=1e-9)
     for alpha in np.linspace(-0.93, 0.93, 7):
         z = sorted(s.z[0] / units["length"] for s in graph.solutions(time * alpha))
@@ -321,6 +324,7 @@ def coupled(length, force):
     ("length", "force"),
     [(1.0, 1.0), (1e-5, 1.0), (1e-9, 1e6), (1e-12, 1e-12), (1e6, 1.0), (1e9, 1e-9), (1e12, 1e12)],
 )
+@pytest.mark.sweep(3)
 def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
     system = coupled(length, force)
     traced = trace(system, ([1.3 * length, 1.69 * force], 1.0), (-1.0, 1.0))

@@ -5,6 +5,7 @@ import io
 import re
 import runpy
 import tomllib
+from functools import cache
 from itertools import product
 from math import inf
 from pathlib import Path
@@ -45,12 +46,20 @@ def indented_between(begin, end):
     return [line.removeprefix("    ") for line in inside.splitlines() if line.startswith("    ")]
 
 
+@cache
 def run_example(name):
-    """Run an example in a fresh namespace and return that and what it prints."""
+    """Run an example in a fresh namespace, once.
+
+    Returns
+    -------
+    namespace, what is printed, number of figures
+    """
+    import matplotlib.pyplot as plt  # noqa: PLC0415
+
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         namespace = runpy.run_path(str(ROOT / "docs" / "examples" / name))
-    return namespace, printed.getvalue()
+    return namespace, printed.getvalue(), len(plt.get_fignums())
 
 
 @pytest.fixture(scope="module")
@@ -89,13 +98,11 @@ def inner_kinds(graph):
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_every_example_prints_and_draws(path):
-    import matplotlib.pyplot as plt  # noqa: PLC0415
-
-    namespace, printed = run_example(path.name)
+    namespace, printed, figures = run_example(path.name)
     graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]
     assert graphs
     assert not any(graph.special_points("stopped") for graph in graphs)
-    assert plt.get_fignums()
+    assert figures
     assert printed
 
 
@@ -104,7 +111,7 @@ def test_every_example_prints_and_draws(path):
     ["paper_curve.py", "own_system.py", "how_many_solutions.py", "corners_and_branching.py"],
 )
 def test_every_graph_of_an_example_has_balance_one(name):
-    namespace, _ = run_example(name)
+    namespace, *_ = run_example(name)
     graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]
     for graph in graphs:
         assert graph.is_balanced()
@@ -112,7 +119,7 @@ def test_every_graph_of_an_example_has_balance_one(name):
 
 
 def test_tutorial_shows_the_numbers_of_the_paper():
-    namespace, printed = run_example("paper_curve.py")
+    namespace, printed, _ = run_example("paper_curve.py")
     for tangent in ("0.     -0.2132  0.2132 -0.8528  0.4264", "-0.2673 -0.5345"):
         assert tangent in printed
     (branch,) = namespace["graph"].components()
@@ -127,7 +134,7 @@ def test_tutorial_shows_the_numbers_of_the_paper():
 
 
 def test_how_to_finds_both_folds_and_the_mistake():
-    namespace, printed = run_example("own_system.py")
+    namespace, printed, _ = run_example("own_system.py")
     snap, back = namespace["snap"], namespace["back"]
     # the limit load of w (w - 1) (w - 2) is 2 / (3 sqrt 3), at w = 1 - 1 / sqrt 3
     assert snap.alpha == pytest.approx(2.0 / 27.0**0.5, rel=1e-12)
@@ -144,7 +151,7 @@ def test_how_to_finds_both_folds_and_the_mistake():
 
 
 def test_two_nodes_have_up_to_five_solutions():
-    namespace, printed = run_example("how_many_solutions.py")
+    namespace, printed, _ = run_example("how_many_solutions.py")
     graph, system = namespace["graph"], namespace["system"]
     # stick at the second node ends where |2 alpha| = F; the other folds are found by hand, too
     folds = (-2.8, -2.0, -1.2, -1.0)
@@ -169,7 +176,7 @@ def test_two_nodes_have_up_to_five_solutions():
 
 
 def test_states_of_the_two_nodes_in_closed_form():
-    namespace, _ = run_example("how_many_solutions.py")
+    namespace, *_ = run_example("how_many_solutions.py")
     graph, alpha = namespace["graph"], -1.5
     found = {solution.label: solution for solution in graph.solutions(alpha)}
     free = np.linalg.solve(namespace["body"].A, [1.0, alpha, 1.0, 2.0 * alpha])
@@ -182,7 +189,7 @@ def test_states_of_the_two_nodes_in_closed_form():
 
 
 def test_searches_promise_what_the_tutorial_says():
-    _, printed = run_example("how_many_solutions.py")
+    _, printed, _ = run_example("how_many_solutions.py")
     rows = dict(re.findall(r"^(\w+\(.*\)) +(\d .*)$", printed, re.MULTILINE))
     missing = "not balanced: at least one branch missing in (-1.9, -1.3)"
     assert rows["AllTransitions()"] == "3 at 0, balance 1: complete"
@@ -196,7 +203,7 @@ def test_searches_promise_what_the_tutorial_says():
 
 
 def test_loop_beside_the_line_is_the_diamond():
-    namespace, _ = run_example("how_many_solutions.py")
+    namespace, *_ = run_example("how_many_solutions.py")
     graph = namespace["loop_graph"]
     assert stretches(graph) == [(-2.0, -1.0, 1), (-1.0, 1.0, 3), (1.0, 2.0, 1)]
     assert graph.guarantee == "complete"
@@ -209,7 +216,7 @@ def test_loop_beside_the_line_is_the_diamond():
 
 
 def test_unloaded_body_leads_to_all_products():
-    namespace, printed = run_example("corners_and_branching.py")
+    namespace, printed, _ = run_example("corners_and_branching.py")
     # f = alpha (1, -3), F = 4: the states of one node for alpha = 1, and the one for alpha = -1
     states = {
         "no contact": (1, [-1 / 3, -5 / 3, 0, 0]),
@@ -233,7 +240,7 @@ def test_unloaded_body_leads_to_all_products():
 
 
 def test_identical_nodes_square_the_curve_of_one():
-    namespace, _ = run_example("corners_and_branching.py")
+    namespace, *_ = run_example("corners_and_branching.py")
     graph = namespace["symmetric"]
     assert stretches(graph) == [(-2.0, -1.0, 1), (-1.0, -0.5, 9), (-0.5, 2.0, 1)]
     assert graph.guarantee == "complete"
@@ -244,7 +251,7 @@ def test_identical_nodes_square_the_curve_of_one():
 
 
 def test_unequal_pull_splits_off_a_loop():
-    namespace, _ = run_example("corners_and_branching.py")
+    namespace, *_ = run_example("corners_and_branching.py")
     graph = namespace["broken"]
     # the folds of node 1 are at -1 and -1/2, those of node 2 where 1.2 alpha is
     assert stretches(graph) == [
@@ -263,7 +270,7 @@ def test_unequal_pull_splits_off_a_loop():
 
 
 def test_path_along_the_boundary_of_stick_and_slip():
-    namespace, _ = run_example("corners_and_branching.py")
+    namespace, *_ = run_example("corners_and_branching.py")
     graph = namespace["boundary"]
     assert graph.count(0.5) == 1
     assert inf not in [count for _, _, count in graph.multiplicity()]

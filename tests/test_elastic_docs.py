@@ -57,7 +57,9 @@ def test_the_table_agrees_with_itself(row):
     assert unknowns == 2 * nodes * max(1, nodes // 2)
 
 
-@pytest.mark.parametrize("row", WEDGE[:2], ids=lambda row: row[0])
+@pytest.mark.parametrize(
+    "row", [pytest.param(WEDGE[0], marks=pytest.mark.slow), WEDGE[1]], ids=lambda row: row[0]
+)
 def test_the_table_of_the_wedge(row):
     body = wedge_body(int(row[0]))
     graph = explore(body.condensed().along_load(), (0.0, 0.2))

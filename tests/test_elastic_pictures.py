@@ -85,6 +85,7 @@ def test_solutions_side_by_side_have_one_scale(triangle_case):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sweep(3)
 def test_vtu_holds_the_solution(kind, tmp_path):
     family, order = KINDS[kind]
     body = pressed(square(family, 3), order=order, friction=0.4)

@@ -375,7 +375,13 @@ def problem_of(blocks, dimension):
     return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0, 1.0)
 
 
-@pytest.mark.parametrize("sizes", [(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15, (4**7 + 1,)])
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        *[(), (3,), (2, 1, 3), (1,) * 70 + (2, 2), (2,) * 15],
+        pytest.param((4**7 + 1,), marks=pytest.mark.slow),
+    ],
+)
 def test_every_choice_is_a_leaf(sizes):
     """More choices than a batch, and more blocks than an array has dimensions."""
     blocks = [[(i, float(k)) for k in range(size)] for i, size in enumerate(sizes)]

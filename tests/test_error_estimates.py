@@ -202,7 +202,7 @@ def lines_of(sample):
     return lines
 
 
-@pytest.fixture(scope="module", params=swept([2_000], [10_000]))
+@pytest.fixture(scope="module", params=swept([400], [2_000, 10_000]))
 def measured(request):
     rng = np.random.default_rng(20120101)
     cases = []

@@ -74,6 +74,7 @@ def assert_same(found, expected):
 
 @pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("decades", [(0, 6), (6, 12), (12, 14), (14, 15)])
+@pytest.mark.sweep(3)
 def test_against_rational_arithmetic(decades, split):
     rng = np.random.default_rng([*decades, split])
     certain, empty = 0, 0

@@ -142,6 +142,7 @@ SCALES = [1e-12, 1e-6, 1.0, 1e6, 1e12]
 
 
 @pytest.mark.parametrize(("stiffness", "force"), list(product(SCALES, SCALES)))
+@pytest.mark.sweep(4)
 def test_any_unit_of_stiffness_and_load(stiffness, force):
     body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
     f0, f1 = force * np.array([0.4, 0.0, 1.8, 0.0]), force * np.array([0.0, 1.0, 0.2, 1.0])
@@ -234,6 +235,7 @@ def test_friction_as_parameter_in_any_unit(stiffness, force):
 
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("force", [(1.0, -3.0), (0.2, -1.6), (1.0, -1.0)])
+@pytest.mark.sweep(4)
 def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
     """Displacements are known to few digits, but each branch is there once."""
     assert_right_over_friction(one_node(nearly_incompressible(ratio)), force)
@@ -248,6 +250,7 @@ def test_friction_as_parameter_of_nodes_of_different_stiffness(stiff, coupling, 
 
 
 @pytest.mark.parametrize("r", [1e-8, 1e-4, 1.0, 1e4, 1e8])
+@pytest.mark.sweep(3)
 def test_friction_as_parameter_with_any_scale_of_the_multipliers(r):
     assert_right_over_friction(TWO_NODES, FIVE, r=r)
 
@@ -721,6 +724,7 @@ def swapped(label):
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("load", [True, False], ids=["load", "friction"])
+@pytest.mark.sweep(3)
 class TestInvariance:
     """The same body described otherwise has the same branches."""
 

@@ -238,9 +238,7 @@ def test_f3_f4_load_path(stepper, p, seed, friction, gap):
     assert graph.balances() == [1] * len(graph.balances())
 
 
-@prop(20)
-@given(p=NODES, seed=SEEDS, gap=st.booleans())
-def test_f3_f4_friction(p, seed, gap):
+def check_friction(p, seed, gap):
     body, system = friction_system(p, seed, gap)
     graph = explore(system, (0.0, 12.0))
     assert_direction_is_determinant(graph, body, lambda alpha: alpha)
@@ -249,9 +247,20 @@ def test_f3_f4_friction(p, seed, gap):
         assert_balances_and_agrees(graph, alpha, expected)
 
 
-@prop(8)
-@given(p=NODES, seed=SEEDS)
-def test_f3_f4_curved_load_path(p, seed):
+@prop(5)
+@given(p=NODES, seed=SEEDS, gap=st.booleans())
+def test_f3_f4_friction_of_a_few(p, seed, gap):
+    check_friction(p, seed, gap)
+
+
+@pytest.mark.slow
+@prop(20)
+@given(p=NODES, seed=SEEDS, gap=st.booleans())
+def test_f3_f4_friction(p, seed, gap):
+    check_friction(p, seed, gap)
+
+
+def check_curved_load_path(p, seed):
     body = random_body(p, seed)
     f0 = load_with_several_solutions(body, 4.0, seed)
     f1, f2 = (random_vector(body.n, seed + i) for i in (1, 2))
@@ -266,9 +275,20 @@ def test_f3_f4_curved_load_path(p, seed):
         assert_balances_and_agrees(graph, alpha, enumerate_solutions(body, load(alpha), 4.0))
 
 
-@prop(20)
-@given(p=NODES, seed=SEEDS, friction=FRICTIONS)
-def test_pieces_of_random_bodies_against_rational_arithmetic(p, seed, friction):
+@prop(4)
+@given(p=NODES, seed=SEEDS)
+def test_f3_f4_curved_load_path_of_a_few(p, seed):
+    check_curved_load_path(p, seed)
+
+
+@pytest.mark.slow
+@prop(8)
+@given(p=NODES, seed=SEEDS)
+def test_f3_f4_curved_load_path(p, seed):
+    check_curved_load_path(p, seed)
+
+
+def check_pieces_against_rational_arithmetic(p, seed, friction):
     """Every piece, with its ends, against an enumeration without rounding."""
     body, system = load_system(p, seed, friction)
     graph = explore(system, INTERVAL)
@@ -281,6 +301,19 @@ def test_pieces_of_random_bodies_against_rational_arithmetic(p, seed, friction):
         np.testing.assert_allclose(piece.interval, ends, rtol=1e-11, atol=1e-11)
     assert all(INTERVAL[0] < piece.lo < piece.hi < INTERVAL[1] for piece in rest.values())
     assert is_union_of_loops(list(rest.values()))
+
+
+@prop(8)
+@given(p=NODES, seed=SEEDS, friction=FRICTIONS)
+def test_pieces_of_a_few_bodies_against_rational_arithmetic(p, seed, friction):
+    check_pieces_against_rational_arithmetic(p, seed, friction)
+
+
+@pytest.mark.slow
+@prop(20)
+@given(p=NODES, seed=SEEDS, friction=FRICTIONS)
+def test_pieces_of_random_bodies_against_rational_arithmetic(p, seed, friction):
+    check_pieces_against_rational_arithmetic(p, seed, friction)
 
 
 def is_union_of_loops(pieces):

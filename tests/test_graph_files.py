@@ -49,7 +49,10 @@ ARRAYS = (
 )
 
 
-@pytest.fixture(params=[fig7, example3, fig10], ids=lambda scene: scene.__name__)
+@pytest.fixture(
+    params=[fig7, *(pytest.param(one, marks=pytest.mark.slow) for one in (example3, fig10))],
+    ids=lambda scene: scene.__name__,
+)
 def saved(request, tmp_path):
     """Return the path of a saved graph, its arrays and header, and its system."""
     scene, path = request.param(), tmp_path / "graph.npz"

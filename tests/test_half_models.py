@@ -101,6 +101,7 @@ def assert_same(half, whole, alpha, halves, wholes):
 @pytest.mark.parametrize("kind", ["quad", "tri"])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("depth", [0.0, 0.1])
+@pytest.mark.sweep(3)
 def test_half_is_whole(kind, order, depth):
     """Flat and round bodies: the normal on the axis is that of the whole, not of its right side."""
     half = body(half_mesh(kind, 3, depth), order, held=SUPPORT.values())

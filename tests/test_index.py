@@ -57,6 +57,7 @@ RIDING = [
 
 @pytest.mark.parametrize("nodes", RIDING, ids="/".join)
 @pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.sweep(3)
 def test_a_path_along_interfaces_has_the_index_of_what_is_beside(nodes, friction):
     for seed in range(6 if len(nodes) < 3 else 2):
         body = random_body(len(nodes), seed, inner=0)
@@ -72,6 +73,7 @@ def test_a_path_along_interfaces_has_the_index_of_what_is_beside(nodes, friction
 
 
 @pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.sweep(3)
 def test_a_path_along_interfaces_balances(friction):
     """With all other solutions the sum is the degree, +1."""
     for nodes, seed in product([("+",), ("+", "-"), ("0", "+")], range(3)):
@@ -84,6 +86,7 @@ def test_a_path_along_interfaces_balances(friction):
 
 @pytest.mark.parametrize("friction", FRICTIONS)
 @pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.sweep(3)
 def test_a_load_that_is_zero(p, friction):
     """Rest is a solution whose index is +1 where it is the only one."""
     for seed in range(3):

@@ -240,7 +240,7 @@ def check_damages(scene, path, times, seed):
     assert 0.3 * times < refused < 0.9 * times
 
 
-@pytest.mark.parametrize("scene", [fig7, example3])
+@pytest.mark.parametrize("scene", swept([fig7], [example3]))
 def test_a_damaged_journal_is_refused_or_gives_an_equal_graph(scene, tmp_path):
     check_damages(scene, tmp_path / "journal", 42, seed=5)
 

@@ -139,6 +139,7 @@ class WithoutSolution(PiecewiseSystem):
 @pytest.mark.filterwarnings("ignore:overflow")
 @pytest.mark.parametrize("which", range(len(WithoutSolution.residuals)))
 @pytest.mark.parametrize("z", [1.0, -3.0, 20.0])
+@pytest.mark.sweep(3)
 def test_no_solution_is_no_start(which, z):
     """The regularised step vanishes where the Jacobian does: that is no convergence."""
     with pytest.raises(StartNotFoundError, match="residual is not zero"):

@@ -40,6 +40,7 @@ def test_affine_load(p, seed, stepper):
 
 
 @BODIES
+@pytest.mark.sweep(3)
 def test_friction(p, seed):
     body = random_body(p, seed, inner=4)
     force = 2.0 * random_vector(body.n, seed)
