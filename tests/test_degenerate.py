@@ -120,3 +120,36 @@ def test_a_thin_fold_is_passed_or_said_to_stop():
     start = np.sin(3.0 * lo) + 1e-4 * np.sqrt(1.0 - lo)
     graph = trace(ThinFold(), ([start], lo), (lo, 2.0))
     assert graph.count(0.5) == 2 or graph.special_points("stopped")
+
+
+class Blocked(PiecewiseLinearSystem):
+    """A diode that carries no current: every z <= 0 solves H = max(z, 0) = 0 at every alpha."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return -z
+
+    def residual(self, z, alpha, character):
+        return 0.0 * z if character.signs[0] else z
+
+
+class Floating(PiecewiseLinearSystem):
+    """z_1 solves at alpha = 0 only, and z_0 is whatever one likes."""
+
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return z[1:]
+
+    def residual(self, z, alpha, character):
+        return np.array([3.0 * z[1] if character.signs[0] else z[1], 2.0 * z[1] + alpha])
+
+
+def test_an_area_of_solutions_is_no_complete_graph_of_curves():
+    graph = explore(Blocked(), (-1.0, 1.0))
+    assert graph.guarantee == "balanced; solutions fill more than curves at alpha = -1"
+
+
+def test_a_line_of_solutions_without_a_corner_is_not_passed_over():
+    assert "complete" not in explore(Floating(), (-1.0, 1.0)).guarantee

@@ -81,11 +81,14 @@ class Face:
     dimension : int
     corners : ndarray, shape (k, n + 1)
         Its extreme points, as far as they are finite and the dimension is at most three.
+    directions : ndarray, shape (n, d)
+        What spans it.
     """
 
     character: Character
     dimension: int
     corners: Array
+    directions: Array
 
 
 @final
@@ -326,14 +329,15 @@ def _face(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     g = np.concatenate([option.g for option in chosen])
     matrix, vector = G @ directions, G @ start + g
     dimension = directions.shape[1]
+    span = problem.basis @ directions
     if dimension > MOST_DIMENSIONS:
-        return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)))]
+        return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)), span)]
     if not _has_interior(matrix, vector):
         return []
     corners = _corners(matrix, vector)
     y = start + corners @ directions.T
     z = problem.origin + y @ problem.basis.T
-    return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]))]
+    return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]), span)]
 
 
 def _satisfies(chosen: Sequence[Option], y: Array) -> bool:

@@ -8,6 +8,8 @@ from typing import final
 
 #: What is said, followed by a number, where special points seem to accumulate.
 ACCUMULATE = "special points seem to accumulate at alpha ="
+#: How the message of a corner at which solutions are no curves begins.
+FILL = "solutions fill"
 
 
 @final

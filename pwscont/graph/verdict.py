@@ -25,7 +25,7 @@ import numpy as np
 from pwscont.foundation.errors import PwscontError
 from pwscont.foundation.guarantee import Promise
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import ACCUMULATE, Trouble
+from pwscont.foundation.outcome import ACCUMULATE, FILL, Trouble
 from pwscont.foundation.records import Solution, SpecialPoint
 from pwscont.foundation.rounding import CONFIDENCE
 
@@ -167,8 +167,17 @@ def _doubts(graph: BranchGraph) -> Iterator[str]:
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
     yield from _places("a corner was searched in part", graph, _searched_in_part(graph))
+    filled = [
+        point for point in points if FILL in point.message and _leaves_its_alpha(graph, point)
+    ]
+    yield from _places("solutions fill more than curves", graph, filled)
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
+
+
+def _leaves_its_alpha(graph: BranchGraph, point: SpecialPoint) -> bool:
+    """Tell whether a piece that is not vertical leaves from a special point."""
+    return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
 
 
 def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:

@@ -13,12 +13,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.enumeration import solve_slice
+from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.foundation.arrays import Array, Matrix, dense
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.foundation.rounding import CONFIDENCE, EPS
 from pwscont.model.box import Box
 from pwscont.model.system import (
     Block,
@@ -28,9 +28,12 @@ from pwscont.model.system import (
 )
 from pwscont.numerics.metric import Metric
 from pwscont.numerics.uncertainty import is_same, magnitude
-from pwscont.search.enumeration import Found, as_starts, starts_at
+from pwscont.search.enumeration import Found, starts_at, starts_of
 from pwscont.search.search import Search
 from pwscont.transitions.rays import vanishing
+
+#: A direction whose part along alpha is smaller than this is vertical.
+ALONG = EPS**0.5
 
 
 @final
@@ -71,11 +74,15 @@ class _Corners:
         self._known: list[tuple[Found, frozenset[int]]] = []
 
     def add(self, found: Found) -> None:
-        """Remember a solution."""
+        """Remember a solution; not a start of which nothing is known."""
+        if not np.isfinite(found[1]).all():
+            return
         self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
 
     def has(self, test: int, found: Found) -> bool:
         """Tell whether a solution where a test vanishes is one of those remembered."""
+        if not np.isfinite(found[1]).all():
+            return False
         return any(test in zero and is_same(self._metric, found, old) for old, zero in self._known)
 
 
@@ -105,7 +112,17 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
-    return as_starts(solve_slice(points, metric, 0.0))
+    """Return where a test vanishes; a line along which it does so is known by its lower end."""
+    found = solve_slice(points, metric, 0.0)
+    faces = [face for face in found.faces if _is_vertical(face, metric)]
+    parts: tuple[Point | Face, ...] = (*found.points, *faces)
+    return [start for part in parts for start in starts_of(part)]
+
+
+def _is_vertical(face: Face, metric: Metric) -> bool:
+    """Tell whether a face, if it has no corners, is one of solutions at one alpha."""
+    moves = face.directions / metric.scale[:-1, np.newaxis]
+    return bool(len(face.corners)) or bool((np.abs(moves[-1]) <= ALONG * np.abs(moves).max()).all())
 
 
 @final

@@ -202,19 +202,31 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
 
 
 def as_starts(found: Slice) -> list[Found]:
-    """Return the points of a slice, and the corners of its faces, as starts."""
-    points = [(point.x, point.error) for point in found.points]
-    return points + [start for face in found.faces for start in _corners(face)]
+    """Return the points of a slice, and the corners of its faces, as starts.
+
+    A face without corners is a start of which nothing is known.
+    """
+    parts: tuple[Point | Face, ...] = (*found.points, *found.faces)
+    return [start for part in parts for start in starts_of(part)]
+
+
+def starts_of(part: Point | Face) -> list[Found]:
+    """Return a point of a slice, or the corners of a face, as starts."""
+    if isinstance(part, Point):
+        return [(part.x, part.error)]
+    if not len(part.corners):
+        return [_nowhere(part.corners.shape[1], 0.0)]
+    return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in part.corners]
 
 
 def _undecided(found: Slice, metric: Metric, alpha: float) -> list[Found]:
     """Return as many points of which nothing is known as there are undecided cells."""
-    nowhere = np.append(np.zeros(len(metric.scale) - 1), alpha)
-    return [(nowhere, np.full((1, len(nowhere)), np.inf))] * found.undecided
+    return [_nowhere(len(metric.scale), alpha)] * found.undecided
 
 
-def _corners(face: Face) -> list[Found]:
-    return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in face.corners]
+def _nowhere(size: int, alpha: float) -> Found:
+    """Return a start, shape (size,), of which nothing but alpha is known."""
+    return np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
 
 
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, Matrix
 from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.outcome import FILL, Failure, Trouble
 from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
@@ -222,7 +222,7 @@ def _message(system: PiecewiseSystem, found: Fan, zero: frozenset[int]) -> str:
         )
     if found.dimension > 1:
         return (
-            f"{tests}; solutions fill a cone of dimension {found.dimension}, of which the "
+            f"{tests}; {FILL} a cone of dimension {found.dimension}, of which the "
             f"{len(found.rays)} extreme rays are followed"
         )
     if found.riding:
