@@ -153,3 +153,26 @@ def test_an_area_of_solutions_is_no_complete_graph_of_curves():
 
 def test_a_line_of_solutions_without_a_corner_is_not_passed_over():
     assert "complete" not in explore(Floating(), (-1.0, 1.0)).guarantee
+
+
+class EndlessRay(PiecewiseLinearSystem):
+    """Integers all over; at alpha = 4/3 a vertical ray runs to infinity, beside interfaces."""
+
+    size = 2
+    A = np.array([[1.0, -1.0], [0.0, -1.0]])
+    B = np.array([[1.0, -1.0, -2.0, 0.0], [0.0, 1.0, 1.0, -2.0]])
+    C = np.array([[1.0, 2.0], [-2.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+    d, e = np.array([1.0, 0.0, 1.0, 0.0]), np.array([2.0, 0.0, 2.0, 0.0])
+
+    def test_functions(self, z, alpha):
+        return self.C @ z + self.d * alpha + self.e
+
+    def residual(self, z, alpha, character):
+        switched = self.B @ (self.test_functions(z, alpha) * character.signs)
+        return self.A @ z + switched + np.array([2.0, 0.0]) * alpha - 2.0
+
+
+@pytest.mark.parametrize("interval", [(-2.0, 2.0), (-1.9, 2.1)])
+def test_a_ray_beside_interfaces_never_meets_them_by_rounding(interval):
+    guarantee = explore(EndlessRay(), interval).guarantee
+    assert "a piece was stopped at alpha = 1.3333333 (the piece never leaves its cell" in guarantee

@@ -8,7 +8,7 @@ from paper_systems import CASES, ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from reference_enumeration import Body
 
-from pwscont import ExactLinear, PseudoArclength, explore, trace
+from pwscont import ExactLinear, PiecewiseSystem, PseudoArclength, explore, trace
 
 # stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
 UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]
@@ -83,3 +83,33 @@ def test_the_scale_of_the_augmented_multipliers_does_not_matter(r, name):
     system = CoulombLoad(scaled_body(case.body, 1.0), case.load, 4.0, r=r)
     graph = explore(system, case.interval)
     assert_same(graph, reference_of(name), case.body, 1.0, 1.0, 1.0)
+
+
+class Bend(PiecewiseSystem):
+    """A fold and two transitions within 0.02 of alpha, wherever the interval lies."""
+
+    size = 1
+
+    def __init__(self, size_of_z, begin):
+        self.unit, self.begin = size_of_z, begin
+
+    def test_functions(self, z, alpha):
+        return (z / self.unit + 0.46) ** 2 - 0.009**2
+
+    def residual(self, z, alpha, character):
+        w = z / self.unit
+        smooth = 0.2357 * w - 0.4617 * np.tanh(w / 0.087) - (alpha - self.begin)
+        return smooth - 0.8 * self.test_functions(z, alpha) * character.signs[0]
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.00425])
+@pytest.mark.parametrize("begin", [0.0, 1e3, 1e6])
+def test_where_the_interval_lies_does_not_make_two_points_one(unit, begin):
+    system, w = Bend(unit, begin), -0.0289
+    alpha = float(0.2357 * w - 0.4617 * np.tanh(w / 0.087) - 0.8 * ((w + 0.46) ** 2 - 0.009**2))
+    interval = (begin - 1.424, begin + 1.327)
+    graph = trace(system, ([unit * w], begin + alpha), interval)
+    found = {kind: graph.special_points(kind) for kind in ("transition", "fold")}
+    places = {kind: sorted(p.z[0] / unit for p in points) for kind, points in found.items()}
+    np.testing.assert_allclose(places["transition"], [-0.469, -0.451], rtol=1e-6)
+    np.testing.assert_allclose(places["fold"], [-0.320964554], rtol=1e-4)

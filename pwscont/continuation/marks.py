@@ -56,7 +56,7 @@ class Mark:
         """Tell whether a ray starts here, or no further away than both are uncertain."""
         metric, x = ray.curve.metric, ray.state.x
         apart = metric.difference(self.place.x, x)
-        if metric.norm(apart) <= JOIN * (1.0 + metric.norm(x)):
+        if metric.norm(apart) <= metric.slack(x, JOIN):
             return True
         errors = self.place.error + magnitude(x, ray.state.error)
         return bool((np.abs(apart) <= CONFIDENCE * errors).all())

@@ -34,7 +34,7 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
         around = (curve.selection.system, curve.selection.character, points, alpha, interval)
         nearest = solve_between(*around)[0]
     apart = metric.difference(nearest, x)
-    if metric.norm(apart) <= SAME * (1.0 + metric.norm(x)):
+    if metric.norm(apart) <= metric.slack(x, SAME):
         return True
     both = 2.0 * magnitude(x, state.error)  # the piece is as uncertain as the state
     return bool((np.abs(apart) <= CONFIDENCE * both).all())

@@ -19,6 +19,7 @@ from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.marks import JOIN, Mark, Trail, direction, names
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.walk import Follower, Walk
+from pwscont.foundation.arrays import Array
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Place, Stored
@@ -278,8 +279,10 @@ class Network:
         """Tell whether a solution without rays is a node already."""
         if arrival.rays:
             return False
+        (lo, hi), alpha = self._walker.interval, float(arrival.x[-1])
+        same = SAME_ALPHA * max(abs(alpha), hi - lo)
         return any(
-            np.abs(node.place.x - arrival.x).max() <= JOIN * (1.0 + np.abs(arrival.x).max())
+            abs(node.place.alpha - alpha) <= same and _is_near(node.place.x[:-1], arrival.x[:-1])
             for node in self.nodes.values()
         )
 
@@ -315,6 +318,10 @@ class Network:
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.trail, track, begun_at))
+
+
+def _is_near(z: Array, other: Array) -> bool:
+    return bool(np.abs(z - other).max() <= JOIN * (1.0 + np.abs(z).max()))
 
 
 def _place(arrival: Arrival) -> Place:

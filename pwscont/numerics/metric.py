@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidSystemError
-from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.foundation.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.model.box import Box
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.linalg import power_of_two
@@ -50,6 +50,9 @@ class Metric:
         self._period = period[self._turning] if period is not None else _NONE
         self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
+        #: What of the size of each component adds to its scale: of alpha no more than rounding.
+        self._share = np.ones(len(scale))
+        self._share[-1] = GUARD * EPS / CONVERGED
 
     @classmethod
     def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
@@ -111,8 +114,21 @@ class Metric:
         return math.sqrt(y.dot(y))
 
     def relative(self, dx: Array, x: Array) -> float:
-        """Return the largest component of ``dx`` relative to that of ``x`` or its scale."""
-        return float(np.maximum.reduce(np.abs(dx) / (self.scale + np.abs(x))))
+        """Return the largest component of ``dx`` relative to that of ``x`` or its scale.
+
+        Alpha is relative to the interval, wherever that lies; rounding of alpha is converged.
+        """
+        return float(np.maximum.reduce(np.abs(dx) / (self.scale + self._share * np.abs(x))))
+
+    def slack(self, x: Array, tolerance: float) -> float:
+        """Return the length that a tolerance leaves at a point.
+
+        It is relative to z, and no more than rounding of alpha:
+        how far the interval lies from zero does not make two of its alphas one.
+        """
+        alpha = abs(float(x[-1])) / float(self.scale[-1])
+        z = x[:-1] / self.scale[:-1]
+        return tolerance * (1.0 + math.sqrt(z.dot(z))) + GUARD * EPS * alpha
 
     def covector(self, t: Array) -> Array:
         """Return the row w with ``w @ x`` the inner product of t and x."""

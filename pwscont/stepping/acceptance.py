@@ -17,6 +17,10 @@ Failure modes and answers
   has crossed a golden section of the distance between the sheets, of all parts the one whose
   multiples stay farthest from whole numbers, so that no sheet between passes for the curve.
 
+- Over many sheets at once even that may pass: for Fibonacci numbers the golden multiple is nearly
+  whole. Such a jump needs a large correction: there a second point is looked at, and the larger the
+  correction, the closer the cubic must be.
+
 What stays unseen: sheets that are closer than about a thousandth of a step.
 """
 
@@ -40,6 +44,12 @@ FARTHEST = 0.1
 SLOWEST = 0.1
 #: Largest distance of the cubic between both points from the curve, as a part of the step.
 OFF = 0.1 * BESIDE
+#: Where the correction is a larger part of the step than this, the cubic is looked at twice.
+SURE = 3e-3
+#: Where it is larger than this, the cubic must be the closer to the curve.
+CLOSE = 1e-2
+#: Where the cubic is looked at in the second place: at sqrt(3) - 1 of the distance between sheets.
+SECOND = 0.6602
 #: What is not told apart anyway, in the metric: by so much it may be off however short the step is,
 #: where tangents from differences are no better.
 NEGLIGIBLE: float = EPS**0.5
@@ -72,7 +82,8 @@ def accepted(
     if not step_size.accepts(cosine):
         return Failure(Trouble.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
-    measured = curve.metric.norm(end.x - predicted), _off(segment, corrected)
+    correction = curve.metric.norm(end.x - predicted)
+    measured = correction, _off(segment, corrected, is_sure=correction <= SURE * length)
     strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
@@ -91,7 +102,8 @@ def _strain(
     """
     by_contraction = contraction / SLOWEST if correction > noise else 0.0
     by_correction = correction / (FARTHEST * length + noise)
-    return max(by_contraction, by_correction, off / (OFF * length + noise))
+    allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
+    return max(by_contraction, by_correction, off / (allowed + noise))
 
 
 def _noise(curve: Curve, corrected: Corrected) -> float:
@@ -102,9 +114,19 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
     return NEGLIGIBLE + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
 
 
-def _off(segment: CurvedSegment, corrected: Corrected) -> float:
-    """Return how far the cubic of a segment is from the curve, infinite outside the interval."""
-    curve, x = segment.curve, segment.inside
+def _off(segment: CurvedSegment, corrected: Corrected, is_sure: bool) -> float:
+    """Return how far the cubic of a segment is from the curve, infinite outside the interval.
+
+    It is looked at in a second point where the prediction was not sure enough.
+    """
+    off = _off_at(segment.inside, segment, corrected)
+    if is_sure or not math.isfinite(off):
+        return off
+    return max(off, _off_at(segment.near(SECOND * segment.length), segment, corrected))
+
+
+def _off_at(x: Array, segment: CurvedSegment, corrected: Corrected) -> float:
+    curve = segment.curve
     if not curve.metric.admits(x):
         return math.inf
     return curve.metric.norm(corrected.factor.solve(joined(curve.selection.residual(x), 0.0)))

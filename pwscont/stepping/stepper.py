@@ -137,7 +137,7 @@ class CurvedSegment(Segment):
         """Tell whether a point of the curve at ``s`` is no farther from the cubic than this is."""
         metric, x = self.curve.metric, state.x
         apart = metric.norm(x - self.near(s))
-        if apart <= BESIDE * self.length + CONVERGED * (1.0 + metric.norm(x)):
+        if apart <= BESIDE * self.length + metric.slack(x, CONVERGED):
             return True
         rounding = CONFIDENCE * metric.norm(magnitude(x, state.error))
         return apart <= BESIDE * self.length + rounding

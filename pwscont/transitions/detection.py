@@ -22,11 +22,15 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
+from pwscont.foundation.rounding import EPS
 from pwscont.model.promises import BENT, refuse_bent_ray
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
+
+#: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
+FARTHEST = 0.1 / EPS**0.75
 
 
 @final
@@ -119,6 +123,7 @@ def _ratios(reading: Joined) -> Array:
     falling = reading.slopes < 0.0
     distances = np.full(len(falling), np.inf)
     np.divide(np.maximum(reading.values, 0.0), -reading.slopes, out=distances, where=falling)
+    distances[distances > FARTHEST] = np.inf
     return distances
 
 

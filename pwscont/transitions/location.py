@@ -74,7 +74,7 @@ def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
     """Tell whether a point lies in the bracket, but for the accuracy of its location."""
     if lo == hi:
         return True
-    s, slack = segment.position(found.x), CONVERGED * (1.0 + segment.curve.metric.norm(found.x))
+    s, slack = segment.position(found.x), segment.curve.metric.slack(found.x, CONVERGED)
     return lo - slack <= s <= hi + slack and segment.is_beside(found, s)
 
 

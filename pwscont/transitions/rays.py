@@ -119,7 +119,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if factor.is_singular():
         return None
     defect = factor.solve(np.append(selection.residual(x), 0.0))
-    if not metric.norm(defect) <= DISAGREE * (1.0 + metric.norm(x)):
+    if not metric.norm(defect) <= metric.slack(x, DISAGREE):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
