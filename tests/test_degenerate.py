@@ -151,8 +151,21 @@ def test_an_area_of_solutions_is_no_complete_graph_of_curves():
     assert graph.guarantee == "balanced; solutions fill more than curves at alpha = -1"
 
 
-def test_a_line_of_solutions_without_a_corner_is_not_passed_over():
-    assert "complete" not in explore(Floating(), (-1.0, 1.0)).guarantee
+class FreeUnknown(PiecewiseLinearSystem):
+    """H = alpha, whatever z is."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([alpha - 0.5])
+
+    def residual(self, z, alpha, character):
+        return np.array([alpha])
+
+
+@pytest.mark.parametrize("system", [Floating(), FreeUnknown()])
+def test_a_line_of_solutions_without_a_corner_is_not_passed_over(system):
+    assert "complete" not in explore(system, (-1.0, 1.0)).guarantee
 
 
 class EndlessRay(PiecewiseLinearSystem):

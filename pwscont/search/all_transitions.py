@@ -2,7 +2,7 @@
 
 A component without a transition is a straight line from one end of the interval to the other;
 all others, closed loops included, have a transition point. So these points and the solutions at
-one end give every component.
+one end give every component, unless some unknown is free: then vertical lines need not have any.
 """
 
 from __future__ import annotations
@@ -60,9 +60,21 @@ class AllTransitions(Search):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> Searched:
-        """Promise everything; nothing where a piece may go from one bound to another."""
-        promise = Promise.NOTHING if Box.of(system).is_bounded else Promise.EVERYTHING
+        """Promise everything; nothing where pieces may go from bound to bound or are free."""
+        in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
+        promise = Promise.NOTHING if in_doubt else Promise.EVERYTHING
         return Searched("all transition points, and all solutions at the lower end", promise)
+
+
+def _has_free_unknowns(system: PiecewiseSystem) -> bool:
+    """Tell whether z may move in a direction that neither H nor a test sees, in every cell."""
+    z, alpha = np.zeros(system.size), 0.0
+    jacobian = dense(system.jacobian(z, alpha, system.character(z, alpha)))
+    rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
+    rows = rows * system.differences(alpha).scale[:-1]
+    sizes = np.abs(rows).max(axis=1, initial=0.0)
+    scaled = rows / np.where(sizes > 0.0, sizes, 1.0)[:, np.newaxis]
+    return bool(np.linalg.matrix_rank(scaled) < system.size)
 
 
 @final
