@@ -19,4 +19,5 @@ class Kind(StrEnum):
     NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"
     DEGENERATE = "degenerate"
     ISOLATED = "isolated solution"
+    EVENT = "event"
     STOPPED = "stopped"

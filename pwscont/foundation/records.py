@@ -82,6 +82,11 @@ class SpecialPoint:
         """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
         return self.place.error
 
+    @property
+    def name(self) -> str:
+        """The name of an event, which is its message; empty for all other kinds."""
+        return self.message if self.kind == Kind.EVENT else ""
+
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
         return self.message if orientation > 0 else self.backward
