@@ -40,6 +40,7 @@ from pwscont.search import (
 )
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
 from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Stop
 
 __all__ = [
     "AllTransitions",
@@ -75,6 +76,7 @@ __all__ = [
     "StartNotFoundError",
     "StepSize",
     "Stepper",
+    "Stop",
     "SystemNeededError",
     "Tangent",
     "TransitionDetector",

@@ -289,3 +289,29 @@ def test_blocks_that_fit():
 def test_blocks_that_do_not_fit(blocks, words):
     with pytest.raises(InvalidSystemError, match=words):
         explore(blocked(*blocks), (-1.0, 1.0))
+
+
+# -- numbers that are none -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("residual", "match"),
+    [
+        (lambda z, a, on: np.array([None]), "numbers of type object"),
+        (lambda z, a, on: (z - a) + 1j * z, "numbers of type complex128"),
+    ],
+)
+def test_numbers_that_are_not_real_are_refused(residual, match):
+    with pytest.raises(InvalidSystemError, match=match):
+        explore(one(residual, lambda z, a: z - 0.3), (-1.0, 1.0))
+
+
+def test_tests_whose_number_changes_are_refused():
+    system = one(lambda z, a, on: z - a, lambda z, a: np.append(z - 5.0, z[z > 0.5]))
+    with pytest.raises(InvalidSystemError, match="their number must not change"):
+        explore(system, (-1.0, 1.0))
+
+
+def test_a_double_curve_ends_in_words():
+    graph = trace(one(lambda z, a, on: (z - a) ** 2, lambda z, a: z - 5.0), ([0.5], 0.5), (-1, 1))
+    assert "a piece was stopped" in graph.guarantee

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from pwscont.continuation.default_search import default_search
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
+from pwscont.continuation.plan import (
+    Plan,
+    Report,
+    checked_detectors,
+    checked_interval,
+    checked_kind,
+    silent,
+)
 from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_starts, corrected
 from pwscont.foundation.budget import Budget
@@ -22,6 +29,8 @@ from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Quantity, Stop
 
 
 def explore(
@@ -31,6 +40,8 @@ def explore(
     starts: Iterable[tuple[Any, float]] = (),
     search: Search | None = None,
     stepper: Stepper | None = None,
+    detectors: Iterable[TransitionDetector] = (),
+    events: Mapping[str, Quantity | Stop] | None = None,
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
@@ -51,7 +62,7 @@ def explore(
         complete where that takes seconds (every transition point of a piecewise-linear system, or
         all solutions at both ends and at some values between), otherwise searches that promise
         nothing. That of a curved system looks around the given starts as well.
-    stepper, parameter, report, journal, limits : optional
+    stepper, detectors, events, parameter, report, journal, limits : optional
         As for :func:`pwscont.trace`.
 
     Returns
@@ -69,9 +80,10 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     given = checked_starts(system, starts, (lo, hi))
+    watched = checked_detectors(detectors, events)
     with Budget(limits or Limits()) as budget:
         guess = np.zeros(checked_size(system))
-        plan = prepared(system, (guess, lo), (lo, hi), stepper)
+        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
         around = [plan.reduced(z) for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)
         searched = _searched(given, chosen.searched(plan.followed))

@@ -39,7 +39,7 @@ class Node:
     Of its rays, those that were followed or arrived on leave nothing but their marks.
     """
 
-    kind: Kind
+    kind: Kind | str
     place: Place
     message: str
     rays: list[Ray | None] = field(default_factory=list)
@@ -271,7 +271,8 @@ class Network:
         One that lies on an interface only for all that rounding can tell is one of both sides.
         """
         rays = arrival.rays
-        crossed = arrival.kind in (Kind.TRANSITION, Kind.NONSMOOTH_FOLD) and len(rays) == 2
+        two_sided = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD, Kind.EVENT)
+        crossed = arrival.kind in two_sided and len(rays) == 2
         asked = rays if crossed else rays[:1] if interior else ()
         return bool(asked) and all(self._is_known(ray) for ray in asked)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -41,6 +41,8 @@ from pwscont.transitions import (
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
+from pwscont.transitions.detector import Arrival
+from pwscont.transitions.events import Events, checked_events
 
 Report = Callable[[int, float], None]
 
@@ -125,6 +127,7 @@ class Plan:
         The bounds and periods of its unknowns.
     stepper : Stepper
     detectors : tuple of TransitionDetector
+        The default ones, and those that were given.
     """
 
     system: PiecewiseSystem
@@ -142,23 +145,30 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
+        detectors: tuple[TransitionDetector, ...] = (),
         magnitudes: Array | None = None,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
 
-        Typical magnitudes of z are those given here, or those that the system gives.
+        Detectors are added to the default ones. Typical magnitudes of z are those given here, or
+        those that the system gives.
         """
         chosen = checked_stepper(system, stepper)
         Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
         system = system.within(*interval, magnitudes)
         box = Box.of(system)
-        free = not (box.is_bounded or box.is_periodic)  # a smaller system does not know its box
+        # a smaller system does not know its box, nor what detectors see
+        free = not (box.is_bounded or box.is_periodic or detectors)
         reduction = system.reduction(*interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
-        metric, detectors = Metric.of(followed, interval), default_detectors(chosen, interval)
-        return cls(
-            system, interval, reduction, followed, metric, Box.of(followed), chosen, detectors
-        )
+        metric, watched = Metric.of(followed, interval), default_detectors(chosen, interval)
+        watched = (*watched, *detectors)
+        return cls(system, interval, reduction, followed, metric, Box.of(followed), chosen, watched)
+
+    @property
+    def added(self) -> tuple[TransitionDetector, ...]:
+        """The detectors that were added to the default ones."""
+        return self.detectors[len(default_detectors(self.stepper, self.interval)) :]
 
     def reduced(self, z: Array) -> Array:
         """Return a state of the system as one of the followed system."""
@@ -185,7 +195,8 @@ class Plan:
             walker, starts = Recorded(walker, journal), journal.starts(starts)
         network = Network(walker, report, budget)
         usable = Usable(starts, self.metric, self.box)
-        with few_threads(self.followed.size):
+        # trial points may lie far from where H can be computed; what is not finite is refused there
+        with few_threads(self.followed.size), np.errstate(all="ignore"):
             try:
                 self._follow_from(usable, network, budget)
             except KeyboardInterrupt as why:
@@ -198,9 +209,16 @@ class Plan:
 
     def _follow_from(self, starts: Iterable[Found], network: Network, budget: Budget) -> None:
         for x, error in starts:
-            network.add(departures(self.followed, self.metric, x, error))
+            network.add(self._begun(departures(self.followed, self.metric, x, error)))
             if budget.spent or (self.system.unique and network.spans(*self.interval)):
                 return
+
+    def _begun(self, arrival: Arrival) -> Arrival:
+        """Return a start as the event that it may be."""
+        for detector in self.added:
+            if isinstance(detector, Events):
+                arrival = detector.at_start(arrival)
+        return arrival
 
     def _graph(self, network: Network, parameter: str, searched: Searched) -> BranchGraph:
         """Return the graph of what was discovered, held to the promise of uniqueness."""
@@ -219,8 +237,30 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
+            "detectors": ", ".join(map(_name, self.added)),
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
+
+
+def checked_detectors(detectors: Any, events: Any) -> tuple[TransitionDetector, ...]:
+    """Return the detectors that a caller adds, that of the events last.
+
+    Raises
+    ------
+    InvalidInputError
+        If one is no :class:`~pwscont.TransitionDetector`, or an event no function.
+    """
+    added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
+    for detector in added:
+        checked_kind("each of detectors", detector, TransitionDetector)
+    watched = checked_events(events)
+    return (*added, watched) if watched else added
+
+
+def _name(detector: TransitionDetector) -> str:
+    """Return what tells the detectors of two runs apart."""
+    names = [event.name for event in detector.events] if isinstance(detector, Events) else []
+    return " ".join([type(detector).__name__, *names])
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

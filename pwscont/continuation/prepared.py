@@ -14,6 +14,7 @@ from pwscont.model.promises import check_promises
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.transitions import TransitionDetector
 
 #: Starts by which the unknowns are measured.
 FIRST = 2
@@ -24,6 +25,7 @@ def prepared(
     start: tuple[Array, float],
     interval: tuple[float, float],
     stepper: Stepper | None,
+    detectors: tuple[TransitionDetector, ...] = (),
 ) -> Plan:
     """Return the plan for a system whose promises hold at a start.
 
@@ -33,7 +35,7 @@ def prepared(
         If a promise is broken there.
     """
     z, alpha = start
-    plan = Plan.of(system, interval, stepper)
+    plan = Plan.of(system, interval, stepper, detectors)
     check_promises(plan.system, interval, check_contract(plan.system, z, alpha))
     return plan
 
@@ -66,7 +68,7 @@ def measured(
         return plan, chain(first, _raising(why))
     if fitting is None:
         return plan, chain(first, starts)
-    plan = Plan.of(plan.system, plan.interval, plan.stepper, fitting)
+    plan = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, fitting)
     return plan, starts_of(plan)
 
 

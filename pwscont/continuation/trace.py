@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_interval, checked_kind, silent
+from pwscont.continuation.plan import (
+    Plan,
+    Report,
+    checked_detectors,
+    checked_interval,
+    checked_kind,
+    silent,
+)
 from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.foundation.budget import Budget
@@ -16,6 +23,8 @@ from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Quantity, Stop
 
 
 def trace(
@@ -24,6 +33,8 @@ def trace(
     interval: tuple[float, float],
     *,
     stepper: Stepper | None = None,
+    detectors: Iterable[TransitionDetector] = (),
+    events: Mapping[str, Quantity | Stop] | None = None,
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
@@ -40,6 +51,12 @@ def trace(
         (lo, hi): the values of alpha to stay in.
     stepper : Stepper, optional
         Default: exact for a PiecewiseLinearSystem, else PseudoArclength.
+    detectors : iterable of TransitionDetector, optional
+        What else is watched along every piece; special points may be of kinds of their own.
+    events : mapping of str to callable or Stop, optional
+        Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
+        with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
+        balance. At a transition or fold an event is not a point of its own.
     parameter : str, optional
         Name of alpha in tables and on axes.
     report : callable, optional
@@ -69,8 +86,9 @@ def trace(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     rough = checked_start(system, start, (lo, hi))
+    watched = checked_detectors(detectors, events)
     with Budget(limits or Limits()) as budget:
-        plan = prepared(system, rough, (lo, hi), stepper)
+        plan = prepared(system, rough, (lo, hi), stepper, watched)
         plan, found = measured(plan, rough[0], lambda plan: _corrected(plan, rough))
         return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget)
 

@@ -14,7 +14,7 @@ import numpy as np
 from pwscont.continuation.walk import Walk
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
-from pwscont.foundation.kind import Kind
+from pwscont.foundation.kind import kind_of
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
 from pwscont.numerics.curve import Curve, State
@@ -50,7 +50,7 @@ def walk_of(transcript: Transcript, ray: Ray) -> Walk:
     system, metric = ray.curve.selection.system, ray.curve.metric
     rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
     x = rows[header["x"][0]]
-    arrival = Arrival(Kind(header["kind"]), x, header["message"], rays)
+    arrival = Arrival(kind_of(header["kind"]), x, header["message"], rays)
     return Walk(rows[header["points"]], arrival)
 
 

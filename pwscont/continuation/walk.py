@@ -27,6 +27,8 @@ from pwscont.transitions.rays import Ray
 
 #: A piece of more steps is lost: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
+#: Where so many steps of a piece were too long to see what happens within them it is singular.
+MOST_BLOCKED = 200
 
 
 @final
@@ -42,12 +44,16 @@ class Walk:
     is_cut: bool = False
 
     def sharing(self, ray: Ray) -> Walk:
-        """Return the walk with what its first ray knows of an interface at its end as well."""
+        """Return the walk with what its first ray knows of an interface at its end as well.
+
+        Beyond an event a piece goes on along the same interface.
+        """
         if not ray.shared:
             return self
-        back, *others = self.arrival.rays
-        back = replace(back, shared=ray.shared, index=ray.index)
-        return replace(self, arrival=replace(self.arrival, rays=(back, *others)))
+        along = len(self.arrival.rays) if self.arrival.kind == Kind.EVENT else 1
+        rays = [replace(r, shared=ray.shared, index=ray.index) for r in self.arrival.rays[:along]]
+        rays += self.arrival.rays[along:]
+        return replace(self, arrival=replace(self.arrival, rays=tuple(rays)))
 
 
 class Follower(ABC):
@@ -90,9 +96,10 @@ class Walker(Follower):
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]
-                return Walk(np.array(points), event.arrive(curve))
+                return Walk(np.array(points), self.watch.ended(event.arrive(curve)))
             if isinstance(event, Failure):  # too long a step to see what happens within it
-                if not isinstance(segment, CurvedSegment):
+                reached.blocked += 1
+                if not isinstance(segment, CurvedSegment) or reached.blocked > MOST_BLOCKED:
                     return reached.stopped(str(event))
                 longest, blocked = 0.5 * segment.length, event
                 continue
@@ -117,6 +124,7 @@ class _Reached:
 
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
+        self.blocked = 0
 
     def go_to(self, state: State) -> None:
         """Add a point."""

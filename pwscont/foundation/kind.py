@@ -21,3 +21,8 @@ class Kind(StrEnum):
     ISOLATED = "isolated solution"
     EVENT = "event"
     STOPPED = "stopped"
+
+
+def kind_of(word: str) -> Kind | str:
+    """Return the kind with this word, or the word itself where a detector of a user made it."""
+    return Kind(word) if word in set(Kind) else word

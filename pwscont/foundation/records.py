@@ -41,8 +41,9 @@ class SpecialPoint:
     ----------
     id : int
         The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
-    kind : Kind
-        Equal to its plain word, such as ``"transition"`` or ``"nonsmooth fold"``.
+    kind : Kind or str
+        Equal to its plain word, such as ``"transition"`` or ``"nonsmooth fold"``; a word of its own
+        where a detector of a user says so.
     place : Place
         The point (z, alpha) and the estimate of its error.
     message : str
@@ -59,7 +60,7 @@ class SpecialPoint:
     """
 
     id: int
-    kind: Kind
+    kind: Kind | str
     place: Place
     message: str
     backward: str
@@ -209,7 +210,7 @@ class Solution:
     piece : int
         The id of the piece that it lies on (at a node: of one of them); -1 where there is no
         graph.
-    kind : Kind or None
+    kind : Kind, str or None
         The kind of special point that it is, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
         Estimate of the error of (z, alpha) from rounding and conditioning.
@@ -223,7 +224,7 @@ class Solution:
     label: str
     det_sign: int
     piece: int
-    kind: Kind | None = None
+    kind: Kind | str | None = None
     error: Array = field(default_factory=_no_error)
     digits: float = 16.0
 

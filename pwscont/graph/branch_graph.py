@@ -121,8 +121,9 @@ class BranchGraph:
             A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold".
         """
         everything = [*self._points, *self.starts]
-        if kind is not None and kind not in set(Kind):
-            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(Kind)}")
+        kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
+        if kind is not None and kind not in kinds:
+            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(kinds)}")
         return [point for point in everything if kind is None or point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:

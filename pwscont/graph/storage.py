@@ -24,7 +24,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import GraphFileError
 from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.kind import Kind
+from pwscont.foundation.kind import Kind, kind_of
 from pwscont.foundation.place import Stored
 from pwscont.foundation.records import Piece, SpecialPoint, Track
 from pwscont.foundation.rounding import SAME_ALPHA
@@ -210,10 +210,10 @@ def _node(header: Fields, z: Array) -> SpecialPoint:
     )
 
 
-def _kind(header: Fields) -> Kind:
-    if header.text("kind") not in set(Kind):
-        raise DamagedError(f"kind of {header.name} must be one of {', '.join(Kind)}")
-    return Kind(header.text("kind"))
+def _kind(header: Fields) -> Kind | str:
+    if not header.text("kind"):
+        raise DamagedError(f"kind of {header.name} must not be empty")
+    return kind_of(header.text("kind"))
 
 
 def _error(header: Fields, size: int) -> Array:

@@ -26,7 +26,7 @@ from pwscont.interface.counting import draw_counts
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 
 #: How each kind of special point is drawn; ends need no mark.
-MARKERS: dict[Kind, dict[str, Any]] = {
+MARKERS: dict[Kind | str, dict[str, Any]] = {
     Kind.START: {"marker": (6, 2, 0), "markersize": 11},
     Kind.TRANSITION: {"marker": "o", "markerfacecolor": "white", "markersize": 6},
     Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
@@ -37,8 +37,11 @@ MARKERS: dict[Kind, dict[str, Any]] = {
     Kind.NONSMOOTH_BRANCH_POINT: {"marker": "^", "markersize": 8},
     Kind.DEGENERATE: {"marker": "v", "markersize": 8},
     Kind.ISOLATED: {"marker": ".", "markersize": 8},
+    Kind.EVENT: {"marker": "*", "markersize": 9},
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
+#: How kinds of a user's own detectors are drawn.
+OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
 #: Pieces of at least so many points are drawn as smooth curves, with so many parts of each step.
 LEAST_POINTS, FINER = 4, 8
@@ -144,7 +147,7 @@ def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str,
                 color=f"C{i}",
                 linestyle="none",
                 zorder=3.0 if point.kind in (Kind.TRANSITION, Kind.START) else 4.0,
-                **MARKERS[point.kind],
+                **_marker(point.kind),
             )
     ax.set_xlabel(symbol(graph.parameter))
     names = graph.system.names() if graph.system else None
@@ -248,16 +251,21 @@ def _legend(graph: BranchGraph, styles: Mapping[str, Any]) -> list[Line2D]:
         Line2D([], [], color="black", linestyle=style, label=word) for word, style in styles.items()
     ]
     kinds = dict.fromkeys(point.kind for point in graph.special_points())
+    own = [kind for kind in kinds if kind not in {*MARKERS, Kind.END}]
     marks = [
-        Line2D([], [], color="black", linestyle="none", label=_word(kind), **MARKERS[kind])
-        for kind in MARKERS
+        Line2D([], [], color="black", linestyle="none", label=_word(kind), **_marker(kind))
+        for kind in (*MARKERS, *own)
         if kind in kinds
     ]
     return lines + marks
 
 
-def _word(kind: Kind) -> str:
-    return kind.value.replace("nonsmooth", "non-smooth")
+def _marker(kind: str) -> dict[str, Any]:
+    return MARKERS.get(kind, OWN_MARKER)
+
+
+def _word(kind: str) -> str:
+    return str(kind).replace("nonsmooth", "non-smooth")
 
 
 def symbol(name: str) -> str:

@@ -9,6 +9,9 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidSystemError
 
+#: Kinds of numbers that are real: floats, integers, booleans.
+REAL = "fiub"
+
 
 def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
     """Return a copy of a value: its owner may use the same array for the next one.
@@ -19,6 +22,11 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
         If it is no array of that shape, which it may have been before.
     """
     expect(system, method, value, shape)
+    if value.dtype.kind not in REAL:
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{method} returned numbers of type {value.dtype} where real "
+            "ones are expected"
+        )
     return np.array(value, dtype=float)
 
 

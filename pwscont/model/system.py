@@ -133,11 +133,23 @@ class PiecewiseSystem(ABC):
         evaluated, and some taken; override it, and :meth:`some_test_gradients`, where each test
         costs something of its own.
         """
-        return self.test_functions(z, alpha)[which]
+        taken: Array = self._some(self.test_functions(z, alpha), alpha, which)
+        return taken
 
     def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
         """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
-        return self.test_jacobian(z, alpha)[which]
+        taken: Matrix = self._some(self.test_jacobian(z, alpha), alpha, which)
+        return taken
+
+    def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
+        """Return some rows; that there are as many everywhere is checked where it costs nothing."""
+        try:
+            return rows[which]
+        except IndexError as error:
+            raise InvalidSystemError(
+                f"{type(self).__name__} has {rows.shape[0]} test functions at alpha = "
+                f"{alpha:.10g}, and more elsewhere: their number must not change"
+            ) from error
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
         """Return the indices of the tests whose zero sets bound this cell; default all.

@@ -8,6 +8,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.foundation.arrays import finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.model.box import Box
@@ -28,8 +29,9 @@ class EndPoints(Search):
     """All solutions at both ends of the interval.
 
     A component of the zero set within the interval is a closed loop or ends at an end of the
-    interval, so this finds every component but loops, wherever the enumeration is complete. Where
-    unknowns are bounded a component may also end at a bound, and nothing is promised.
+    interval, so this finds every component but loops, wherever the enumeration is complete and
+    solutions stay bounded: one that comes from infinity and goes there within the interval meets no
+    end. Where unknowns have bounds a component may also end at a bound, and nothing is promised.
     """
 
     def starts(
@@ -80,7 +82,8 @@ class Slices(Search):
             If one lies outside the interval.
         """
         lo, hi = interval
-        outside = [alpha for alpha in self.alphas if not lo <= alpha <= hi]
+        alphas = finite_array("Slices.alphas", self.alphas)
+        outside = [float(alpha) for alpha in alphas.ravel() if not lo <= alpha <= hi]
         if outside:
             raise InvalidInputError(f"Slices: {outside[0]} lies outside the interval [{lo}, {hi}]")
         for alpha in self.alphas:

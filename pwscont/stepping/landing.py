@@ -17,6 +17,8 @@ from pwscont.stepping.stepper import CurvedSegment
 
 #: The end is stepped to where it is no farther than this many times the step that overshoots it.
 STRETCH = 1.5
+#: A prediction farther away than this, in the metric, is not looked at: H may overflow there.
+FAR = 10.0
 
 
 def land_on_end(
@@ -42,11 +44,13 @@ def land_on(
         return Failure(Trouble.NO_TURN)
     predicted = state.x + (alpha - state.alpha) / direction[-1] * direction
     predicted[-1] = alpha
+    length = curve.metric.norm(predicted - state.x)
+    if not length <= FAR:
+        return Failure(Trouble.JUMP)
     along_alpha = np.zeros_like(predicted)
     along_alpha[-1] = np.copysign(curve.metric.scale[-1], direction[-1])
     corrected = BorderedNewton().correct(curve, predicted, along_alpha)
     if isinstance(corrected, Failure):
         return corrected
     corrected.state.x[-1] = alpha  # equal but for rounding in the border
-    length = curve.metric.norm(predicted - state.x)
     return accepted(curve, state, predicted, corrected, length, step_size)

@@ -22,15 +22,14 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import EPS
 from pwscont.model.promises import BENT, refuse_bent_ray
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
 
-#: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
-FARTHEST = 0.1 / EPS**0.75
+#: A function that is positive after this part of a step, by its slope, is watched from there on.
+RISES = 1e-3
 
 
 @final
@@ -71,6 +70,23 @@ class Watch:
                 return failure
         return None
 
+    def falls(self, segment: Segment, start: Joined) -> Array:
+        """Return the distance at which each function falls to zero on a straight segment.
+
+        A detector is asked for what comes before all that those before it found.
+        """
+        distances, farthest = [], np.inf
+        for detector, part in zip(self._detectors, start.parts, strict=True):
+            distances.append(detector.falls(segment, part, farthest))
+            farthest = min(farthest, distances[-1].min(initial=np.inf))
+        return np.concatenate(distances)
+
+    def ended(self, arrival: Arrival) -> Arrival:
+        """Return a special point as the end of a branch, if an event says so."""
+        for detector in self._detectors:
+            arrival = detector.ended(arrival)
+        return arrival
+
     def owner(self, reading: Joined, index: int) -> tuple[TransitionDetector, int]:
         """Return the detector that an index of a joined reading belongs to, and its own index."""
         for detector, part in zip(self._detectors, reading.parts, strict=True):
@@ -97,10 +113,10 @@ class Joined:
 
 
 def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
-    """Return the first event on a straight segment, by the ratio test."""
+    """Return the first event on a straight segment."""
     if np.isnan(start.values).any():
         return Failure(Trouble.NOT_FINITE)
-    distances = _ratios(start)
+    distances = watch.falls(segment, start)
     first = int(np.argmin(distances))
     if np.isinf(best := float(distances[first])):
         return Failure(Trouble.UNBOUNDED)
@@ -116,15 +132,6 @@ def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
-
-
-def _ratios(reading: Joined) -> Array:
-    """Return the distance at which each affine function falls to zero, infinite if never."""
-    falling = reading.slopes < 0.0
-    distances = np.full(len(falling), np.inf)
-    np.divide(np.maximum(reading.values, 0.0), -reading.slopes, out=distances, where=falling)
-    distances[distances > FARTHEST] = np.inf
-    return distances
 
 
 def first_on_curve(
@@ -164,7 +171,8 @@ def _before(reading: Joined) -> Joined:
 
 def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
-    crossed = (after.values <= 0.0) & ((before.values > 0.0) | (before.slopes > 0.0))
+    soon = before.values + (RISES * length) * before.slopes
+    crossed = (after.values <= 0.0) & ((before.values > 0.0) | (soon > 0.0))
     turned = before.slopes * after.slopes < 0.0
     if not (np.count_nonzero(crossed) or np.count_nonzero(turned)):
         return []  # nearly every step

@@ -11,10 +11,13 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
+from pwscont.foundation.rounding import EPS
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
+#: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
+FARTHEST = 0.1 / EPS**0.75
 #: Slopes of a pair of functions that are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
@@ -44,7 +47,8 @@ class Arrival:
 
     Attributes
     ----------
-    kind : Kind
+    kind : Kind or str
+        A word of the detector's own, where none of :class:`Kind` fits.
     x : ndarray, shape (n + 1,)
     message : str
         What happens there, for the user.
@@ -52,24 +56,80 @@ class Arrival:
         Every piece that is known to end here, first the one that was followed, pointing back.
     """
 
-    kind: Kind
+    kind: Kind | str
     x: Array
     message: str
     rays: tuple[Ray, ...]
 
 
 class TransitionDetector(ABC):
-    """Watches functions along a piece; where one stops being positive is a special point."""
+    """Watches functions along a piece; where one falls to zero is a special point.
+
+    The contract: :meth:`read` returns the same number of functions all along a piece. Each is
+    positive while nothing happens; where it changes from positive to zero or below, it is located
+    and its special point made. One that is zero or negative is not watched until it is positive
+    again, so a function whose sign changes either way matter is returned twice, as g and as -g.
+    Right after its own special point a function must be zero or negative, or rise: zero what is
+    rounding. What is returned at a point of one curve depends on that point, not on the way there.
+    """
 
     @abstractmethod
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return what is watched at ``state``."""
+        """Return what is watched at ``state``.
+
+        Parameters
+        ----------
+        curve : Curve
+            The selection that is followed, and the metric.
+        state : State
+            A point of it, and the tangent in the direction of travel.
+
+        Returns
+        -------
+        Reading
+        """
+
+    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
+        """Return the distance at which each function falls to zero on a straight segment.
+
+        Parameters
+        ----------
+        segment : Segment
+            A ray without an end.
+        start : Reading
+            What this detector reads at its beginning.
+        farthest : float
+            What comes later than this distance does not matter, for the piece ends there.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Infinite where it does not. The default holds for functions that are affine along
+            straight pieces (the ratio test); override it for others.
+        """
+        falling = start.slopes < 0.0
+        distances = np.full(len(falling), np.inf)
+        np.divide(np.maximum(start.values, 0.0), -start.slopes, out=distances, where=falling)
+        distances[distances > FARTHEST] = np.inf
+        return distances
 
     @abstractmethod
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the state at which function ``index`` vanishes, for s within the bracket.
 
-        Its tangent points in the direction of the segment.
+        Parameters
+        ----------
+        segment : Segment
+        index : int
+            Into what :meth:`read` returns.
+        bracket : tuple of float
+            Distances along the segment; the function is positive at the first. Both are one on a
+            straight segment.
+
+        Returns
+        -------
+        State or Failure
+            Its tangent points in the direction of the segment.
         """
 
     def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
@@ -90,4 +150,18 @@ class TransitionDetector(ABC):
 
     @abstractmethod
     def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
-        """Return the special point at ``state``, where function ``index`` vanishes."""
+        """Return the special point at ``state``, where function ``index`` vanishes.
+
+        Its rays are all ways from there that are known, first the one back. A detector that only
+        marks a point goes on along the same curve::
+
+            forth = Ray(curve, state)
+            return Arrival("my kind", state.x, "what happened", (forth.reversed(), forth))
+        """
+
+    def ended(self, arrival: Arrival) -> Arrival:
+        """Return a special point that another detector found as the end of the branch.
+
+        Default: it is what it is.
+        """
+        return arrival

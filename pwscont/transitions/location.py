@@ -114,12 +114,22 @@ class _OffCurveError(Exception):
         self.failure = failure
 
 
+def locate_point(segment: Segment, s: float) -> State | Failure:
+    """Return the state of the curve at a distance along a straight segment."""
+    point, row = segment.near(s), -segment.curve.metric.covector(segment.start.tangent)
+    return locate_zero(segment, lambda x: (float(row.dot(x - point)), row), (s, s), s)
+
+
 def locate_sign_change(
-    segment: CurvedSegment, function: Callable[[State], float], bracket: tuple[float, float]
+    segment: CurvedSegment,
+    function: Callable[[State], float],
+    bracket: tuple[float, float],
+    narrow: float = NARROW,
 ) -> State | Failure:
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 
-    For functions without a gradient: a few corrected points more than Newton needs.
+    For functions without a gradient: a few corrected points more than Newton needs. ``narrow`` is
+    the part of the segment within which the change is bracketed.
     """
     known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
 
@@ -134,7 +144,7 @@ def locate_sign_change(
     try:
         if not along(bracket[0]) * along(bracket[1]) <= 0.0:  # a change that is rounding
             return Failure(Trouble.NOT_CONVERGED)
-        s = brentq(along, *bracket, xtol=NARROW * segment.length, rtol=4.0 * EPS)
+        s = brentq(along, *bracket, xtol=narrow * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure
     return known[s] if s in known else segment.at(s)

@@ -1,0 +1,204 @@
+"""Events divide pieces, are where their functions vanish, and change nothing else."""
+
+import numpy as np
+import pytest
+from paper_systems import CASES
+from pwscont_coulomb.scenes import example1, example3, fig10, fig13
+
+from pwscont import (
+    BranchGraph,
+    ExactLinear,
+    InvalidInputError,
+    Journal,
+    NaturalParameter,
+    PiecewiseSystem,
+    PseudoArclength,
+    Stop,
+    TransitionDetector,
+    explore,
+    trace,
+)
+from pwscont.extending import Arrival, Ray, Reading, locate_sign_change
+
+
+class Circle(PiecewiseSystem):
+    """z^2 + alpha^2 = 1, with a kink that changes nothing at z = 1/2."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 0.5
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0
+
+
+def along(system, interval, function):
+    """Return all zeros of a function on the branches, by sign changes on a fine grid."""
+    zeros = []
+    for piece in explore(system, interval, stepper=fine(system)).pieces:
+        x = piece.points
+        if len(x) == 2:
+            x = x[0] + np.linspace(0.0, 1.0, 2001)[:, np.newaxis] * (x[1] - x[0])
+        g = np.array([function(point[:-1], point[-1]) for point in x])
+        changes = np.flatnonzero(g[:-1] * g[1:] < 0.0)
+        zeros += [x[i] + g[i] / (g[i] - g[i + 1]) * (x[i + 1] - x[i]) for i in changes]
+    return zeros
+
+
+def fine(system):
+    from pwscont import PiecewiseLinearSystem, StepSize  # noqa: PLC0415
+
+    straight = isinstance(system, PiecewiseLinearSystem)
+    return ExactLinear() if straight else PseudoArclength(step_size=StepSize(largest=0.01))
+
+
+SCENES = [CASES["fig7"], CASES["fig11"], example1(), fig10(), fig13(), example3()]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: getattr(scene, "name", "scene"))
+@pytest.mark.parametrize("seed", range(4))
+def test_every_zero_is_an_event_and_nothing_else_changes(scene, seed):
+    system, rng = scene.system, np.random.default_rng(seed)
+    plain = explore(system, scene.interval)
+    scale, solutions = system.scale(*scene.interval), [p.z for p in plain.special_points()]
+    row, through = rng.normal(size=system.size) / scale, np.mean(solutions, axis=0)
+    bend = 0.3 * rng.normal()
+
+    def g(z, alpha):
+        level = float(row @ (z - through))
+        return level + bend * level**2 - 0.05
+
+    graph = explore(system, scene.interval, events={"level": g})
+    events, zeros = graph.special_points("event"), along(system, scene.interval, g)
+    assert len(events) == len(zeros)
+    for point in events:
+        assert abs(g(point.z, point.alpha)) < 1e-10
+        assert min(np.abs((x[:-1] - point.z) / scale).max() for x in zeros) < 1e-3
+        assert point.name == "level"
+    for alpha in np.linspace(*scene.interval, 41)[1:-1]:
+        assert graph.count(alpha) == plain.count(alpha)
+        assert graph.balance(alpha) == plain.balance(alpha)
+    assert graph.guarantee == plain.guarantee
+    rows, same = graph.multiplicity(), plain.multiplicity()
+    assert [row[2] for row in rows] == [row[2] for row in same]
+    np.testing.assert_allclose([row[:2] for row in rows], [row[:2] for row in same], atol=1e-14)
+
+
+STEPPERS = [PseudoArclength(), NaturalParameter()]
+
+
+@pytest.mark.parametrize("stepper", STEPPERS, ids=lambda stepper: type(stepper).__name__)
+def test_events_on_a_curve_are_found_to_rounding(stepper):
+    interval = (-0.99, 0.99)
+    graph = trace(
+        Circle(), ([1.0], 0.0), interval, stepper=stepper, events={"up": lambda z, a: z - 0.8}
+    )
+    assert [point.alpha for point in graph.special_points("event")] == pytest.approx(
+        [-0.6, 0.6], abs=1e-14
+    )
+
+
+def test_a_start_that_is_an_event():
+    graph = trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), events={"axis": lambda z, a: a})
+    events = graph.special_points("event")
+    assert sorted(point.z[0] for point in events) == pytest.approx([-1.0, 1.0])
+    assert graph.guarantee == "balanced"
+    assert graph.count(0.0) == 2
+
+
+def test_a_stop_ends_the_branch_on_purpose():
+    scene = CASES["fig7"]
+    plain = explore(scene.system, scene.interval)
+    fold = plain.special_points("nonsmooth fold")[0]
+    graph = trace(
+        scene.system,
+        (plain.solutions(scene.interval[0])[0].z, scene.interval[0]),
+        scene.interval,
+        events={"enough": Stop(lambda z, a: a - (fold.alpha - 0.25))},
+    )
+    ends = [point for point in graph.special_points("event") if len(graph.pieces_at(point.id)) == 1]
+    assert ends
+    assert all(point.alpha == pytest.approx(fold.alpha - 0.25) for point in ends)
+    assert "a branch ends on purpose" in graph.guarantee
+
+
+def test_an_event_at_a_transition_is_the_transition():
+    scene = CASES["fig7"]
+    plain = explore(scene.system, scene.interval)
+    place = plain.special_points("transition")[0].alpha
+    graph = explore(scene.system, scene.interval, events={"there": lambda z, a: a - place})
+    assert len(graph.pieces) - len(plain.pieces) == len(graph.special_points("event"))
+    assert all(piece.interval[1] - piece.interval[0] > 1e-9 for piece in graph.pieces)
+
+
+class Every(TransitionDetector):
+    """Marks where z falls or rises through a level, with a kind of its own."""
+
+    def __init__(self, level):
+        self.level = level
+
+    def read(self, curve, state):
+        off, slope = state.x[0] - self.level, state.tangent[0]
+        off = 0.0 if abs(off) < 1e-11 else off
+        return Reading(np.array([off, -off]), np.array([slope, -slope]))
+
+    def locate(self, segment, index, bracket):
+        return locate_sign_change(segment, lambda state: state.x[0] - self.level, bracket)
+
+    def arrive(self, curve, state, index):
+        forth = Ray(curve, state)
+        return Arrival("level", state.x, f"level {self.level}", (forth.reversed(), forth))
+
+
+def test_a_detector_with_a_kind_of_its_own(tmp_path):
+    graph = trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), detectors=[Every(0.8), Every(-0.2)])
+    points = graph.special_points("level")
+    assert sorted(round(float(p.z[0]), 9) for p in points) == [-0.2, -0.2, 0.8, 0.8]
+    assert graph.guarantee == "balanced"
+    graph.save(tmp_path / "graph.npz")
+    kept = BranchGraph.load(tmp_path / "graph.npz").special_points("level")
+    assert [p.message for p in kept] == [p.message for p in points]
+
+
+def test_events_survive_a_journal(tmp_path):
+    scene, events = CASES["fig7"], {"half": lambda z, a: a - 0.3}
+    journal = Journal(tmp_path / "run.journal")
+    first = explore(scene.system, scene.interval, events=events, journal=journal)
+    journal.close()
+    again = Journal(tmp_path / "run.journal")
+    second = explore(scene.system, scene.interval, events=events, journal=again)
+    assert [p.name for p in second.special_points()] == [p.name for p in first.special_points()]
+    again.close()
+    other = Journal(tmp_path / "run.journal")
+    with pytest.raises(InvalidInputError, match="detectors"):
+        explore(scene.system, scene.interval, journal=other)
+    other.close()
+
+
+@pytest.mark.parametrize(
+    ("events", "match"),
+    [
+        ({"bad": 3.0}, "'bad': 3.0"),
+        ({"": lambda z, a: 1.0}, "name: function"),
+        ([lambda z, a: 1.0], "mapping"),
+        ({"nan": lambda z, a: np.nan}, "the event 'nan' must be a finite number"),
+        ({"two": lambda z, a: np.ones(2)}, "the event 'two' must be a finite number"),
+    ],
+)
+def test_events_that_are_none_are_refused(events, match):
+    with pytest.raises(InvalidInputError, match=match):
+        trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), events=events)
+
+
+def test_a_detector_that_is_none_is_refused():
+    with pytest.raises(InvalidInputError, match="call it to make one"):
+        trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), detectors=[Every])
+
+
+def test_a_stop_at_a_fold_ends_the_branch_as_well():
+    graph = trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), events={"end": Stop(lambda z, a: z)})
+    ends = graph.special_points("event")
+    assert sorted(point.alpha for point in ends) == pytest.approx([-1.0, 1.0])
+    assert graph.count(0.0) == 1
+    assert "a branch ends on purpose" in graph.guarantee
