@@ -98,9 +98,11 @@ class Walker(Follower):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]
                 return Walk(np.array(points), self.watch.ended(event.arrive(curve)))
             if isinstance(event, Failure):  # too long a step to see what happens within it
-                reached.blocked += 1
-                if not isinstance(segment, CurvedSegment) or reached.blocked > MOST_BLOCKED:
+                if not isinstance(segment, CurvedSegment):
                     return reached.stopped(str(event))
+                reached.blocked += 1
+                if reached.blocked > MOST_BLOCKED:
+                    break
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
