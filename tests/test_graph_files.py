@@ -151,7 +151,7 @@ def test_arrays_that_do_not_fit_are_refused(saved, name):
     ("way", "value", "words"),
     [
         (("nodes", 1, "alpha"), None, "alpha of entry 1 of nodes must be a number, got None"),
-        (("nodes", 0, "kind"), "knot", "kind of entry 0 of nodes must be one of start, end"),
+        (("nodes", 0, "kind"), "", "kind of entry 0 of nodes must not be empty"),
         (("nodes", 0, "id"), -1, "each node and each piece needs an id of its own"),
         (("pieces", 1, "start"), 77, "piece 1 begins or ends at a node that is not there"),
         (("pieces", 0, "count"), 0, "count of entry 0 of pieces must be a whole number from 2 on"),
