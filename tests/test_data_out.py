@@ -4,8 +4,10 @@ import builtins
 import copy
 import json
 import pickle
+import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import networkx as nx
 import numpy as np
@@ -507,6 +509,7 @@ def test_small_records_show_all(plain):
     assert repr(plain.pieces[2]) == "Piece(2: stick, alpha -1 → 1, det +1, 2 points)"
     assert repr(plain.multiplicity()[0]) == "Stretch([-2, -1): 1 solution)"
     assert_short(plain.multiplicity()[1], "3 solutions")
+    assert "z=[-1]" in repr(explore(Circle(), (-0.5, 0.5)).solutions(0.0))
 
 
 def test_systems_of_ones_own():
@@ -532,3 +535,22 @@ def test_elastic_bodies_and_their_states():
 def test_notebooks_escape_what_a_user_wrote(plain):
     point = replace(plain.point(0), message="<script>alert(1)</script>")
     assert "<script>" not in point._repr_html_()
+
+
+# -- the manual ----------------------------------------------------------------------------------
+
+
+def test_the_page_of_the_manual_runs(tmp_path, monkeypatch, capsys):
+    """Its code runs, and what stands behind an arrow is the answer."""
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[1] / "docs" / "data.rst").read_text(encoding="utf-8")
+    blocks = re.findall(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", page, re.MULTILINE)
+    namespace, answers = {}, 0
+    for block in blocks:
+        code = re.sub(r"^   ", "", block, flags=re.MULTILINE)
+        exec(compile(code, "data.rst", "exec"), namespace)
+        for question, answer in re.findall(r"^(.+?)  # -> (.+)$", code, re.MULTILINE):
+            assert repr(eval(question, namespace)) == answer
+            answers += 1
+    assert (len(blocks), answers) == (5, 11)
+    assert {file.name for file in tmp_path.iterdir()} == {"fig7.graphml", "fig7.npz"}

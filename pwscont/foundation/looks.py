@@ -24,10 +24,14 @@ def short(words: str) -> str:
 
 
 def state(names: Sequence[str], z: Array) -> str:
-    """Return the first unknowns by name, and how many there are."""
-    shown = [f"{name}={value:.6g}" for name, value in zip(names, z[:MOST_UNKNOWNS], strict=False)]
-    rest = [f"... {len(z)} unknowns"] if len(z) > MOST_UNKNOWNS else []
-    return ", ".join([*shown, *rest])
+    """Return the first unknowns, by name if they have one, and how many there are."""
+    values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
+    dots = ["..."] if len(z) > MOST_UNKNOWNS else []
+    rest = f" {len(z)} unknowns" if dots else ""
+    if names[:1] == ("z[0]",):
+        return f"z=[{', '.join([*values, *dots])}]{rest}"
+    shown = [f"{name}={value}" for name, value in zip(names, values, strict=False)]
+    return ", ".join([*shown, *dots]) + rest
 
 
 def card(title: str, rows: Iterable[tuple[str, object]]) -> str:
