@@ -9,10 +9,12 @@ from pwscont.foundation.errors import (
     GraphFileError,
     InvalidInputError,
     InvalidSystemError,
+    MissingPackageError,
     PwscontError,
     SceneNotFoundError,
     StartNotFoundError,
     SystemNeededError,
+    UnknownNameError,
 )
 from pwscont.foundation.limits import Limits
 from pwscont.graph import BranchGraph
@@ -58,6 +60,7 @@ __all__ = [
     "InvalidSystemError",
     "Journal",
     "Limits",
+    "MissingPackageError",
     "MoorePenrose",
     "MultiStart",
     "NaturalParameter",
@@ -81,6 +84,7 @@ __all__ = [
     "Tangent",
     "TransitionDetector",
     "TransitionLocus",
+    "UnknownNameError",
     "check_system",
     "draw_counts",  # noqa: F822  by __getattr__
     "enumerate_solutions",

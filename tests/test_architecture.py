@@ -108,7 +108,7 @@ def loaded_by(statement):
     return set(run.stdout.split())
 
 
-HEAVY = {"matplotlib", "pwscont_coulomb", "skfem", "meshio", "pytest", "IPython", "tqdm"}
+HEAVY = {"matplotlib", "pandas", "pwscont_coulomb", "skfem", "meshio", "pytest", "IPython", "tqdm"}
 
 
 def test_import_pwscont_is_lean():

@@ -158,13 +158,12 @@ def test_networkx_graph(fig7):
     edges = list(fig7.nx.edges(keys=True, data=True))
     assert sorted(key for _, _, key, _ in edges) == [0, 1, 2, 3]
     for a, b, key, data in edges:
-        piece = data["piece"]
-        assert piece is fig7.pieces[key]
+        piece = fig7.pieces[key]
+        assert data["piece"] == piece.id == key
         assert {a, b} == {piece.start, piece.end}
     for node, data in fig7.nx.nodes(data=True):
-        assert data["point"].id == node
-        assert data["alpha"] == data["point"].alpha
-        np.testing.assert_array_equal(data["z"], data["point"].z)
+        assert data["alpha"] == fig7.point(node).alpha
+        np.testing.assert_array_equal(json.loads(data["z"]), fig7.point(node).z)
 
 
 def test_pieces_touch_their_nodes(fig7, curved):

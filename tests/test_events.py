@@ -13,6 +13,7 @@ from pwscont import (
     NaturalParameter,
     PiecewiseSystem,
     PseudoArclength,
+    Scene,
     Stop,
     TransitionDetector,
     explore,
@@ -202,3 +203,30 @@ def test_a_stop_at_a_fold_ends_the_branch_as_well():
     assert sorted(point.alpha for point in ends) == pytest.approx([-1.0, 1.0])
     assert graph.count(0.0) == 1
     assert "a branch ends on purpose" in graph.guarantee
+
+
+def test_recorded_quantities_are_at_hand_by_name():
+    graph = explore(
+        Circle(),
+        (-0.9, 0.9),
+        starts=[([1.0], 0.0)],
+        record={"angle": lambda z, a: np.arctan2(z[0], a)},
+    )
+    for solution in graph.solutions(0.3):
+        assert solution["angle"] == pytest.approx(np.arctan2(solution.z[0], 0.3))
+    for point in graph.special_points():
+        assert point["angle"] == pytest.approx(np.arctan2(point.z[0], point.alpha))
+
+
+def test_a_scene_carries_events_and_records():
+    scene = Scene(
+        name="circle",
+        title="a circle",
+        system=Circle(),
+        interval=(-0.9, 0.9),
+        events={"up": lambda z, a: z - 0.8},
+        record={"square": lambda z, a: float(z[0] ** 2)},
+    )
+    graph = scene.run()
+    assert {point.name for point in graph.special_points("event")} == {"up"}
+    assert graph.solutions(0.5)[0]["square"] == pytest.approx(0.75)

@@ -183,7 +183,7 @@ def test_nonsmooth_folds_are_where_alpha_turns(explored):
 
 
 def _both_on_one_side(graph, point):
-    pieces = [data["piece"] for _, _, data in graph.nx.edges(point.id, data=True)]
+    pieces = graph.pieces_at(point.id)
     sides = {np.sign(p.alpha.mean() - point.alpha) for p in pieces if p.det_sign}
     return len(pieces) == 2 and len(sides) == 1 and all(p.det_sign for p in pieces)
 

@@ -155,7 +155,8 @@ for lo, hi, count in graph.multiplicity():
     print(f"{lo:.4f} < alpha < {hi:.4f}: {count}")
 
 # %%
-# ``graph.nx`` is a plain networkx graph for everything else. ``graph.save`` writes one file;
+# ``graph.nx`` is a plain networkx graph for everything else, ``graph.to_dataframe("points")`` a
+# pandas data frame (:doc:`/data`). ``graph.save`` writes one file;
 # hand the system to ``load`` to have solutions between its stored points corrected again.
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "arch.npz"

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.looks import card, counted
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
 SYMMETRIC = 1e-10
@@ -70,6 +71,17 @@ class ContactBody:
         self.guided = _flags("guided", guided, p)
         self._check()
         self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
+
+    def _sizes(self) -> str:
+        kind = "sparse" if self.is_sparse else "dense"
+        sizes = f"{counted(self.n, 'displacement')}, {counted(self.p, 'contact node')}"
+        return f"{sizes}, {kind}"
+
+    def __repr__(self) -> str:
+        return f"ContactBody({self._sizes()})"
+
+    def _repr_html_(self) -> str:
+        return card("ContactBody", [("size", self._sizes())])
 
     @property
     def is_sparse(self) -> bool:

@@ -32,6 +32,7 @@ import scipy.sparse as sp
 from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.foundation.arrays import Array, Indices, Matrix, dense, finite_array
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.looks import counted
 from pwscont.model.reduction import Reduction
 from pwscont.numerics.row_replacement import Updating
 from pwscont.search import Search
@@ -210,6 +211,10 @@ class Coulomb(SlicewiseLinearSystem):
     def describe_transition(self, before: Character, after: Character) -> str:
         """Return the paper's message, such as ``contact-slip → contact-stick``."""
         return contact.describe_change(before, after)
+
+    def __repr__(self) -> str:
+        nodes, tests = counted(self.body.p, "contact node"), counted(3 * self.body.p, "test")
+        return f"{type(self).__name__}({counted(self.size, 'unknown')}, {tests}, {nodes})"
 
     def names(self) -> tuple[str, ...]:
         """Return u[i] (or u_nu and u_t where N and T pick single unknowns) and multipliers."""

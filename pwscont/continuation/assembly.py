@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -14,6 +14,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.place import Place, Stored
+from pwscont.foundation.quantities import Function
 from pwscont.foundation.records import Track, significant
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
@@ -30,6 +31,7 @@ def assemble(
     parameter: str,
     searched: Searched,
     reduction: Reduction | None,
+    record: Mapping[str, Function] | None = None,
 ) -> BranchGraph:
     """Return the branch graph of a finished network.
 
@@ -62,6 +64,7 @@ def assemble(
         system=system,
         parameter=parameter,
         searched=searched,
+        record=record,
     )
 
 

@@ -22,6 +22,7 @@ from pwscont.continuation.start import Start, checked_starts, corrected
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.guarantee import Searched
 from pwscont.foundation.limits import Limits
+from pwscont.foundation.quantities import Function, checked_record
 from pwscont.graph import BranchGraph
 from pwscont.model.contract import checked_size
 from pwscont.model.promises import refuse_undefined
@@ -30,7 +31,7 @@ from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Quantity, Stop
+from pwscont.transitions.events import Stop
 
 
 def explore(
@@ -41,7 +42,8 @@ def explore(
     search: Search | None = None,
     stepper: Stepper | None = None,
     detectors: Iterable[TransitionDetector] = (),
-    events: Mapping[str, Quantity | Stop] | None = None,
+    events: Mapping[str, Function | Stop] | None = None,
+    record: Mapping[str, Function] | None = None,
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
@@ -62,7 +64,7 @@ def explore(
         complete where that takes seconds (every transition point of a piecewise-linear system, or
         all solutions at both ends and at some values between), otherwise searches that promise
         nothing. That of a curved system looks around the given starts as well.
-    stepper, detectors, events, parameter, report, journal, limits : optional
+    stepper, detectors, events, record, parameter, report, journal, limits : optional
         As for :func:`pwscont.trace`.
 
     Returns
@@ -80,7 +82,7 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     given = checked_starts(system, starts, (lo, hi))
-    watched = checked_detectors(detectors, events)
+    watched, recorded = checked_detectors(detectors, events), checked_record(record)
     with Budget(limits or Limits()) as budget:
         guess = np.zeros(checked_size(system))
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
@@ -88,7 +90,7 @@ def explore(
         chosen = search or default_search(plan.followed, (lo, hi), around)
         searched = _searched(given, chosen.searched(plan.followed))
         plan, found = measured(plan, guess, lambda plan: _found(plan, given, chosen))
-        graph = plan.follow(found, parameter, report, searched, journal, budget)
+        graph = plan.follow(found, parameter, report, searched, journal, budget, recorded)
     if not graph.special_points() and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph

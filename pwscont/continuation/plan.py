@@ -5,7 +5,7 @@ What is chosen here and what is left out, :mod:`pwscont.continuation.omissions` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, final
 
@@ -23,6 +23,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.generic import generic
 from pwscont.foundation.guarantee import Searched
+from pwscont.foundation.quantities import Function
 from pwscont.graph import BranchGraph
 from pwscont.model.box import Box
 from pwscont.model.reduction import Reduction
@@ -182,6 +183,7 @@ class Plan:
         searched: Searched,
         journal: Journal | None,
         budget: Budget,
+        record: Mapping[str, Function] | None = None,
     ) -> BranchGraph:
         """Return the graph of everything that is reached from starts of the followed system.
 
@@ -205,7 +207,7 @@ class Plan:
         if journal is not None and not budget.spent:
             journal.finish()
         searched = replace(usable.lowered(searched), spent=budget.spent)
-        return self._graph(network, parameter, searched)
+        return self._graph(network, parameter, searched, record)
 
     def _follow_from(self, starts: Iterable[Found], network: Network, budget: Budget) -> None:
         for x, error in starts:
@@ -220,12 +222,18 @@ class Plan:
                 arrival = detector.at_start(arrival)
         return arrival
 
-    def _graph(self, network: Network, parameter: str, searched: Searched) -> BranchGraph:
+    def _graph(
+        self,
+        network: Network,
+        parameter: str,
+        searched: Searched,
+        record: Mapping[str, Function] | None,
+    ) -> BranchGraph:
         """Return the graph of what was discovered, held to the promise of uniqueness."""
         if self.system.unique:
             searched = unique(searched)
         system, interval, reduction = self.system, self.interval, self.reduction
-        graph = assemble(network, system, interval, parameter, searched, reduction)
+        graph = assemble(network, system, interval, parameter, searched, reduction, record)
         if self.system.unique:
             check_unique(graph)
         return graph

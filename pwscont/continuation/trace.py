@@ -18,13 +18,14 @@ from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.foundation.budget import Budget
 from pwscont.foundation.limits import Limits
+from pwscont.foundation.quantities import Function, checked_record
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Quantity, Stop
+from pwscont.transitions.events import Stop
 
 
 def trace(
@@ -34,7 +35,8 @@ def trace(
     *,
     stepper: Stepper | None = None,
     detectors: Iterable[TransitionDetector] = (),
-    events: Mapping[str, Quantity | Stop] | None = None,
+    events: Mapping[str, Function | Stop] | None = None,
+    record: Mapping[str, Function] | None = None,
     parameter: str = "alpha",
     report: Report = silent,
     journal: Journal | None = None,
@@ -57,6 +59,9 @@ def trace(
         Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
         with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
         balance. At a transition or fold an event is not a point of its own.
+    record : mapping of str to callable, optional
+        Quantities f(z, alpha) -> float by name, at hand as ``solution["name"]`` and
+        ``point["name"]``, in data frames, tables and pictures.
     parameter : str, optional
         Name of alpha in tables and on axes.
     report : callable, optional
@@ -86,11 +91,11 @@ def trace(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     rough = checked_start(system, start, (lo, hi))
-    watched = checked_detectors(detectors, events)
+    watched, recorded = checked_detectors(detectors, events), checked_record(record)
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper, watched)
         plan, found = measured(plan, rough[0], lambda plan: _corrected(plan, rough))
-        return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget)
+        return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:

@@ -17,6 +17,17 @@ class InvalidSystemError(PwscontError, ValueError):
     """A user's system breaks its contract; the message names the method and the point."""
 
 
+class UnknownNameError(PwscontError, KeyError):
+    """Nothing is called so; the message names what is there, and what is close."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""  # a KeyError would show the repr
+
+
+class MissingPackageError(PwscontError, ImportError):
+    """Something was asked for that needs a package which is not installed."""
+
+
 class StartNotFoundError(PwscontError, RuntimeError):
     """No solution was found near a start; the message says what to try."""
 

@@ -10,8 +10,11 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
+from pwscont.foundation.errors import InvalidSystemError
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.looks import card, counted, short, state
 from pwscont.foundation.place import Place, Stored
+from pwscont.foundation.quantities import NAMELESS, Quantities
 from pwscont.foundation.rounding import SAME_ALPHA
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -37,13 +40,15 @@ def significant(error: Array, values: Array, scale: Array) -> float:
 class SpecialPoint:
     """A node of the branch graph.
 
+    ``point["u_t"]`` is an unknown by its name, or a recorded quantity.
+
     Attributes
     ----------
     id : int
         The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
-    kind : Kind or str
-        Equal to its plain word, such as ``"transition"`` or ``"nonsmooth fold"``; a word of its own
-        where a detector of a user says so.
+    kind : str
+        A :class:`~pwscont.foundation.kind.Kind`, equal to its plain word, such as ``"transition"``
+        or ``"nonsmooth fold"``; the word of a detector that has kinds of its own.
     place : Place
         The point (z, alpha) and the estimate of its error.
     message : str
@@ -57,16 +62,31 @@ class SpecialPoint:
         Number of significant decimal digits, by the estimate of the error.
     lost : int
         Number of pieces that leave here and could not be followed.
+    quantities : Quantities
+        What it can be asked for by name.
     """
 
     id: int
-    kind: Kind | str
+    kind: str
     place: Place
     message: str
     backward: str
     piece: int | None = None
     digits: float = 16.0
     lost: int = 0
+    quantities: Quantities = NAMELESS
+
+    def __getitem__(self, name: str) -> float:
+        """Return an unknown by the system's name for it, or a recorded quantity.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of this name; it names close ones.
+        InvalidInputError
+            If the function of a recorded quantity fails, or returns no finite float.
+        """
+        return self.quantities.value(name, self.z, self.alpha)
 
     @property
     def z(self) -> Array:
@@ -91,6 +111,24 @@ class SpecialPoint:
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
         return self.message if orientation > 0 else self.backward
+
+    def __repr__(self) -> str:
+        what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"
+        return f"SpecialPoint({self.id}: {what}{f', {short(self.message)}' * bool(self.message)})"
+
+    def _repr_html_(self) -> str:
+        rows = [("alpha", f"{self.alpha:.10g}"), ("state", _by_name(self))]
+        more = [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
+        return card(f"SpecialPoint {self.id}: {self.kind}", [*rows, *more])
+
+
+def _by_name(record: SpecialPoint | Solution) -> str:
+    """Return the state of a record with names; a repr does not fail where names do not fit."""
+    z = record.z
+    try:
+        return state(record.quantities.names(len(z)), z)
+    except InvalidSystemError:
+        return state(NAMELESS.names(len(z)), z)
 
 
 @final
@@ -192,11 +230,27 @@ class Piece:
         lo, hi = self.interval
         return self.det_sign == 0 and hi - lo <= SAME_ALPHA * max(abs(lo), abs(hi), 1e-300)
 
+    @property
+    def _course(self) -> str:
+        return f"{self.track.start.alpha:.8g} → {self.track.end.alpha:.8g}"
+
+    def __repr__(self) -> str:
+        count = len(self.track.inner) + 2
+        where = f"{short(self.label)}, alpha {self._course}"
+        return f"Piece({self.id}: {where}, det {self.det_sign:+d}, {count} points)"
+
+    def _repr_html_(self) -> str:
+        rows = [("mode", short(self.label)), ("alpha", self._course)]
+        more = [("det", f"{self.det_sign:+d}"), ("points", str(len(self.track.inner) + 2))]
+        return card(f"Piece {self.id}", [*rows, *more])
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """One solution at a given alpha.
+
+    ``solution["u_t"]`` is an unknown by its name, or a recorded quantity.
 
     Attributes
     ----------
@@ -210,12 +264,14 @@ class Solution:
     piece : int
         The id of the piece that it lies on (at a node: of one of them); -1 where there is no
         graph.
-    kind : Kind, str or None
+    kind : str or None
         The kind of special point that it is, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
         Estimate of the error of (z, alpha) from rounding and conditioning.
     digits : float
         Number of significant decimal digits, by that estimate.
+    quantities : Quantities
+        What it can be asked for by name.
     """
 
     z: Array
@@ -224,14 +280,33 @@ class Solution:
     label: str
     det_sign: int
     piece: int
-    kind: Kind | str | None = None
+    kind: str | None = None
     error: Array = field(default_factory=_no_error)
     digits: float = 16.0
+    quantities: Quantities = NAMELESS
+
+    def __getitem__(self, name: str) -> float:
+        """Return an unknown by the system's name for it, or a recorded quantity.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of this name; it names close ones.
+        InvalidInputError
+            If the function of a recorded quantity fails, or returns no finite float.
+        """
+        return self.quantities.value(name, self.z, self.alpha)
 
     def __repr__(self) -> str:
-        z = np.array2string(self.z, precision=6, suppress_small=True)
-        where = f"{self.label}{f', {self.kind}' if self.kind else ''}"
-        return f"Solution({where}, alpha={self.alpha:.10g}, det {self.det_sign:+d}, z={z})"
+        where = f"{short(self.label)}{f', {self.kind}' if self.kind else ''}"
+        what = f"alpha={self.alpha:.10g}, det {self.det_sign:+d}"
+        return f"Solution({where}, {what}, {_by_name(self)})"
+
+    def _repr_html_(self) -> str:
+        rows = [("mode", short(self.label)), ("state", _by_name(self))]
+        more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
+        title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
+        return card(title, [*rows, *more])
 
 
 @final
@@ -256,6 +331,12 @@ class Stretch(tuple[float, float, int]):
 
     def __getnewargs__(self) -> tuple[float, float, int, bool, bool]:
         return (*self, self.lo_closed, self.hi_closed)
+
+    def __repr__(self) -> str:
+        return f"Stretch({self.ends}: {counted(self[2], 'solution')})"
+
+    def _repr_html_(self) -> str:
+        return card(f"Stretch {self.ends}", [("solutions", self[2])])
 
     @property
     def ends(self) -> str:

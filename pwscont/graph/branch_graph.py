@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -17,9 +18,11 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.quantities import Function, Naming, Quantities, checked_record
 from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
+from pwscont.graph.exports import data_frame, networkx_graph
 from pwscont.graph.refinement import refine
 from pwscont.graph.verdict import WORDS, is_on_purpose, loose_ends, verdict
 from pwscont.model.system import PiecewiseSystem
@@ -27,26 +30,6 @@ from pwscont.model.system import PiecewiseSystem
 #: Solutions that are larger or smaller by this factor are not of the order of one.
 FAR = 1e3
 NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
-
-
-@final
-class _OfNode(dict[str, Any]):
-    """What networkx knows of a node; the state ``z`` is taken from the point when asked for."""
-
-    def __missing__(self, key: str) -> Any:
-        if key != "z":
-            raise KeyError(key)
-        return self["point"].z
-
-
-@final
-class _OfEdge(dict[str, Any]):
-    """What networkx knows of an edge; the ``label`` is taken from the piece when asked for."""
-
-    def __missing__(self, key: str) -> Any:
-        if key != "label":
-            raise KeyError(key)
-        return self["piece"].label
 
 
 @final
@@ -68,6 +51,17 @@ class BranchGraph:
         Name of the parameter, for tables and axes.
     searched : Searched
         Where starts were searched, and what that promises.
+    record : mapping of str to callable, optional
+        Quantities to have at hand by name, such as ``solution["power"]``: functions of (z, alpha)
+        that return a finite float. They are evaluated when asked for; one that fails raises then,
+        and nothing else of the graph is lost.
+    names : sequence of str, optional
+        Names of the unknowns; default those of the system.
+
+    Raises
+    ------
+    InvalidInputError
+        If a recorded quantity has the name of an unknown or of something else, or is no function.
     """
 
     def __init__(
@@ -80,37 +74,61 @@ class BranchGraph:
         system: PiecewiseSystem | None = None,
         parameter: str = "alpha",
         searched: Searched = NOT_SEARCHED,
+        record: Mapping[str, Function] | None = None,
+        names: Sequence[str] | None = None,
     ) -> None:
         self.interval = interval
         self.searched = searched
-        self.starts = tuple(starts)
         self.system = system
         self.parameter = parameter
-        self._nx = nx.MultiGraph()
-        self._nx.node_attr_dict_factory, self._nx.edge_attr_dict_factory = _OfNode, _OfEdge
-        for point in points:
-            self._nx.add_node(point.id, point=point, kind=str(point.kind), alpha=point.alpha)
-        for piece in pieces:
-            self._nx.add_edge(piece.start, piece.end, key=piece.id, piece=piece)
+        given, within = list(points), list(starts)
+        #: What its states can be asked for by name.
+        self.quantities = _quantities([*given, *within], system, record, names)
+        self.starts = tuple(_asked(point, self.quantities) for point in within)
+        self._nodes = {point.id: _asked(point, self.quantities) for point in given}
+        self._by_id = {piece.id: piece for piece in sorted(pieces, key=lambda piece: piece.id)}
 
-    @property
+    @cached_property
     def nx(self) -> nx.MultiGraph:
-        """The networkx graph, whose nodes carry ``point`` and whose edges carry ``piece``."""
-        return self._nx
+        """The same as a networkx graph of its own, with plain attributes.
+
+        Its values are numbers and texts, so that :func:`networkx.write_graphml` and the like take
+        them. Made when first asked for; changing it changes nothing else.
+
+        Nodes are the ids of special points. They have ``kind``, ``alpha``, ``message``, ``name``,
+        the recorded quantities, and ``z``, the state as a JSON list. (As an array it is
+        ``graph.point(node).z``; one unknown is ``graph.point(node)["u_t"]``.)
+
+        The key of an edge is the id of its piece. Edges have this ``piece``, ``label``,
+        ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
+        the sum of the chords between stored points in (z, alpha), where alpha is measured by the
+        interval and each unknown by its largest magnitude in the graph.
+        """
+        return networkx_graph(self)
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """All pieces by id."""
-        found = (data["piece"] for _, _, data in self._nx.edges(data=True))
-        return tuple(sorted(found, key=lambda piece: piece.id))
-
-    @cached_property
-    def _by_id(self) -> dict[int, Piece]:
-        return {piece.id: piece for piece in self.pieces}
+        return tuple(self._by_id.values())
 
     @cached_property
     def _points(self) -> tuple[SpecialPoint, ...]:
-        return tuple(self._nx.nodes[i]["point"] for i in sorted(self._nx.nodes))
+        return tuple(self._nodes[i] for i in sorted(self._nodes))
+
+    @cached_property
+    def _touching(self) -> dict[int, list[Piece]]:
+        """The pieces that begin or end at each node."""
+        touching: dict[int, list[Piece]] = {node: [] for node in self._nodes}
+        for piece in self.pieces:
+            for node in {piece.start, piece.end}:
+                touching[node].append(piece)
+        return touching
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the unknowns; empty where a graph has neither a system nor points."""
+        some = self.system.size if self.system else next((len(p.z) for p in self._points), None)
+        return () if some is None else self.quantities.names(some)
 
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
         """Return the special points, of one kind if given.
@@ -118,7 +136,8 @@ class BranchGraph:
         Parameters
         ----------
         kind : str, optional
-            A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold".
+            A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold", or a kind
+            of one's own detector that is in the graph.
         """
         everything = [*self._points, *self.starts]
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
@@ -128,18 +147,18 @@ class BranchGraph:
 
     def point(self, node: int) -> SpecialPoint:
         """Return the special point with this id."""
-        found: SpecialPoint = self._nx.nodes[node]["point"]
-        return found
+        return self._nodes[node]
 
     def components(self) -> list[list[Piece]]:
         """Return the pieces of each connected component, in the order in which they follow."""
-        return [
-            [self._by_id[i] for i in sorted(self._ids(nodes))]
-            for nodes in sorted(nx.connected_components(self._nx), key=min)
-        ]
+        joined = nx.Graph()
+        joined.add_nodes_from(self._nodes)
+        joined.add_edges_from((piece.start, piece.end) for piece in self.pieces)
+        return [self._at_any(nodes) for nodes in sorted(nx.connected_components(joined), key=min)]
 
-    def _ids(self, nodes: set[int]) -> set[int]:
-        return {data["piece"].id for _, _, data in self._nx.edges(nodes, data=True)}
+    def _at_any(self, nodes: set[int]) -> list[Piece]:
+        ids = {piece.id for node in nodes for piece in self._touching[node]}
+        return [self._by_id[i] for i in sorted(ids)]
 
     def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
         """Return the special points of a component in the order of its orientation.
@@ -200,8 +219,7 @@ class BranchGraph:
 
     def pieces_at(self, node: int) -> list[Piece]:
         """Return the pieces that begin or end at a special point."""
-        found = [data["piece"] for _, _, data in self._nx.edges(node, data=True)]
-        return sorted(found, key=lambda piece: piece.id)
+        return list(self._touching[node])
 
     def count(self, alpha: float) -> int | float:
         """Return the number of solutions at ``alpha``; infinite on a vertical piece.
@@ -228,7 +246,8 @@ class BranchGraph:
         self._inside(alpha)
         at_nodes = [self._solution_at(node) for node in self._nodes_at(alpha)]
         between = [
-            refine(self.system, piece, alpha, self.interval) for piece in self._through(alpha)
+            refine(self.system, piece, alpha, self.interval, self.quantities)
+            for piece in self._through(alpha)
         ]
         return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
@@ -247,6 +266,7 @@ class BranchGraph:
             kind=point.kind,
             error=point.error,
             digits=point.digits,
+            quantities=point.quantities,
         )
 
     def _isolated(self, point: SpecialPoint) -> Solution:
@@ -255,9 +275,8 @@ class BranchGraph:
         if self.system is not None:
             character = self.system.character(point.z, point.alpha)
             label = self.system.label(character)
-        return Solution(
-            point.z, point.alpha, character, label, 0, -1, point.kind, point.error, point.digits
-        )
+        known = (point.kind, point.error, point.digits, point.quantities)
+        return Solution(point.z, point.alpha, character, label, 0, -1, *known)
 
     def _index(self, node: int) -> int:
         """Return the index of the solution at a node: the sum of the signs to its right.
@@ -340,7 +359,7 @@ class BranchGraph:
         """
         joints = nx.Graph()
         joints.add_nodes_from(piece.id for piece in self.pieces)
-        for node in self._nx.nodes:
+        for node in self._nodes:
             joints.add_edges_from(combinations((p.id for p in self.pieces_at(node)), 2))
         try:
             return [self._by_id[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
@@ -438,16 +457,24 @@ class BranchGraph:
         """
         storage.write(
             path,
-            self._points,
-            self.pieces,
-            self.starts,
-            self.interval,
-            self.parameter,
-            self.searched,
+            storage.Contents(
+                self._points,
+                self.pieces,
+                self.starts,
+                self.interval,
+                self.parameter,
+                self.searched,
+                self.names if self.quantities.is_named and self._points else None,
+            ),
         )
 
     @classmethod
-    def load(cls, path: str | Path, system: PiecewiseSystem | None = None) -> BranchGraph:
+    def load(
+        cls,
+        path: str | Path,
+        system: PiecewiseSystem | None = None,
+        record: Mapping[str, Function] | None = None,
+    ) -> BranchGraph:
         """Read a graph written by :meth:`save`.
 
         Parameters
@@ -456,27 +483,61 @@ class BranchGraph:
         system : PiecewiseSystem, optional
             The system that the graph belongs to; without it, solutions between the stored
             points of a curved piece cannot be corrected and are refused.
+        record : mapping of str to callable, optional
+            Quantities to have at hand by name. Without it the special points keep those that were
+            recorded when the graph was saved; solutions between them need the functions.
 
         Raises
         ------
         GraphFileError
             If the file is missing, damaged, or no branch graph.
         InvalidInputError
-            If the system has another number of unknowns or tests than the graph.
+            If the system has another number of unknowns or tests than the graph, or names and
+            functions of ``record`` do not fit.
         """
-        points, pieces, starts, interval, parameter, searched = storage.read(path)
-        if pieces and system is not None:
-            _check_system(path, system, points[0], pieces[0])
-        system = system and _fitted(system, interval, points)
+        file = storage.read(path)
+        if file.pieces and system is not None:
+            _check_system(path, system, file.points[0], file.pieces[0])
         return cls(
-            points,
-            pieces,
-            interval,
-            starts=starts,
-            system=system,
-            parameter=parameter,
-            searched=searched,
+            file.points,
+            file.pieces,
+            file.interval,
+            starts=file.starts,
+            system=system and _fitted(system, file.interval, file.points),
+            parameter=file.parameter,
+            searched=file.searched,
+            record=record,
+            names=None if system else file.names,
         )
+
+    def to_dataframe(self, rows: str) -> Any:
+        """Return a pandas data frame.
+
+        Parameters
+        ----------
+        rows : {"pieces", "points", "special"}
+            "pieces": one row for each piece, with id, component, start, end, label, character,
+            det_sign, alpha_lo, alpha_hi, number of points and length (see :attr:`nx`).
+            "points": one row for each stored point of every piece, with piece, component, label,
+            alpha, all unknowns by name and the recorded quantities.
+            "special": one row for each special point, with id (-1 for a start within a piece),
+            kind, name, alpha, message, all unknowns by name, the recorded quantities, the
+            estimated error of alpha and the number of digits known.
+
+            An unknown whose name is that of another column is called ``z[i]``.
+
+        Returns
+        -------
+        pandas.DataFrame
+
+        Raises
+        ------
+        InvalidInputError
+            If ``rows`` is another word, or a recorded quantity fails.
+        MissingPackageError
+            If pandas is not installed.
+        """
+        return data_frame(self, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
@@ -487,6 +548,29 @@ class BranchGraph:
 
     def _repr_html_(self) -> str:
         return presentation.as_html(self)
+
+
+def _quantities(
+    points: Sequence[SpecialPoint],
+    system: PiecewiseSystem | None,
+    record: Mapping[str, Function] | None,
+    names: Sequence[str] | None,
+) -> Quantities:
+    """Return what a graph can be asked for by name; names come from its points if need be."""
+    naming: Naming = names if names is not None or system is None else system.names
+    if naming is None:
+        naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
+    known = Quantities(naming)
+    unknowns = known.names(len(points[0].z)) if record and points else ()
+    return Quantities(naming, checked_record(record, unknowns))
+
+
+def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
+    """Return a point that can be asked by name; what it knows already, it keeps."""
+    kept = point.quantities.record
+    if kept:
+        quantities = Quantities(quantities.naming, {**kept, **quantities.record})
+    return replace(point, quantities=quantities)
 
 
 def _check_system(

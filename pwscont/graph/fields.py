@@ -37,6 +37,10 @@ class Fields:
         if not isinstance(self.data, dict):
             raise DamagedError(f"{self.name} is no JSON object")
 
+    def has(self, key: str) -> bool:
+        """Tell whether there is an entry, for those that older files lack."""
+        return key in self.data
+
     def entry(self, key: str) -> Any:
         """Return an entry of any type."""
         if key not in self.data:
@@ -63,6 +67,10 @@ class Fields:
         if not isfinite(value):
             raise self._unfit(key, "finite")
         return value
+
+    def finite_or_text(self, key: str) -> float | str:
+        """Return a finite number, or a text."""
+        return self.text(key) if isinstance(self.entry(key), str) else self.finite(key)
 
     def text(self, key: str) -> str:
         """Return a text."""

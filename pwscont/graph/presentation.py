@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
-from pwscont.foundation.records import Stretch
+from pwscont.foundation.records import SpecialPoint, Stretch
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph
+
+#: Recorded quantities of a state, in place of one that fails what happened.
+Attempt = Mapping[str, float | str]
 
 
 def number(value: float) -> str:
@@ -51,18 +54,18 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
-    numbers at single values of alpha where they differ, None for infinitely many.
+    numbers at single values of alpha where they differ, None for infinitely many. ``names`` are
+    those of the components of every state. What is ``recorded`` is None where it failed, and
+    ``not_recorded`` then says why.
     """
     sums, rows = graph.sums(), graph.multiplicity()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
+    nodes = [point for point in graph.special_points() if point.id >= 0]
+    attempts = [point.quantities.attempted(point.z, point.alpha) for point in nodes]
     return {
         "components": len(graph.components()),
-        "nodes": [
-            {"id": p.id, "kind": str(p.kind), "alpha": p.alpha, "z": p.z.tolist()}
-            | {"message": p.message, "error": p.error.tolist(), "digits": p.digits}
-            for p in graph.special_points()
-            if p.id >= 0
-        ],
+        "names": list(graph.names),
+        "nodes": [_node(*pair) for pair in zip(nodes, attempts, strict=True)],
         "pieces": [
             {
                 "id": piece.id,
@@ -85,7 +88,32 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
         },
         "searched": graph.searched.what,
         "guarantee": graph.guarantee,
+        **not_recorded(attempts),
     }
+
+
+def _node(point: SpecialPoint, attempt: Attempt) -> dict[str, Any]:
+    return {
+        "id": point.id,
+        "kind": str(point.kind),
+        "alpha": point.alpha,
+        "z": point.z.tolist(),
+        "recorded": recorded(attempt),
+        "message": point.message,
+        "error": point.error.tolist(),
+        "digits": point.digits,
+    }
+
+
+def recorded(attempt: Attempt) -> dict[str, float | None]:
+    """Return the recorded quantities of a state, None for one that failed."""
+    return {name: None if isinstance(v, str) else v for name, v in attempt.items()}
+
+
+def not_recorded(attempts: Iterable[Attempt]) -> dict[str, list[str]]:
+    """Return why recorded quantities failed, nothing where none did."""
+    failures = [v for attempt in attempts for v in attempt.values() if isinstance(v, str)]
+    return {"not_recorded": failures} if failures else {}
 
 
 def _stretch(row: Stretch) -> dict[str, Any]:

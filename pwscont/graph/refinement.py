@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import SystemNeededError
+from pwscont.foundation.quantities import NAMELESS, Quantities
 from pwscont.foundation.records import Piece, Solution, significant
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -22,7 +23,11 @@ from pwscont.transitions.location import locate_zero
 
 
 def refine(
-    system: PiecewiseSystem | None, piece: Piece, alpha: float, interval: tuple[float, float]
+    system: PiecewiseSystem | None,
+    piece: Piece,
+    alpha: float,
+    interval: tuple[float, float],
+    quantities: Quantities = NAMELESS,
 ) -> Solution:
     """Return the solution of a piece at an alpha strictly inside it, to full accuracy.
 
@@ -33,6 +38,8 @@ def refine(
     alpha : float
     interval : tuple of float
         The interval of the graph, for the metric.
+    quantities : Quantities
+        What the solution can be asked for by name.
 
     Raises
     ------
@@ -44,9 +51,8 @@ def refine(
     else:
         x, error = solve_between(system, piece.character, piece.points, alpha, interval)
         digits = significant(error, x, Metric.of(system, interval).scale)
-    return Solution(
-        x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id, None, error, digits
-    )
+    where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
+    return Solution(*where, *how, None, error, digits, quantities)
 
 
 def solve_between(

@@ -24,8 +24,9 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import GraphFileError
 from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.kind import Kind, kind_of
+from pwscont.foundation.kind import kind_of
 from pwscont.foundation.place import Stored
+from pwscont.foundation.quantities import Kept, Quantities
 from pwscont.foundation.records import Piece, SpecialPoint, Track
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph.fields import DamagedError, Fields
@@ -33,20 +34,22 @@ from pwscont.graph.fields import DamagedError, Fields
 FORMAT = "pwscont branch graph"
 VERSION = 1
 
-Contents = tuple[
-    list[SpecialPoint], list[Piece], list[SpecialPoint], tuple[float, float], str, Searched
-]
+
+@final
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a file holds; ``names`` are those of the unknowns, None where there are none."""
+
+    points: Sequence[SpecialPoint]
+    pieces: Sequence[Piece]
+    starts: Sequence[SpecialPoint]
+    interval: tuple[float, float]
+    parameter: str
+    searched: Searched
+    names: tuple[str, ...] | None
 
 
-def write(
-    path: str | Path,
-    points: Sequence[SpecialPoint],
-    pieces: Sequence[Piece],
-    starts: Sequence[SpecialPoint],
-    interval: tuple[float, float],
-    parameter: str,
-    searched: Searched,
-) -> None:
+def write(path: str | Path, contents: Contents) -> None:
     """Write a graph; the file appears whole or not at all.
 
     Raises
@@ -54,27 +57,33 @@ def write(
     GraphFileError
         If it cannot be written.
     """
-    header = {
-        "format": FORMAT,
-        "version": VERSION,
-        "interval": interval,
-        "parameter": parameter,
-        "searched": [searched.what, int(searched.promise), searched.spent],
-        "nodes": [_node_header(point) for point in points],
-        "starts": [_node_header(point) for point in starts],
-        "pieces": [_piece_header(piece) for piece in pieces],
-    }
+    header, states = _header(contents), (contents.points, contents.starts)
     arrays = {
-        "nodes": _stack([point.z for point in points]),
-        "starts": _stack([point.z for point in starts]),
-        "points": _stack([piece.points for piece in pieces]),
+        name: _stack([point.z for point in points])
+        for name, points in zip(("nodes", "starts"), states, strict=True)
     }
+    arrays["points"] = _stack([piece.points for piece in contents.pieces])
     content = BytesIO()
     np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
     try:
         _replace(Path(path), content.getvalue())
     except OSError as error:
         raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _header(contents: Contents) -> dict[str, Any]:
+    searched = contents.searched
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "interval": contents.interval,
+        "parameter": contents.parameter,
+        "searched": [searched.what, int(searched.promise), searched.spent],
+        "nodes": [_node_header(point) for point in contents.points],
+        "starts": [_node_header(point) for point in contents.starts],
+        "pieces": [_piece_header(piece) for piece in contents.pieces],
+    }
+    return header if contents.names is None else header | {"names": contents.names}
 
 
 def _replace(target: Path, content: bytes) -> None:
@@ -93,6 +102,7 @@ def _stack(rows: list[Any]) -> Any:
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
+    """Return what there is to a special point; in place of a value that fails, why."""
     return {
         "id": point.id,
         "kind": str(point.kind),
@@ -103,6 +113,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "error": point.error.tolist(),
         "digits": point.digits,
         "lost": point.lost,
+        "recorded": point.quantities.attempted(point.z, point.alpha),
     }
 
 
@@ -154,13 +165,25 @@ def _check_format(path: str | Path, header: Fields) -> None:
 
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     rows = _Rows.of(arrays)
-    points = [_node(*row) for row in rows.each("nodes", header.objects("nodes"))]
-    starts = [_node(*row) for row in rows.each("starts", header.objects("starts"))]
+    names = _names(header, rows)
+    points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"))]
+    starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"))]
     pieces = _pieces(header.objects("pieces"), rows)
     interval = _interval(header)
     _check_references(points, pieces, starts)
     _check_places(points, pieces, interval)
-    return points, pieces, starts, interval, header.text("parameter"), _searched(header)
+    searched = _searched(header)
+    return Contents(points, pieces, starts, interval, header.text("parameter"), searched, names)
+
+
+def _names(header: Fields, rows: _Rows) -> tuple[str, ...] | None:
+    """Return the names of the unknowns, which files had none of at first."""
+    if not header.has("names"):
+        return None
+    names = header.items("names", rows.unknowns)
+    if not all(isinstance(name, str) for name in names):
+        raise DamagedError("names must be texts")
+    return tuple(names)
 
 
 @final
@@ -180,6 +203,12 @@ class _Rows:
             raise DamagedError("nodes, starts and points have different numbers of unknowns")
         return rows
 
+    @property
+    def unknowns(self) -> int | None:
+        """The number of unknowns, None where there is no state."""
+        sizes = (a.shape[1] for a in (self.nodes, self.starts, self.points[:, :-1]) if len(a))
+        return next(sizes, None)
+
     def each(self, name: str, headers: list[Fields]) -> list[tuple[Fields, Array]]:
         """Return each header with its row."""
         rows = getattr(self, name)
@@ -196,7 +225,7 @@ def _table(name: str, values: Any) -> Array:
     return np.asarray(values, dtype=float)
 
 
-def _node(header: Fields, z: Array) -> SpecialPoint:
+def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoint:
     piece = header.entry("piece")
     return SpecialPoint(
         id=header.integer("id", -1),
@@ -207,13 +236,24 @@ def _node(header: Fields, z: Array) -> SpecialPoint:
         piece=None if piece is None else header.integer("piece", 0),
         digits=header.number("digits"),
         lost=header.integer("lost", 0),
+        quantities=Quantities(names, _recorded(header)),
     )
 
 
-def _kind(header: Fields) -> Kind | str:
-    if not header.text("kind"):
+def _recorded(header: Fields) -> dict[str, Kept]:
+    """Return the recorded values of a special point, which files had none of at first."""
+    if not header.has("recorded"):
+        return {}
+    values = Fields(f"recorded of {header.name}", header.entry("recorded"))
+    return {name: Kept(values.finite_or_text(name)) for name in values.data}
+
+
+def _kind(header: Fields) -> str:
+    """Return a kind of ours, or the word of a detector that has kinds of its own."""
+    word = header.text("kind")
+    if not word:
         raise DamagedError(f"kind of {header.name} must not be empty")
-    return kind_of(header.text("kind"))
+    return kind_of(word)
 
 
 def _error(header: Fields, size: int) -> Array:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, final
 
 from pwscont.graph import BranchGraph, Solution
+from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.interface.answer import Answer
 from pwscont.interface.scene import Scene
 from pwscont.interface.table import report
@@ -29,9 +30,14 @@ class GraphAnswer(Answer):
         """Return the graph and the solutions asked for."""
         lo, hi = self.graph.interval
         parameter = {"name": self.scene.parameter, "lo": lo, "hi": hi}
-        solutions = [_solution(s) for alpha in self.at for s in self.graph.solutions(alpha)]
         head = {"scene": self.scene.name, "parameter": parameter}
-        return head | self.graph.to_dict() | {"solutions": solutions}
+        found = [solution for alpha in self.at for solution in self.graph.solutions(alpha)]
+        attempts = [s.quantities.attempted(s.z, s.alpha) for s in found]
+        solutions = [_solution(*pair) for pair in zip(found, attempts, strict=True)]
+        graph, failed = self.graph.to_dict(), not_recorded(attempts)
+        for key, failures in failed.items():
+            failed[key] = graph.get(key, []) + failures
+        return head | graph | {"solutions": solutions} | failed
 
     def write(self, directory: Path) -> list[Path]:
         """Write the branch diagrams and the branch graph."""
@@ -44,10 +50,11 @@ class GraphAnswer(Answer):
         return [picture, file]
 
 
-def _solution(solution: Solution) -> dict[str, Any]:
+def _solution(solution: Solution, attempt: Attempt) -> dict[str, Any]:
     return {
         "alpha": solution.alpha,
         "z": solution.z.tolist(),
+        "recorded": recorded(attempt),
         "label": solution.label,
         "det_sign": solution.det_sign,
         "kind": solution.kind and str(solution.kind),

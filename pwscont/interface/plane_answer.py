@@ -31,18 +31,20 @@ class PlaneAnswer(Answer):
         """Return loci and sectors as plain lists and numbers.
 
         The keys are those of a scene with one parameter. The parameter is mu, along which the
-        loci are followed; states are (z, alpha), as named by ``unknowns``; nodes and pieces are
-        those of all loci. A row of ``multiplicity`` holds the most solutions that an alpha has
-        for mu in between, None for infinitely many. ``solutions`` are those in the middle of
-        every sector.
+        loci are followed; states are (z, alpha), as named by ``names`` and ``unknowns``; nodes and
+        pieces are those of all loci. A row of ``multiplicity`` holds the most solutions that an
+        alpha has for mu in between, None for infinitely many. ``solutions`` are those in the
+        middle of every sector.
         """
         scene, plane = self.scene, self.plane
         balances = set(plane.balances())
+        names = [*scene.family(plane.mus[1]).names(), scene.axes.alpha]
         return {
             "scene": scene.name,
             "parameter": _range(scene.axes.mu, plane.mus),
             "second_parameter": _range(scene.axes.alpha, plane.alphas),
-            "unknowns": [*scene.family(plane.mus[1]).names(), scene.axes.alpha],
+            "unknowns": names,
+            "names": names,
             **self._graphs(),
             "multiplicity": [[lo, hi, finite(n)] for lo, hi, n in plane.most_solutions()],
             "balance": {

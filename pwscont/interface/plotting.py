@@ -26,7 +26,7 @@ from pwscont.interface.counting import draw_counts
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 
 #: How each kind of special point is drawn; ends need no mark.
-MARKERS: dict[Kind | str, dict[str, Any]] = {
+MARKERS: dict[str, dict[str, Any]] = {
     Kind.START: {"marker": (6, 2, 0), "markersize": 11},
     Kind.TRANSITION: {"marker": "o", "markerfacecolor": "white", "markersize": 6},
     Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
@@ -150,8 +150,7 @@ def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str,
                 **_marker(point.kind),
             )
     ax.set_xlabel(symbol(graph.parameter))
-    names = graph.system.names() if graph.system else None
-    ax.set_ylabel(symbol(names[panel.component] if names else f"z[{panel.component}]"))
+    ax.set_ylabel(symbol(graph.names[panel.component]))
     ax.set_title(panel.title, fontsize="medium")
     ax.margins(0.06)
     ax.grid(alpha=0.25)

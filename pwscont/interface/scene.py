@@ -11,11 +11,14 @@ from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission, omissions
 from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.foundation.character import Character
+from pwscont.foundation.quantities import Function
 from pwscont.graph import BranchGraph
 from pwscont.interface.answer import Answer, Runnable, values_within
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.stepping import Stepper
+from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Stop
 
 
 @final
@@ -75,7 +78,7 @@ class Scene(Runnable):
         Parameter values whose solutions are listed unless the user asks for others.
     orientations : tuple of int
         Directions in which transitions are read out: +1, -1 (paper, Definition 1).
-    search, stepper : optional
+    search, stepper, detectors, events, record : optional
         As for :func:`pwscont.explore`.
     panels, paths, styles
         The pictures, and the line style for each mode.
@@ -92,6 +95,9 @@ class Scene(Runnable):
     orientations: tuple[int, ...] = (1,)
     search: Search | None = None
     stepper: Stepper | None = None
+    detectors: tuple[TransitionDetector, ...] = ()
+    events: Mapping[str, Function | Stop] = field(default_factory=dict)
+    record: Mapping[str, Function] = field(default_factory=dict)
     panels: tuple[Panel, ...] = (Panel(0),)
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
@@ -114,6 +120,9 @@ class Scene(Runnable):
             self.interval,
             search=self.search,
             stepper=self.stepper,
+            detectors=self.detectors,
+            events=self.events,
+            record=self.record,
             parameter=self.parameter,
             report=report,
             journal=self.journal,

@@ -13,6 +13,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import InvalidSystemError
+from pwscont.foundation.looks import card, counted, short
 from pwscont.model.differences import Differences
 from pwscont.model.reduction import Reduction
 from pwscont.model.shapes import own_array
@@ -205,6 +206,13 @@ class PiecewiseSystem(ABC):
     def names(self) -> tuple[str, ...]:
         """Return a label for each component of z, for tables and axes."""
         return tuple(f"z[{i}]" for i in range(self.size))
+
+    def __repr__(self) -> str:
+        size = getattr(self, "size", None)  # a repr does not fail, not even of half a system
+        return f"{type(self).__name__}({counted(size, 'unknown') if isinstance(size, int) else ''})"
+
+    def _repr_html_(self) -> str:
+        return card(type(self).__name__, [("system", short(repr(self)))])
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each selection; default by trying all sign patterns.

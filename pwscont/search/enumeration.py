@@ -21,6 +21,7 @@ from pwscont.enumeration import Face, Point, Slice, det_sign, solve_exactly, sol
 from pwscont.foundation.arrays import Array, finite_array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
+from pwscont.foundation.quantities import Quantities
 from pwscont.foundation.records import FEW_DIGITS, Solution, significant
 from pwscont.model.box import Box
 from pwscont.model.selection import Selection
@@ -158,7 +159,8 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
     label = system.label(character)
     error = magnitude(point.x, point.error)
     digits = significant(error, point.x, metric.scale)
-    return Solution(z, alpha, character, label, index, -1, kind, error, digits)
+    named = Quantities(system.names)
+    return Solution(z, alpha, character, label, index, -1, kind, error, digits, named)
 
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias, final
+from typing import Any, final
 
 import numpy as np
 from scipy.optimize import brentq
@@ -28,6 +28,7 @@ from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.outcome import Failure
+from pwscont.foundation.quantities import Function
 from pwscont.foundation.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.numerics.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -35,8 +36,6 @@ from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
 
-#: A function of z, shape (n,), and alpha.
-Quantity: TypeAlias = Callable[[Array, float], float]
 #: Places on a straight piece in which events are looked at.
 SAMPLES = 64
 #: Before the end of a straight piece by less than this part of it is at its end.
@@ -54,7 +53,7 @@ class Stop:
         (z, alpha) -> float; the branch ends where it is zero.
     """
 
-    function: Quantity
+    function: Function
 
 
 @final
@@ -63,7 +62,7 @@ class UserEvent:
     """A named function whose zeros are special points of kind "event"."""
 
     name: str
-    function: Quantity
+    function: Function
     stops: bool
 
     def value(self, x: Array) -> float:

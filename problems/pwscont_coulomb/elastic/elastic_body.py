@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.looks import card, counted
 from pwscont_coulomb.elastic.arguments import check_kind, listed
 from pwscont_coulomb.elastic.contact_boundary import (
     ContactBoundary,
@@ -109,6 +110,17 @@ class ElasticBody:
         self.A = (D @ self.A @ D + sp.diags((1.0 - kept) * self.A.diagonal())).tocsr()
         self.A.eliminate_zeros()
         self.f0, self.f1 = kept * self.f0, kept * self.f1
+
+    def _sizes(self) -> str:
+        elements = counted(self.space.mesh.nelements, "element")
+        nodes = counted(self.space.count, "node")
+        return f"{nodes}, {elements}, {counted(len(self.contact.nodes), 'contact node')}"
+
+    def __repr__(self) -> str:
+        return f"ElasticBody({self._sizes()})"
+
+    def _repr_html_(self) -> str:
+        return card("ElasticBody", [("size", self._sizes())])
 
     @property
     def grows(self) -> bool:

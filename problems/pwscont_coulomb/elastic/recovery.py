@@ -10,10 +10,11 @@ import numpy as np
 from pwscont import Character
 from pwscont.foundation.arrays import Array, Indices
 from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.looks import card, counted
 from pwscont.graph import Solution
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem
-from pwscont_coulomb.modes import modes
+from pwscont_coulomb.modes import Mode, modes
 
 
 @final
@@ -50,6 +51,26 @@ class BodyState:
     distance: Array
     slip: Array
     modes: Indices
+
+    def _rows(self) -> list[tuple[str, str]]:
+        """Return what is shown of a state: sizes and extremes, no arrays."""
+        touching = int((self.modes != Mode.NO_CONTACT).sum())
+        largest = np.hypot(*self.displacements.T).max(initial=0.0)
+        return [
+            ("alpha", f"{self.alpha:.10g}"),
+            ("size", counted(len(self.displacements), "node")),
+            ("contact", f"{touching} of {counted(len(self.modes), 'node')} in contact"),
+            ("largest displacement", f"{largest:.4g}"),
+            ("largest pressure", f"{self.pressure.max(initial=0.0):.4g}"),
+        ]
+
+    def __repr__(self) -> str:
+        (_, alpha), (_, size), (_, contact), *extremes = self._rows()
+        more = ", ".join(f"{name} {value}" for name, value in extremes)
+        return f"BodyState(alpha={alpha}, {size}, {contact}, {more})"
+
+    def _repr_html_(self) -> str:
+        return card("BodyState", self._rows())
 
 
 def recover(

@@ -1,0 +1,162 @@
+"""The branch graph for other tools: as a networkx graph, and as pandas data frames.
+
+Failure modes and answers
+-------------------------
+- GraphML and the like know numbers and texts only: states and characters are written as texts.
+- A recorded quantity fails at some point: a data frame is refused with what happened, the networkx
+  graph has no such attribute there, and neither changes the branch graph.
+- An unknown has the name of another column: it is called by its number.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+
+from pwscont.foundation.arrays import Array
+from pwscont.foundation.errors import InvalidInputError, MissingPackageError
+from pwscont.foundation.quantities import TAKEN
+from pwscont.foundation.records import Piece, SpecialPoint
+
+if TYPE_CHECKING:
+    from pwscont.graph.branch_graph import BranchGraph
+
+
+# -- networkx ------------------------------------------------------------------------------------
+
+
+def networkx_graph(graph: BranchGraph) -> nx.MultiGraph:
+    """Return a networkx graph with plain attributes, for :attr:`pwscont.BranchGraph.nx`."""
+    plain, scale = nx.MultiGraph(), magnitudes(graph)
+    for point in graph.special_points():
+        if point.id >= 0:  # a start within a piece is no node
+            plain.add_node(point.id, **_of_node(point))
+    for piece in graph.pieces:
+        plain.add_edge(piece.start, piece.end, key=piece.id, **_of_edge(piece, scale))
+    return plain
+
+
+def _of_node(point: SpecialPoint) -> dict[str, Any]:
+    """Return the attributes of a node."""
+    z = point.z
+    recorded = point.quantities.attempted(z, point.alpha)
+    numbers = {name: value for name, value in recorded.items() if not isinstance(value, str)}
+    words = {"kind": str(point.kind), "message": point.message, "name": point.name}
+    return words | {"alpha": point.alpha, "z": json.dumps(z.tolist())} | numbers
+
+
+def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
+    """Return the attributes of an edge."""
+    lo, hi = piece.interval
+    return {
+        "piece": piece.id,
+        "label": piece.label,
+        "det_sign": int(piece.det_sign),
+        "character": str(piece.character),
+        "length": length(piece, scale),
+        "alpha_lo": lo,
+        "alpha_hi": hi,
+    }
+
+
+def magnitudes(graph: BranchGraph) -> Array:
+    """Return the largest magnitude of each unknown, 1 where it is zero, and the interval's length.
+
+    They are those of the graph, not of its system, so that a graph read from a file measures the
+    same.
+    """
+    each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
+    largest = np.max(each, axis=0) if each else np.zeros(0)
+    lo, hi = graph.interval
+    return np.append(np.where(largest > 0.0, largest, 1.0), hi - lo)
+
+
+def length(piece: Piece, scale: Array) -> float:
+    """Return the sum of the chords between the stored points of a piece."""
+    return float(np.linalg.norm(np.diff(piece.points / scale, axis=0), axis=1).sum())
+
+
+# -- pandas --------------------------------------------------------------------------------------
+
+
+def data_frame(graph: BranchGraph, rows: str) -> Any:
+    """Return a pandas data frame, for :meth:`pwscont.BranchGraph.to_dataframe`."""
+    tables = {"pieces": _pieces, "points": _points, "special": _special}
+    if rows not in tables:
+        raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
+    return tables[rows](graph, _pandas())
+
+
+def _pandas() -> Any:
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
+
+
+def _component(graph: BranchGraph) -> dict[int, int]:
+    """Return the number of the component of each piece."""
+    return {piece.id: i for i, some in enumerate(graph.components()) for piece in some}
+
+
+def _pieces(graph: BranchGraph, pandas: Any) -> Any:
+    component, scale = _component(graph), magnitudes(graph)
+    ends = [(p.id, component[p.id], p.start, p.end, p.label) for p in graph.pieces]
+    kinds = [(str(p.character), p.det_sign, *p.interval) for p in graph.pieces]
+    sizes = [(len(p.track.inner) + 2, length(p, scale)) for p in graph.pieces]
+    rows = [sum(parts, ()) for parts in zip(ends, kinds, sizes, strict=True)]
+    names = "id component start end label character det_sign alpha_lo alpha_hi points length"
+    return pandas.DataFrame(rows, columns=names.split())
+
+
+def _points(graph: BranchGraph, pandas: Any) -> Any:
+    component = _component(graph)
+    parts = [piece.points for piece in graph.pieces]
+    points = np.vstack(parts) if parts else np.zeros((0, len(graph.names) + 1))
+    heads = [
+        row
+        for piece, part in zip(graph.pieces, parts, strict=True)
+        for row in [(piece.id, component[piece.id], piece.label)] * len(part)
+    ]
+    head = pandas.DataFrame(heads, columns=["piece", "component", "label"])
+    head["alpha"] = points[:, -1]
+    recorded = [graph.quantities.recorded(x[:-1], float(x[-1])) for x in points]
+    names = list(graph.quantities.record)
+    return _joined(pandas, [head, _states(graph, pandas, points[:, :-1]), (recorded, names)])
+
+
+def _special(graph: BranchGraph, pandas: Any) -> Any:
+    points = graph.special_points()
+    rows = [(p.id, str(p.kind), p.name, p.alpha, p.message) for p in points]
+    head = pandas.DataFrame(rows, columns=["id", "kind", "name", "alpha", "message"])
+    states = np.array([p.z for p in points]).reshape(len(points), len(graph.names))
+    recorded = [p.quantities.recorded(p.z, p.alpha) for p in points]
+    names = list(dict.fromkeys(name for row in recorded for name in row))
+    errors = [(p.error[-1] if len(p.error) else np.nan, p.digits) for p in points]
+    tail = pandas.DataFrame(errors, columns=["error", "digits"])
+    return _joined(pandas, [head, _states(graph, pandas, states), (recorded, names), tail])
+
+
+def _states(graph: BranchGraph, pandas: Any, states: Array) -> Any:
+    return pandas.DataFrame(states, columns=columns(graph.names))
+
+
+def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
+    """Return tables side by side; those of records are made here, without values as well."""
+    tables = [
+        pandas.DataFrame(part[0], columns=part[1], dtype=float) if isinstance(part, tuple) else part
+        for part in parts
+    ]
+    return pandas.concat(tables, axis=1)
+
+
+def columns(names: Sequence[str]) -> list[str]:
+    """Return a name for each unknown that no other column has."""
+    return [
+        f"z[{i}]" if name in TAKEN or name in names[:i] else name for i, name in enumerate(names)
+    ]

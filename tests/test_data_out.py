@@ -1,0 +1,556 @@
+"""The branch graph in other tools: networkx, pandas, JSON, names, and what users record."""
+
+import builtins
+import copy
+import json
+import pickle
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pytest
+from elastic_bodies import jammed
+from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb.elastic import recover
+from pwscont_coulomb.scenes import example1, example3, fig7, fig10
+from random_bodies import contact_body, random_body
+
+from pwscont import (
+    BranchGraph,
+    InvalidInputError,
+    MissingPackageError,
+    PiecewiseSystem,
+    PwscontError,
+    UnknownNameError,
+    enumerate_solutions,
+    explore,
+    trace,
+)
+
+SCENES = [fig7, fig10, example1, example3]
+
+
+def power(z, alpha):
+    return float(alpha * z[1])
+
+
+def with_record(graph, **record):
+    """Return the same graph with recorded quantities."""
+    points = [point for point in graph.special_points() if point.id >= 0]
+    more = {"starts": graph.starts, "system": graph.system, "record": record}
+    return BranchGraph(points, graph.pieces, graph.interval, **more)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return fig7().run()
+
+
+@pytest.fixture(scope="module")
+def recorded(plain):
+    return with_record(plain, power=power)
+
+
+class Circle(PiecewiseSystem):
+    """z^2 + alpha^2 = 1: a closed loop of two smooth pieces of length pi each."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([2.0 + z[0]])
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0
+
+
+# -- networkx ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
+def graph(request):
+    return request.param().run()
+
+
+def test_node_attributes(graph):
+    points = {p.id: p for p in graph.special_points() if p.id >= 0}
+    assert dict(graph.nx.nodes(data="alpha")) == {i: p.alpha for i, p in points.items()}
+    assert nx.get_node_attributes(graph.nx, "kind") == {i: str(p.kind) for i, p in points.items()}
+    assert nx.get_node_attributes(graph.nx, "message") == {i: p.message for i, p in points.items()}
+    for node, z in nx.get_node_attributes(graph.nx, "z").items():
+        np.testing.assert_array_equal(json.loads(z), points[node].z)
+
+
+def test_edge_attributes(graph):
+    assert graph.nx.number_of_edges() == len(graph.pieces)
+    for a, b, key, data in graph.nx.edges(keys=True, data=True):
+        piece = graph.pieces[key]
+        assert {a, b} == {piece.start, piece.end}
+        assert (data["alpha_lo"], data["alpha_hi"]) == piece.interval
+        expected = (piece.id, piece.label, piece.det_sign, str(piece.character))
+        assert tuple(data[k] for k in ("piece", "label", "det_sign", "character")) == expected
+
+
+def test_everything_is_plain(graph):
+    nodes, edges = graph.nx.nodes(data=True), graph.nx.edges(data=True)
+    assert type(graph.nx) is nx.MultiGraph
+    for data in [*(d for _, d in nodes), *(d for *_, d in edges)]:
+        assert type(data) is dict
+        assert {type(value) for value in data.values()} <= {str, int, float}
+
+
+def test_copies_and_subgraphs_keep_the_attributes(graph):
+    component = {node for piece in graph.components()[0] for node in (piece.start, piece.end)}
+    other, part = graph.nx.copy(), graph.nx.subgraph(component)
+    assert nx.utils.graphs_equal(other, graph.nx)
+    assert set(part.nodes) == component
+    assert part.number_of_edges() == len(graph.components()[0])
+    assert all(data == graph.nx.nodes[node] for node, data in part.nodes(data=True))
+
+
+@pytest.mark.parametrize("write", [nx.write_graphml, nx.write_graphml_xml, nx.write_gexf])
+def test_written_for_other_programs(recorded, write, tmp_path):
+    write(recorded.nx, tmp_path / "graph")
+    assert (tmp_path / "graph").stat().st_size > 0
+
+
+def test_graphml_can_be_read_back(graph, tmp_path):
+    nx.write_graphml(graph.nx, tmp_path / "graph.graphml")
+    again = nx.read_graphml(tmp_path / "graph.graphml", node_type=int, force_multigraph=True)
+    assert dict(again.nodes(data=True)) == dict(graph.nx.nodes(data=True))
+    lengths = [sorted(nx.get_edge_attributes(g, "length").values()) for g in (again, graph.nx)]
+    assert lengths[0] == lengths[1]
+
+
+def test_shortest_path_by_length(plain):
+    pieces = plain.components()[0]
+    nodes = [pieces[0].start, *(piece.end for piece in pieces)]
+    assert nx.shortest_path(plain.nx, nodes[0], nodes[-1], weight="length") == nodes
+    total = nx.shortest_path_length(plain.nx, nodes[0], nodes[-1], weight="length")
+    assert total == pytest.approx(sum(nx.get_edge_attributes(plain.nx, "length").values()))
+
+
+def test_length_of_a_closed_loop():
+    """Alpha is measured by its interval, of length 4, and z by its largest magnitude, 1."""
+    graph = trace(Circle(), ([1.0], 0.0), (-2.0, 2.0))
+    lengths = nx.get_edge_attributes(graph.nx, "length").values()
+    t = np.linspace(0.0, np.pi, 100001)
+    exact = np.hypot(np.diff(np.cos(t)) / 4.0, np.diff(np.sin(t))).sum()
+    assert len(lengths) == 2
+    assert list(lengths) == pytest.approx([exact] * 2, rel=0.05)
+    assert max(lengths) <= exact * (1.0 + 1e-9)  # chords
+
+
+def test_lengths_survive_the_file(plain, tmp_path):
+    plain.save(tmp_path / "graph.npz")
+    loaded = BranchGraph.load(tmp_path / "graph.npz")
+    assert nx.utils.graphs_equal(loaded.nx, plain.nx)
+
+
+def test_drawn(graph, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    import matplotlib.pyplot as plt  # noqa: PLC0415  after the backend is chosen
+
+    plt.switch_backend("Agg")
+    figure, ax = plt.subplots()
+    nx.draw(graph.nx, ax=ax, labels=nx.get_node_attributes(graph.nx, "kind"))
+    drawn = {text.get_text() for text in ax.texts}
+    plt.close(figure)
+    assert drawn == set(nx.get_node_attributes(graph.nx, "kind").values())
+
+
+def test_what_is_done_to_it_does_not_touch_the_graph(plain):
+    graph = copy.deepcopy(plain)
+    before = graph.to_dict()
+    graph.nx.clear()
+    assert graph.to_dict() == before
+    assert [len(graph.pieces_at(p.id)) for p in graph.special_points()] == [1, 2, 2, 2, 1]
+
+
+# -- names ---------------------------------------------------------------------------------------
+
+
+def test_unknowns_by_name(plain):
+    names = plain.system.names()
+    assert plain.names == names
+    for state in [*plain.special_points(), *plain.solutions(-0.7), *plain.solutions(-0.5)]:
+        assert [state[name] for name in names] == state.z.tolist()
+
+
+def test_unknowns_without_names_have_numbers():
+    (solution, _) = explore(Circle(), (-0.5, 0.5)).solutions(0.0)
+    assert solution["z[0]"] == solution.z[0]
+
+
+def test_unknowns_of_enumerated_solutions():
+    found = enumerate_solutions(fig7().system, -0.7)
+    assert len(found) == 3
+    assert [s["u_t"] for s in found] == [s.z[1] for s in found]
+
+
+@pytest.mark.parametrize("error", [UnknownNameError, PwscontError, KeyError])
+def test_unknown_names(recorded, error):
+    with pytest.raises(error, match=r"^there is no 'u_T'; names are .*did you mean .*u_t"):
+        recorded.point(0)["u_T"]
+    with pytest.raises(error, match="power"):
+        recorded.solutions(0.3)[0]["powr"]
+
+
+def test_a_system_with_too_few_names():
+    class Nameless(Circle):
+        def names(self):
+            return ()
+
+    graph = explore(Nameless(), (-0.5, 0.5))
+    with pytest.raises(PwscontError, match=r"names\(\) must return 1 names"):
+        graph.point(0)["z"]
+    assert "SpecialPoint" in repr(graph.special_points())
+
+
+# -- what users record ---------------------------------------------------------------------------
+
+
+def test_recorded_on_solutions_and_points(recorded):
+    for state in [*recorded.special_points(), *recorded.solutions(-0.7), *recorded.solutions(-1)]:
+        assert state["power"] == power(state.z, state.alpha)
+    assert nx.get_node_attributes(recorded.nx, "power")[0] == recorded.point(0)["power"]
+
+
+@pytest.mark.parametrize("value", [np.float64(2.0), 2, np.array(2.0), np.float32(2.0), np.int64(2)])
+def test_numbers_of_every_kind_are_floats(plain, value):
+    found = with_record(plain, two=lambda z, alpha: value).point(0)["two"]
+    assert (found, type(found)) == (2.0, float)
+
+
+@pytest.mark.parametrize(
+    "value", [None, "2", np.nan, np.inf, 1j, [1.0], np.ones(1), np.ones(300), 10**400], ids=type
+)
+def test_values_that_are_no_finite_float(plain, value):
+    graph = with_record(plain, V14=lambda z, alpha: value)
+    with pytest.raises(InvalidInputError, match=r"record 'V14' .* alpha = -2 ") as caught:
+        graph.point(0)["V14"]
+    assert len(str(caught.value)) < 250
+
+
+def test_a_function_that_fails_loses_nothing(plain, tmp_path):
+    graph = with_record(plain, bad=lambda z, alpha: 1.0 / (alpha + 2.0), power=power)
+    words = r"record 'bad' failed at alpha = -2: ZeroDivisionError"
+    with pytest.raises(InvalidInputError, match=words):
+        graph.point(0)["bad"]
+    with pytest.raises(InvalidInputError, match=words):
+        graph.to_dataframe("special")
+    data = json.loads(json.dumps(graph.to_dict(), allow_nan=False))
+    assert data["nodes"][0]["recorded"] == {"bad": None, "power": 2.5}
+    assert len(data["not_recorded"]) == 1
+    assert data["nodes"][1]["recorded"]["bad"] == pytest.approx(1.0 / 1.5)
+    assert graph.count(-0.7) == 3
+    assert "bad" not in graph.nx.nodes[0]
+    graph.save(tmp_path / "graph")
+    loaded = BranchGraph.load(tmp_path / "graph")
+    with pytest.raises(InvalidInputError, match=words):
+        loaded.point(0)["bad"]
+    assert loaded.point(0)["power"] == 2.5
+
+
+def test_functions_may_work_in_place(plain):
+    def spoil(z, alpha):
+        z[:] = 0.0
+        return 1.0
+
+    graph = with_record(plain, spoil=spoil)
+    before = graph.point(0).z.tolist()
+    assert graph.point(0)["spoil"] == 1.0
+    assert graph.point(0).z.tolist() == before
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        ({"u_t": power}, "'u_t' is taken"),
+        ({"alpha": power}, "'alpha' is taken"),
+        ({"label": power}, "'label' is taken"),
+        ({"": power}, "not empty"),
+        ({3: power}, "got 3"),
+        ({"power": 1.0}, "'power' must be a function"),
+        ([power], "must map names to functions"),
+    ],
+)
+def test_records_that_do_not_fit(plain, record, words):
+    with pytest.raises(InvalidInputError, match=words):
+        BranchGraph(
+            plain.special_points(), plain.pieces, plain.interval, system=plain.system, record=record
+        )
+
+
+def test_files_keep_names_and_recorded_values(recorded, tmp_path):
+    recorded.save(tmp_path / "graph")
+    loaded = BranchGraph.load(tmp_path / "graph")
+    assert loaded.names == recorded.names
+    assert loaded.to_dict() == recorded.to_dict()
+    for one, other in zip(loaded.special_points(), recorded.special_points(), strict=True):
+        assert (one["power"], one["u_t"]) == (other["power"], other["u_t"])
+    assert loaded.solutions(-1.0)[0]["u_t"] == recorded.solutions(-1.0)[0]["u_t"]
+    loaded.save(tmp_path / "again")
+    assert BranchGraph.load(tmp_path / "again").to_dict() == recorded.to_dict()
+
+
+def test_a_loaded_graph_records_what_it_is_given(recorded, tmp_path):
+    recorded.save(tmp_path / "graph")
+    loaded = BranchGraph.load(
+        tmp_path / "graph", fig7().system, {"twice": lambda z, alpha: 2.0 * alpha, "power": power}
+    )
+    (solution,) = loaded.solutions(0.3)
+    assert (solution["twice"], solution["power"]) == (0.6, power(solution.z, 0.3))
+    assert loaded.point(0)["power"] == recorded.point(0)["power"]
+    with pytest.raises(InvalidInputError, match="u_t"):
+        BranchGraph.load(tmp_path / "graph", record={"u_t": power})
+
+
+def edited(path, change):
+    """Rewrite the header of a saved graph."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    header = json.loads(str(arrays["header"]))
+    change(header)
+    with path.open("wb") as file:
+        np.savez(file, **(arrays | {"header": np.array(json.dumps(header))}))
+
+
+def test_files_of_earlier_versions(plain, tmp_path):
+    def forget(header):
+        del header["names"]
+        for node in header["nodes"]:
+            del node["recorded"]
+
+    plain.save(tmp_path / "graph")
+    edited(tmp_path / "graph", forget)
+    loaded = BranchGraph.load(tmp_path / "graph")
+    assert loaded.names == ("z[0]", "z[1]", "z[2]", "z[3]")
+    assert loaded.multiplicity() == plain.multiplicity()
+    assert BranchGraph.load(tmp_path / "graph", plain.system).names == plain.names
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda header: header.update(names=["u"]), "names of the header must be a list of 4"),
+        (lambda header: header.update(names=[1, 2, 3, 4]), "names must be texts"),
+        (lambda header: header["nodes"][0].update(recorded=3), "recorded of entry 0"),
+        (lambda header: header["nodes"][0].update(recorded={"V": None}), "V of recorded of"),
+    ],
+)
+def test_names_and_values_edited_by_hand(plain, tmp_path, change, words):
+    plain.save(tmp_path / "graph")
+    edited(tmp_path / "graph", change)
+    with pytest.raises(PwscontError, match=words):
+        BranchGraph.load(tmp_path / "graph")
+
+
+@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_copies_of_records(recorded, way):
+    for state in (recorded.point(0), recorded.solutions(0.3)[0]):
+        assert (way(state)["u_t"], way(state)["power"]) == (state["u_t"], state["power"])
+    assert way(recorded).to_dict() == recorded.to_dict()
+
+
+def test_a_solution_is_sent_without_its_system(recorded):
+    (solution,) = recorded.solutions(0.3)
+    assert len(pickle.dumps(solution)) < 2000
+
+
+# -- kinds of one's own --------------------------------------------------------------------------
+
+
+def test_kinds_of_ones_own(plain, tmp_path):
+    points = [replace(p, kind="knot") if p.id == 3 else p for p in plain.special_points()]
+    graph = BranchGraph(points, plain.pieces, plain.interval, system=plain.system)
+    graph.save(tmp_path / "graph")
+    for one in (graph, BranchGraph.load(tmp_path / "graph")):
+        (knot,) = one.special_points("knot")
+        assert (knot.id, knot.kind, one.to_dict()["nodes"][3]["kind"]) == (3, "knot", "knot")
+        with pytest.raises(InvalidInputError, match=r"unknown kind 'knott'.*stopped.*knot"):
+            one.special_points("knott")
+    with pytest.raises(InvalidInputError, match="unknown kind 'knot'"):
+        plain.special_points("knot")
+
+
+# -- pandas --------------------------------------------------------------------------------------
+
+
+def test_pieces_as_a_data_frame(graph):
+    frame = graph.to_dataframe("pieces")
+    assert frame["id"].tolist() == [p.id for p in graph.pieces]
+    assert frame["label"].tolist() == [p.label for p in graph.pieces]
+    assert frame["det_sign"].tolist() == [p.det_sign for p in graph.pieces]
+    assert list(zip(frame["alpha_lo"], frame["alpha_hi"], strict=True)) == [
+        p.interval for p in graph.pieces
+    ]
+    assert frame["points"].tolist() == [len(p.points) for p in graph.pieces]
+    assert frame.groupby("component").size().tolist() == [len(c) for c in graph.components()]
+    assert frame["length"].sum() == pytest.approx(graph.nx.size(weight="length"))
+
+
+def test_points_as_a_data_frame(graph):
+    frame = graph.to_dataframe("points")
+    points = np.vstack([piece.points for piece in graph.pieces])
+    np.testing.assert_array_equal(frame[[*graph.names, "alpha"]], points)
+    assert frame.groupby("piece").size().tolist() == [len(p.points) for p in graph.pieces]
+    assert frame["label"].iloc[-1] == graph.pieces[-1].label
+
+
+def test_special_points_as_a_data_frame(graph):
+    frame, points = graph.to_dataframe("special"), graph.special_points()
+    assert list(frame["kind"]) == [str(p.kind) for p in points]
+    assert list(frame["alpha"]) == [p.alpha for p in points]
+    assert list(frame["message"]) == [p.message for p in points]
+    np.testing.assert_array_equal(frame[list(graph.names)], [p.z for p in points])
+    assert list(frame["error"]) == [p.error[-1] for p in points]
+    assert list(frame["digits"]) == [p.digits for p in points]
+
+
+def test_recorded_values_are_columns(recorded, tmp_path):
+    frame = recorded.to_dataframe("points")
+    np.testing.assert_array_equal(frame["power"], frame["alpha"] * frame["u_t"])
+    special = recorded.to_dataframe("special")
+    np.testing.assert_array_equal(special["power"], special["alpha"] * special["u_t"])
+    recorded.save(tmp_path / "graph")
+    loaded = BranchGraph.load(tmp_path / "graph")
+    assert loaded.to_dataframe("special").equals(special)
+    assert loaded.to_dataframe("pieces").equals(recorded.to_dataframe("pieces"))
+
+
+def test_a_start_within_a_piece_is_a_special_point(plain):
+    graph = trace(plain.system, ((0, 0, -0.25, 0.0), 0.0), (-2.0, 2.0))
+    frame = graph.to_dataframe("special")
+    assert frame["alpha"][frame["id"] == -1].tolist() == [0.0]
+
+
+def test_unknowns_called_like_other_columns():
+    class Twice(Circle):
+        size = 3
+
+        def residual(self, z, alpha, character):
+            return np.array([z[0] - alpha, z[1] - z[0], z[2] - 2.0 * z[0]])
+
+        def names(self):
+            return "alpha", "u", "u"
+
+    frame = explore(Twice(), (-0.5, 0.5)).to_dataframe("points")
+    assert list(frame.columns) == ["piece", "component", "label", "alpha", "z[0]", "u", "z[2]"]
+    np.testing.assert_allclose(frame["z[2]"], 2.0 * frame["alpha"], atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", ["pieces", "points", "special"])
+def test_an_empty_graph(rows):
+    assert BranchGraph([], [], (0.0, 1.0)).to_dataframe(rows).empty
+    assert BranchGraph([], [], (0.0, 1.0)).nx.number_of_nodes() == 0
+
+
+@pytest.mark.parametrize("rows", ["piece", "", None])
+def test_other_rows_are_refused(plain, rows):
+    with pytest.raises(InvalidInputError, match=r"pieces, points, special"):
+        plain.to_dataframe(rows)
+
+
+def test_without_pandas(plain, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingPackageError, match="pip install pandas"):
+        plain.to_dataframe("pieces")
+    assert issubclass(MissingPackageError, builtins.ImportError)
+
+
+# -- JSON ----------------------------------------------------------------------------------------
+
+
+def test_json_has_names(graph):
+    data = json.loads(json.dumps(graph.to_dict(), allow_nan=False))
+    assert data["names"] == list(graph.system.names())
+    assert "not_recorded" not in data
+    assert all(len(node["z"]) == len(data["names"]) for node in data["nodes"])
+
+
+# -- how records look ----------------------------------------------------------------------------
+
+
+def assert_short(thing, *words):
+    """A terminal shows a few lines of it, a notebook a small table; both say what it is."""
+    text = repr(thing)
+    assert text.count("\n") <= 3
+    assert len(text) < 500
+    assert type(thing).__name__ in text
+    assert all(word in text for word in words), text
+    html = thing._repr_html_()
+    assert html.startswith("<table>")
+    assert len(html) < 2000
+
+
+def many_nodes(p=40):
+    body = contact_body(random_body(p, seed=1))
+    return CoulombLoad(body, AffineLoad(np.ones(body.n), np.ones(body.n)), 0.3)
+
+
+def test_records_are_short_whatever_their_size():
+    system = many_nodes()
+    graph = trace(system, (np.zeros(system.size), 0.0), (0.0, 0.01))
+    point, piece = graph.special_points()[0], graph.pieces[0]
+    assert_short(point, f"alpha={point.alpha:.10g}", str(point.kind), f"{system.size} unknowns")
+    assert_short(piece, "det +1", "points")
+    assert_short(graph.solutions(0.005)[0], "alpha=0.005", f"{system.size} unknowns")
+    assert_short(system, f"{system.size} unknowns", f"{3 * system.body.p} tests")
+    assert_short(system.body, f"{system.body.n} displacements", "40 contact nodes")
+
+
+def test_small_records_show_all(plain):
+    assert repr(plain.solutions(0.25)[0]) == (
+        "Solution(stick, alpha=0.25, det +1, u_ν=0, u_t=0, λ_ν=-0.25, λ_t=-0.25)"
+    )
+    assert repr(plain.pieces[2]) == "Piece(2: stick, alpha -1 → 1, det +1, 2 points)"
+    assert repr(plain.multiplicity()[0]) == "Stretch([-2, -1): 1 solution)"
+    assert_short(plain.multiplicity()[1], "3 solutions")
+    assert "z=[-1]" in repr(explore(Circle(), (-0.5, 0.5)).solutions(0.0))
+
+
+def test_systems_of_ones_own():
+    assert repr(Circle()) == "Circle(1 unknown)"
+    assert_short(Circle())
+
+    class Unfinished(Circle):
+        @property
+        def size(self):
+            raise AttributeError("not set yet")
+
+    assert repr(Unfinished()) == "Unfinished()"
+
+
+def test_elastic_bodies_and_their_states():
+    problem = jammed().condensed()
+    (first, *_) = explore(problem.along_load(), (-1.0, 1.0)).solutions(0.5)
+    nodes = problem.elastic.space.count
+    assert_short(problem.elastic, f"{nodes} nodes", f"{problem.body.p} contact nodes")
+    assert_short(recover(problem, first), "alpha=0.5", f"{nodes} nodes", "in contact")
+
+
+def test_notebooks_escape_what_a_user_wrote(plain):
+    point = replace(plain.point(0), message="<script>alert(1)</script>")
+    assert "<script>" not in point._repr_html_()
+
+
+# -- the manual ----------------------------------------------------------------------------------
+
+
+def test_the_page_of_the_manual_runs(tmp_path, monkeypatch, capsys):
+    """Its code runs, and what stands behind an arrow is the answer."""
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[1] / "docs" / "data.rst").read_text(encoding="utf-8")
+    blocks = re.findall(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", page, re.MULTILINE)
+    namespace, answers = {}, 0
+    for block in blocks:
+        code = re.sub(r"^   ", "", block, flags=re.MULTILINE)
+        exec(compile(code, "data.rst", "exec"), namespace)
+        for question, answer in re.findall(r"^(.+?)  # -> (.+)$", code, re.MULTILINE):
+            assert repr(eval(question, namespace)) == answer
+            answers += 1
+    assert (len(blocks), answers) == (5, 11)
+    assert {file.name for file in tmp_path.iterdir()} == {"fig7.graphml", "fig7.npz"}
