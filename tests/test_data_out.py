@@ -21,6 +21,7 @@ from random_bodies import contact_body, random_body
 from pwscont import (
     BranchGraph,
     InvalidInputError,
+    InvalidSystemError,
     MissingPackageError,
     PiecewiseSystem,
     PwscontError,
@@ -198,15 +199,20 @@ def test_unknown_names(recorded, error):
         recorded.solutions(0.3)[0]["powr"]
 
 
-def test_a_system_with_too_few_names():
-    class Nameless(Circle):
+@pytest.mark.parametrize(
+    ("names", "words"), [((), r"names\(\) must return 1 names"), ((3,), r"must return texts")]
+)
+def test_a_system_with_wrong_names_loses_nothing(names, words, tmp_path):
+    class Misnamed(Circle):
         def names(self):
-            return ()
+            return names
 
-    graph = explore(Nameless(), (-0.5, 0.5))
-    with pytest.raises(PwscontError, match=r"names\(\) must return 1 names"):
+    graph = explore(Misnamed(), (-0.5, 0.5))
+    with pytest.raises(InvalidSystemError, match=words):
         graph.point(0)["z"]
     assert "SpecialPoint" in repr(graph.special_points())
+    graph.save(tmp_path / "graph")
+    assert BranchGraph.load(tmp_path / "graph").names == ("z[0]",)
 
 
 # -- what users record ---------------------------------------------------------------------------

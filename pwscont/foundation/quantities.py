@@ -108,7 +108,7 @@ class Quantities:
         Raises
         ------
         InvalidSystemError
-            If the system gives names to another number of unknowns.
+            If the system gives names to another number of unknowns, or names that are no texts.
         """
         if not self.is_named:
             return tuple(f"z[{i}]" for i in range(size))
@@ -116,6 +116,8 @@ class Quantities:
             raise InvalidSystemError(
                 f"names() must return {size} names, one for each unknown, got {len(self._names)}"
             )
+        if not all(isinstance(name, str) for name in self._names):
+            raise InvalidSystemError("names() must return texts")
         return self._names
 
     def value(self, name: str, z: Array, alpha: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.foundation.errors import InvalidInputError, InvalidSystemError
 from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import Kind
 from pwscont.foundation.quantities import Function, Naming, Quantities, checked_record
@@ -464,9 +464,16 @@ class BranchGraph:
                 self.interval,
                 self.parameter,
                 self.searched,
-                self.names if self.quantities.is_named and self._points else None,
+                self._names_to_keep(),
             ),
         )
+
+    def _names_to_keep(self) -> tuple[str, ...] | None:
+        """Return the names for a file; one with numbers is better than none for a wrong name."""
+        try:
+            return self.names if self.quantities.is_named and self._points else None
+        except InvalidSystemError:
+            return None
 
     @classmethod
     def load(
