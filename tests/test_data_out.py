@@ -30,6 +30,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.interface.graph_answer import GraphAnswer
 
 SCENES = [fig7, fig10, example1, example3]
 
@@ -475,6 +476,19 @@ def test_json_has_names(graph):
     assert data["names"] == list(graph.system.names())
     assert "not_recorded" not in data
     assert all(len(node["z"]) == len(data["names"]) for node in data["nodes"])
+
+
+def test_json_of_the_command_line(recorded):
+    """Nodes and solutions asked for have what is recorded, or why it is not."""
+    failing = with_record(recorded, bad=lambda z, alpha: 1.0 / (alpha - 0.5))
+    answer = GraphAnswer(fig7(), failing, (0.5, 1.5)).as_dict()
+    data = json.loads(json.dumps(answer, allow_nan=False))
+    assert data["names"] == list(recorded.names)
+    first, second = data["solutions"]
+    assert (first["recorded"]["bad"], second["recorded"]["bad"]) == (None, 1.0)
+    assert all(node["recorded"]["power"] is not None for node in data["nodes"])
+    (why,) = data["not_recorded"]
+    assert why.startswith("record 'bad' failed at alpha = 0.5: ZeroDivisionError")
 
 
 # -- how records look ----------------------------------------------------------------------------

@@ -309,6 +309,13 @@ class Solution:
         return card(title, [*rows, *more])
 
 
+def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
+    """Return all recorded quantities of a state, in place of one that fails what happened."""
+    if not state.quantities.record:  # the state itself may have to be computed
+        return {}
+    return state.quantities.attempted(state.z, state.alpha)
+
+
 @final
 class Stretch(tuple[float, float, int]):
     """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).

@@ -21,7 +21,7 @@ import numpy as np
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.errors import InvalidInputError, MissingPackageError
 from pwscont.foundation.quantities import TAKEN
-from pwscont.foundation.records import Piece, SpecialPoint
+from pwscont.foundation.records import Piece, SpecialPoint, attempted
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph
@@ -43,11 +43,9 @@ def networkx_graph(graph: BranchGraph) -> nx.MultiGraph:
 
 def _of_node(point: SpecialPoint) -> dict[str, Any]:
     """Return the attributes of a node."""
-    z = point.z
-    recorded = point.quantities.attempted(z, point.alpha)
-    numbers = {name: value for name, value in recorded.items() if not isinstance(value, str)}
+    numbers = {k: value for k, value in attempted(point).items() if not isinstance(value, str)}
     words = {"kind": str(point.kind), "message": point.message, "name": point.name}
-    return words | {"alpha": point.alpha, "z": json.dumps(z.tolist())} | numbers
+    return words | {"alpha": point.alpha, "z": json.dumps(point.z.tolist())} | numbers
 
 
 def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:

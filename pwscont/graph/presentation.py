@@ -7,7 +7,7 @@ from html import escape
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
-from pwscont.foundation.records import SpecialPoint, Stretch
+from pwscont.foundation.records import SpecialPoint, Stretch, attempted
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph
@@ -61,7 +61,7 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
     sums, rows = graph.sums(), graph.multiplicity()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     nodes = [point for point in graph.special_points() if point.id >= 0]
-    attempts = [point.quantities.attempted(point.z, point.alpha) for point in nodes]
+    attempts = [attempted(point) for point in nodes]
     return {
         "components": len(graph.components()),
         "names": list(graph.names),

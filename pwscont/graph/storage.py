@@ -27,7 +27,7 @@ from pwscont.foundation.guarantee import Promise, Searched
 from pwscont.foundation.kind import kind_of
 from pwscont.foundation.place import Stored
 from pwscont.foundation.quantities import Kept, Quantities
-from pwscont.foundation.records import Piece, SpecialPoint, Track
+from pwscont.foundation.records import Piece, SpecialPoint, Track, attempted
 from pwscont.foundation.rounding import SAME_ALPHA
 from pwscont.graph.fields import DamagedError, Fields
 
@@ -113,7 +113,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "error": point.error.tolist(),
         "digits": point.digits,
         "lost": point.lost,
-        "recorded": point.quantities.attempted(point.z, point.alpha),
+        "recorded": attempted(point),
     }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
+from pwscont.foundation.records import attempted
 from pwscont.graph import BranchGraph, Solution
 from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.interface.answer import Answer
@@ -32,7 +33,7 @@ class GraphAnswer(Answer):
         parameter = {"name": self.scene.parameter, "lo": lo, "hi": hi}
         head = {"scene": self.scene.name, "parameter": parameter}
         found = [solution for alpha in self.at for solution in self.graph.solutions(alpha)]
-        attempts = [s.quantities.attempted(s.z, s.alpha) for s in found]
+        attempts = [attempted(solution) for solution in found]
         solutions = [_solution(*pair) for pair in zip(found, attempts, strict=True)]
         graph, failed = self.graph.to_dict(), not_recorded(attempts)
         for key, failures in failed.items():
