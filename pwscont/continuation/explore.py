@@ -82,7 +82,8 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     given = checked_starts(system, starts, (lo, hi))
-    watched, recorded = checked_detectors(detectors, events), checked_record(record)
+    watched = checked_detectors(detectors, events)
+    recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         guess = np.zeros(checked_size(system))
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)

@@ -91,7 +91,8 @@ def trace(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     rough = checked_start(system, start, (lo, hi))
-    watched, recorded = checked_detectors(detectors, events), checked_record(record)
+    watched = checked_detectors(detectors, events)
+    recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper, watched)
         plan, found = measured(plan, rough[0], lambda plan: _corrected(plan, rough))

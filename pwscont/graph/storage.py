@@ -218,6 +218,8 @@ class _Rows:
 
 
 def _table(name: str, values: Any) -> Array:
+    if not isinstance(values, np.ndarray):  # numpy returns a member that is no array as it is
+        raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype.kind != "f" or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
     if not np.isfinite(values).all():
