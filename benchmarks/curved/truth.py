@@ -119,7 +119,9 @@ class Curve:
         nodes = set(bounds)
         for a, b in pairwise(bounds):
             inner = self.samples[(self.samples > a) & (self.samples < b)]
-            nodes.update(self._extrema(np.concatenate([np.linspace(a, b, 9), inner])))
+            near = (b - a) * 2.0 ** -np.arange(2.0, 30.0)  # a fold may be close to a kink
+            grid = [np.linspace(a, b, 9), inner, a + near, b - near]
+            nodes.update(self._extrema(np.concatenate(grid)))
         return sorted(nodes)
 
     def _extrema(self, grid: np.ndarray) -> Iterator[float]:

@@ -34,6 +34,7 @@ from pwscont.transitions.simple_corner import SLANT
 NEAR = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG = 0.05
+THIRDS = (1.0 / 3.0, 2.0 / 3.0)
 
 
 @final
@@ -105,11 +106,12 @@ class BoundingTests(TransitionDetector):
 
 
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
-    """Return the points inside a step in which the tests are looked at."""
+    """Return the points inside a step in which the tests are looked at, all in the interval."""
     if segment.length <= LONG:
-        return (segment.inside,)
-    third = segment.length / 3.0
-    return segment.near(third), segment.near(2.0 * third)
+        points: tuple[Array, ...] = (segment.inside,)
+    else:
+        points = tuple(segment.near(part * segment.length) for part in THIRDS)
+    return tuple(filter(segment.curve.metric.admits, points))
 
 
 def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
