@@ -1,13 +1,19 @@
 """Pictures show what the graph says."""
 
+import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
+from paper_systems import CASES
 
-from pwscont import PiecewiseSystem, draw_counts, trace
-from pwscont.interface.plotting import draw_scene, line_of
+from pwscont import PiecewiseSystem, PwscontError, draw_counts, explore, plot, trace
+from pwscont.interface.drawn import Drawn
+from pwscont.interface.plotting import draw_scene, line_of, symbol
 from pwscont.interface.registry import load_scene
+
+mpl.use("Agg")
 
 
 def steps(ax):
@@ -63,7 +69,7 @@ def test_curved_pieces_are_drawn_as_smooth_curves():
     """The line passes through the stored points, stays among them, and is closer to the truth."""
     graph = trace(Circle(), ([1.0, 1.0], 0.0), (-2.0, 2.0))
     for piece in graph.pieces:
-        alpha, z = line_of(piece, 0)
+        alpha, z = line_of(piece, lambda points: points[:, 0])
         assert len(alpha) > 4 * len(piece.points)
         nearest = [
             np.hypot(alpha - a, z - b).min()
@@ -74,5 +80,30 @@ def test_curved_pieces_are_drawn_as_smooth_curves():
         middles = 0.5 * (piece.points[1:, [-1, 0]] + piece.points[:-1, [-1, 0]])
         polygon = np.abs(np.hypot(*middles.T) - 1.0).max()
         assert np.abs(np.hypot(alpha, z) - 1.0).max() < 0.5 * polygon
-        constant = line_of(piece, 1)[1]
+        constant = line_of(piece, lambda points: points[:, 1])[1]
         np.testing.assert_allclose(constant, 1.0, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("what", "label"),
+    [(1, "u_t"), ("u_t", "u_t"), ("work", "work"), (lambda z, alpha: z[0] * alpha, "value")],
+)
+def test_whatever_has_a_value_is_drawn(what, label):
+    graph = explore(
+        CASES["fig7"].system, (-2.0, 2.0), record={"work": lambda z, alpha: float(z[1] * alpha)}
+    )
+    ax = plot(graph, what)
+    assert ax.get_ylabel() == symbol(label)
+    drawn = np.concatenate([line.get_ydata() for line in ax.lines]).astype(float)
+    quantity = Drawn.of(graph, what).along
+    for piece in graph.pieces:
+        assert np.abs(drawn - quantity(piece.points)[0]).min() < 1e-12
+    plt.close(ax.figure)
+
+
+@pytest.mark.parametrize("what", ["u_s", 7, None, 1.5])
+def test_what_is_not_there_is_refused(what):
+    graph = explore(CASES["fig7"].system, (-2.0, 2.0))
+    with pytest.raises(PwscontError, match=r"u_t|there is no unknown 7|must be an index"):
+        plot(graph, what)
+    assert not plt.get_fignums()

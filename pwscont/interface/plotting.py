@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from itertools import cycle
+from itertools import cycle, islice
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,6 +24,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.interface.counting import draw_counts
+from pwscont.interface.drawn import Drawn, What
 from pwscont.interface.scene import Panel, ParameterPath, Scene
 
 #: How each kind of special point is drawn; ends need no mark.
@@ -42,6 +44,12 @@ MARKERS: dict[str, dict[str, Any]] = {
 }
 #: How kinds of a user's own detectors are drawn.
 OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
+#: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+#: Widths of lines; pieces on which the determinant is negative are thin.
+WIDTH, THIN = 1.8, 0.9
+#: Modes that the legend names.
+MOST_MODES = 12
 LINE_STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)))
 #: Pieces of at least so many points are drawn as smooth curves, with so many parts of each step.
 LEAST_POINTS, FINER = 4, 8
@@ -52,27 +60,41 @@ SAME = 1e-9
 ROW_HEIGHT, COUNTS_HEIGHT, COLUMN_WIDTH = 2.9, 1.9, 3.9  # inches
 
 
-def plot(graph: BranchGraph, component: int = 0, *, ax: Axes | None = None) -> Axes:
-    """Draw one component of z over the parameter.
+def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
+    """Draw a quantity over the parameter: colours are branches, line styles modes.
+
+    Thin lines are pieces on which det(dH/dz) is negative.
 
     Parameters
     ----------
     graph : BranchGraph
-    component : int
-        Index into z.
+    what : int, str or callable
+        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure.
+        Where to draw; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
 
     Returns
     -------
     matplotlib.axes.Axes
         ``ax.figure.savefig(...)`` writes the picture.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such quantity; a name that is close is told.
     """
+    panel = Panel(what)
+    Drawn.of(graph, what)  # refuses what cannot be drawn before there is a figure
     if ax is None:
-        ax = Figure(figsize=(6.0, 4.0), layout="constrained").subplots()
-    styles = _styles(graph, [Panel(component)], {})
-    _draw_panel(ax, graph, Panel(component), styles)
-    ax.legend(handles=_legend(graph, styles), fontsize="small")
+        _, ax = plt.subplots(figsize=(7.5, 4.0), layout="constrained")
+    styles = _styles(graph, [panel], {})
+    _draw_panel(ax, graph, panel, styles)
+    ax.legend(
+        handles=_legend(graph, styles),
+        fontsize="small",
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+    )
     return ax
 
 
@@ -132,25 +154,26 @@ def _draw_cell(
 
 
 def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> None:
-    mode = _mode(graph, panel)
+    mode, quantity = _mode(graph, panel), Drawn.of(graph, panel.component)
     drawn: dict[str, list[tuple[Array, Array]]] = defaultdict(list)
-    for i, pieces in enumerate(graph.components()):
+    for pieces, color in zip(graph.components(), cycle(COLORS), strict=False):
         for piece in pieces:
-            word, line = mode(piece.character), line_of(piece, panel.component)
+            word, line = mode(piece.character), line_of(piece, quantity.along)
             if not any(_covers(other, line) for other in drawn[word]):
-                ax.plot(*line, color=f"C{i}", linestyle=styles[word])
+                width = WIDTH if piece.det_sign >= 0 else THIN
+                ax.plot(*line, color=color, linestyle=styles[word], linewidth=width)
                 drawn[word].append(line)
         for point in _marked(graph, pieces):
             ax.plot(
                 point.alpha,
-                point.z[panel.component],
-                color=f"C{i}",
+                quantity.along(np.append(point.z, point.alpha)[np.newaxis])[0],
+                color=color,
                 linestyle="none",
                 zorder=3.0 if point.kind in (Kind.TRANSITION, Kind.START) else 4.0,
                 **_marker(point.kind),
             )
     ax.set_xlabel(symbol(graph.parameter))
-    ax.set_ylabel(symbol(graph.names[panel.component]))
+    ax.set_ylabel(symbol(quantity.label))
     ax.set_title(panel.title, fontsize="medium")
     ax.margins(0.06)
     ax.grid(alpha=0.25)
@@ -182,7 +205,7 @@ def _marked(graph: BranchGraph, pieces: Sequence[Piece]) -> list[SpecialPoint]:
     nodes = {node for piece in pieces for node in (piece.start, piece.end)}
     points = [graph.point(node) for node in sorted(nodes)]
     inner = [start for start in graph.starts if _lies_on(start, pieces)]
-    return [point for point in [*points, *inner] if point.kind in MARKERS]
+    return [point for point in [*points, *inner] if point.kind != Kind.END]
 
 
 def _lies_on(start: SpecialPoint, pieces: Sequence[Piece]) -> bool:
@@ -208,8 +231,8 @@ def _styles(
     return {word: wanted[word] if word in wanted else next(free) for word in words}
 
 
-def line_of(piece: Piece, component: int) -> tuple[Array, Array]:
-    """Return alpha and one unknown along a piece: a smooth curve through its points.
+def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return alpha and a quantity along a piece: a smooth curve through its points.
 
     Corners of a polygon would look like kinks. The parameter is the length along the points; the
     cubics in between never leave the range of their ends (Fritsch and Carlson 1980). Unknowns
@@ -220,9 +243,10 @@ def line_of(piece: Piece, component: int) -> tuple[Array, Array]:
     length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
     apart = np.diff(length) > APART * length[-1]
     kept = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
-    points, length = piece.points[kept][:, [-1, component]], length[kept]
+    points, length = piece.points[kept], length[kept]
     if len(points) < LEAST_POINTS:
-        return piece.alpha, piece.z[:, component]
+        return piece.alpha, along(piece.points)
+    points = np.column_stack([points[:, -1], along(points)])
     ends = np.arange(len(length))
     fine = np.interp(np.linspace(0.0, ends[-1], FINER * ends[-1] + 1), ends, length)
     alpha, values = PchipInterpolator(length, points)(fine).T
@@ -247,8 +271,13 @@ def _draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
 def _legend(graph: BranchGraph, styles: Mapping[str, Any]) -> list[Line2D]:
     """Return a handle for every mode and every kind of point that occurs."""
     lines = [
-        Line2D([], [], color="black", linestyle=style, label=word) for word, style in styles.items()
+        Line2D([], [], color="black", linestyle=style, label=word)
+        for word, style in islice(styles.items(), MOST_MODES)
     ]
+    if more := len(styles) - MOST_MODES:
+        lines += [Line2D([], [], linestyle="none", label=f"and {more} more")] * (more > 0)
+    if any(piece.det_sign < 0 for piece in graph.pieces):
+        lines.append(Line2D([], [], color="black", linewidth=THIN, label="det < 0: thin"))
     kinds = dict.fromkeys(point.kind for point in graph.special_points())
     own = [kind for kind in kinds if kind not in {*MARKERS, Kind.END}]
     marks = [

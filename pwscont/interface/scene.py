@@ -14,6 +14,7 @@ from pwscont.foundation.character import Character
 from pwscont.foundation.quantities import Function
 from pwscont.graph import BranchGraph
 from pwscont.interface.answer import Answer, Runnable, values_within
+from pwscont.interface.drawn import What
 from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
 from pwscont.stepping import Stepper
@@ -24,18 +25,18 @@ from pwscont.transitions.events import Stop
 @final
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One diagram: a component of z against the parameter.
+    """One diagram: a quantity against the parameter.
 
     Attributes
     ----------
-    component : int
-        Index into z.
+    component : int, str or callable
+        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
     mode : callable, optional
         Character -> the word that chooses the line style; default the system's description.
     title : str
     """
 
-    component: int
+    component: What
     mode: Callable[[Character], str] | None = None
     title: str = ""
 
