@@ -68,10 +68,11 @@ class AllTransitions(Search):
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     """Tell whether z may move in a direction that neither H nor a test sees, in every cell."""
-    z, alpha = np.zeros(system.size), 0.0
+    differences = system.differences(0.0)
+    z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
     jacobian = dense(system.jacobian(z, alpha, system.character(z, alpha)))
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
-    rows = rows * system.differences(alpha).scale[:-1]
+    rows = rows * differences.scale[:-1]
     sizes = np.abs(rows).max(axis=1, initial=0.0)
     scaled = rows / np.where(sizes > 0.0, sizes, 1.0)[:, np.newaxis]
     return bool(np.linalg.matrix_rank(scaled) < system.size)

@@ -95,8 +95,8 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     Where that takes too long, at least one cell is undecided. Of no solution at all it makes sure.
     """
     found = solve_slice(system, metric, alpha)
-    doubt = _leaves_doubt(system, metric, found)
-    exactly = solve_exactly(system, metric, alpha) if doubt or _is_empty(found) else None
+    doubt = _leaves_doubt(system, metric, found) or _is_empty(found)
+    exactly = solve_exactly(system, metric, alpha) if doubt else None
     if exactly is not None:
         return replace(exactly, faces=found.faces)
     return replace(found, undecided=max(found.undecided, 1)) if doubt else found
