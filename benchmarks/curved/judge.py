@@ -250,7 +250,8 @@ class Look:
                     self.note("invented", f"{kind} at {alpha!r}")
             for alpha in expected:
                 thin = any(abs(alpha - x) <= slack for pair in self.case.thin for x in pair)
-                thin |= sum(abs(alpha - x) <= SHALLOW * (hi - lo) for x in expected) - 1 > 0
+                pair = sum(abs(alpha - x) <= SHALLOW * (hi - lo) for x in expected) > 1
+                thin |= kind == "fold" and pair
                 self.note(f"{'thin ' if thin else ''}unseen", f"{kind} at {alpha!r}")
 
     # -- the word ------------------------------------------------------------------------
