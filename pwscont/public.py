@@ -4,6 +4,7 @@ from typing import Any
 
 from pwscont.continuation import explore, trace
 from pwscont.continuation.journal import Journal
+from pwscont.continuation.kit import check_detector, check_search, check_stepper
 from pwscont.foundation.character import Character
 from pwscont.foundation.errors import (
     GraphFileError,
@@ -85,6 +86,9 @@ __all__ = [
     "TransitionDetector",
     "TransitionLocus",
     "UnknownNameError",
+    "check_detector",
+    "check_search",
+    "check_stepper",
     "check_system",
     "draw_counts",  # noqa: F822  by __getattr__
     "enumerate_solutions",

@@ -15,7 +15,7 @@ BLOCK = re.compile(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", re.MULTILI
 
 def test_the_page_runs_from_top_to_bottom():
     blocks = [re.sub(r"^   ", "", code, flags=re.MULTILINE) for code in BLOCK.findall(PAGE)]
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     names = {}
     for code in blocks:
         exec(code, names)

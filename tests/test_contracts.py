@@ -1,0 +1,149 @@
+"""The kit for implementers: our own parts keep the contracts, and broken ones do not."""
+
+import re
+
+import numpy as np
+import pytest
+
+from pwscont import (
+    EndPoints,
+    InvalidInputError,
+    MoorePenrose,
+    MultiStart,
+    NaturalParameter,
+    PseudoArclength,
+    Search,
+    Secant,
+    Slices,
+    Stepper,
+    StepSize,
+    Tangent,
+    TransitionDetector,
+    check_detector,
+    check_search,
+    check_stepper,
+)
+from pwscont.extending import Arrival, CurvedSegment, Failure, Ray, Reading, State, Trouble
+from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds
+from pwscont.transitions.events import checked_events
+
+STEPPERS = [
+    PseudoArclength(),
+    PseudoArclength(predictor=Tangent()),
+    PseudoArclength(predictor=Secant()),
+    PseudoArclength(corrector=MoorePenrose()),
+    PseudoArclength(step_size=StepSize(largest=0.03)),
+    NaturalParameter(),
+]
+DETECTORS = [
+    BoundingTests(),
+    IntervalEnds(-5.0, 5.0),
+    SmoothFolds(),
+    checked_events({"level": lambda z, alpha: z[0] ** 2 - 0.3, "place": lambda z, alpha: alpha}),
+]
+SEARCHES = [EndPoints(), Slices((0.1, 0.3)), MultiStart(), EndPoints() + MultiStart()]
+
+
+@pytest.mark.parametrize("stepper", STEPPERS, ids=repr)
+def test_our_steppers(stepper):
+    assert check_stepper(stepper), check_stepper(stepper)
+
+
+@pytest.mark.parametrize("detector", DETECTORS, ids=lambda part: type(part).__name__)
+def test_our_detectors(detector):
+    assert check_detector(detector), check_detector(detector)
+
+
+@pytest.mark.parametrize("search", SEARCHES, ids=repr)
+def test_our_searches(search):
+    assert check_search(search), check_search(search)
+
+
+class Wrong(Stepper):
+    """Returns what a function makes of the true step."""
+
+    def __init__(self, change):
+        self.change = change
+
+    def step(self, curve, interval, state, before, longest):
+        true = PseudoArclength().step(curve, interval, state, before, longest)
+        return true if isinstance(true, Failure) else self.change(true)
+
+
+def moved(segment):
+    end = segment.end
+    off = State(end.x + 1e-4, end.tangent, end.error, end.orientation)
+    return CurvedSegment.between(segment.curve, segment.start, off, segment.suggestion)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda segment: None, "must return a Segment or a Failure"),
+        (lambda segment: Failure(Trouble.NO_TURN), "before the end of the interval"),
+        (moved, "off the curve|leaves the interval"),
+    ],
+)
+def test_broken_steppers(change, words):
+    report = check_stepper(Wrong(change))
+    assert not report
+    assert re.search(words, str(report))
+
+
+class Broken(TransitionDetector):
+    def __init__(self, reading, arrival=None):
+        self.reading, self.arrival = reading, arrival
+
+    def read(self, curve, state):
+        return self.reading(state)
+
+    def locate(self, segment, index, bracket):
+        return segment.start
+
+    def arrive(self, curve, state, index):
+        forth = Ray(curve, state)
+        return self.arrival or Arrival("own", state.x, "", (forth, forth.reversed()))
+
+
+@pytest.mark.parametrize(
+    ("reading", "words"),
+    [
+        (lambda state: 1.0, "must return a Reading"),
+        (lambda state: Reading(np.ones(2), np.zeros(1)), "vectors alike"),
+        (lambda state: Reading(np.array([np.nan]), np.zeros(1)), "finite"),
+        (lambda state: Reading(state.x[:1] + 3.0, np.array([5.0])), "slopes do not match"),
+        (lambda state: Reading(np.ones(1), np.zeros(1)), "does not point back"),
+    ],
+)
+def test_broken_detectors(reading, words):
+    report = check_detector(Broken(reading))
+    assert not report
+    assert words in str(report)
+
+
+class Yields(Search):
+    def __init__(self, *starts):
+        self.given = starts
+
+    def starts(self, system, metric, interval):
+        yield from self.given
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ((np.zeros(7), np.zeros(7)), "shapes"),
+        ((np.array([0.0, 9.0]), np.zeros(2)), "outside the interval"),
+        ((np.array([0.3, 0.1]), np.zeros(2)), "off the curve"),
+    ],
+)
+def test_broken_searches(start, words):
+    report = check_search(Yields(start))
+    assert not report
+    assert words in str(report)
+
+
+def test_classes_instead_of_objects_are_refused():
+    for check, part in [(check_stepper, PseudoArclength), (check_search, MultiStart)]:
+        with pytest.raises(InvalidInputError, match="call it to make one"):
+            check(part)
