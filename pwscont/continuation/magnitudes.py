@@ -9,6 +9,8 @@ Failure modes and answers
   Newton finds then is no solution, and of no magnitude in particular. Magnitudes count only where
   solutions found with them have them.
 - Unknowns of different magnitudes: each has its own, in a second round.
+- No solution but zero is found: by how much each unknown must change for H to change as much as it
+  is off tells whether magnitudes of one are far off.
 - An unknown that is zero in all solutions found has no magnitude: that of the largest is taken.
 - A tail that decays along a chain: what is next to nothing beside the largest is not measured by
   itself.
@@ -66,8 +68,11 @@ def magnitudes(
     if ones_fit(system, interval, found):
         return None
     hints = [size] if (size := _sizes(found).max(initial=0.0)) else []
+    reach = _reach(system, interval, guess)
+    if not hints and reach.min() >= 1.0 / LARGE and reach.max() <= LARGE:
+        return None
     alike = (np.full(system.size, size) for size in (*hints, *TRIED))
-    sizes = (_reach(system, interval, guess), *alike)
+    sizes = (reach, *alike)
     tried = (_settled(system, interval, size, guess) for size in sizes)
     return next((fitting for fitting in tried if fitting is not None), None)
 

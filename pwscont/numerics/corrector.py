@@ -18,7 +18,7 @@ from pwscont.numerics.root import Root, first_quotient, joined
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Corrected:
     """A point on the curve and how hard it was to get there.
 

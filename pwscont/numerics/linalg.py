@@ -13,13 +13,14 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.foundation.arrays import Array, Matrix
+from pwscont.foundation.arrays import Array, Indices, Matrix
 from pwscont.foundation.rounding import EPS
 from pwscont.numerics.cores import sign_of_superlu, superlu
 from pwscont.numerics.factor import Factor, power_of_two
@@ -64,7 +65,7 @@ class DenseFactor(Factor):
         if self.failed:
             return 0
         negative = np.count_nonzero(self._lu.diagonal() < 0.0)
-        exchanged = np.count_nonzero(self._pivots != np.arange(len(self._pivots)))
+        exchanged = np.count_nonzero(self._pivots != in_order(len(self._pivots)))
         return -1 if (negative + exchanged) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
@@ -128,6 +129,14 @@ def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
     matrix[:n] = jacobian
     matrix[n] = row
     return DenseFactor(matrix, scale)
+
+
+@lru_cache(maxsize=8)
+def in_order(size: int) -> Indices:
+    """Return 0, 1, ..., size - 1, not to be written to."""
+    order = np.arange(size)
+    order.flags.writeable = False
+    return order
 
 
 def last_unit(size: int) -> Array:

@@ -17,7 +17,7 @@ SMALL = CONVERGED**0.5
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Root:
     """A solution of {H_chi = 0, border = 0}.
 

@@ -97,7 +97,7 @@ class Watch:
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Joined:
     """The readings of all detectors, and their values and slopes end to end."""
 
