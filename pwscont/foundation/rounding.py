@@ -18,8 +18,9 @@ CONVERGED = 1e-11
 #: A dot product of k terms errs by at most k EPS; the solves before it add a few digits.
 GUARD = 64.0
 
-#: A quantity is zero when it is below this many times its estimated error. The estimate is the
-#: largest of a few samples; the chance that the true error is ten times as large is negligible.
+#: A quantity is zero when it is below this many times its estimated error. The estimate is the root
+#: of the sum of squares of a few samples, or of all columns of the inverse where these are few; the
+#: chance that the true error is ten times as large is negligible.
 CONFIDENCE = 10.0
 
 #: Parameter values closer than this times their scale are one value.

@@ -46,7 +46,7 @@ def triangle_body(material: Material | None = None, friction: float = 4.0) -> El
 
 
 def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
-    """Return a rectangle on a foundation, clamped on top, compressed, then sheared by alpha.
+    """Return a rectangle on a foundation, clamped on top, compressed, and sheared by alpha.
 
     Twice as wide as high, E = 1 and nu = 0.3; the top is pressed down by 1 % of the height and
     moves to the right by alpha percent of it.
@@ -185,7 +185,7 @@ def block(nodes: int = 20, friction: float = 0.3) -> ElasticScene:
     """Return the scene of :func:`block_body`."""
     return ElasticScene(
         "block",
-        f"a block compressed, then sheared on its foundation, {nodes} contact nodes, "
+        f"a block compressed and sheared on its foundation, {nodes} contact nodes, "
         f"F = {friction:g}",
         partial(block_body, nodes, friction),
         (0.0, 2.0),
