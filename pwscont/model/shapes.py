@@ -11,6 +11,7 @@ from pwscont.foundation.errors import InvalidSystemError
 
 #: Kinds of numbers that are real: floats, integers, booleans.
 REAL = "fiub"
+FLOAT = np.dtype(float)
 
 
 def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
@@ -21,6 +22,8 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
     InvalidSystemError
         If it is no array of that shape, which it may have been before.
     """
+    if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
+        return value.copy()  # nearly always
     expect(system, method, value, shape)
     if value.dtype.kind not in REAL:
         raise InvalidSystemError(

@@ -6,8 +6,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
 
-import numpy as np
-
 from pwscont.foundation.arrays import Array
 from pwscont.foundation.outcome import Failure, Trouble
 from pwscont.foundation.rounding import CONFIDENCE, CONVERGED
@@ -76,8 +74,8 @@ class CurvedSegment(Segment):
     end : State
     chord : ndarray, shape (n + 1,)
         Direction from start to end, of length one.
-    bends : tuple of two ndarrays, shape (n + 1,)
-        How the tangents at both ends deviate from the chord, per distance along it, normal to it.
+    along : tuple of two ndarrays, shape (n + 1,)
+        The tangents at both ends, per distance along the chord.
     length : float
         Length of the chord.
     suggestion : float
@@ -88,7 +86,7 @@ class CurvedSegment(Segment):
     start: State
     end: State
     chord: Array
-    bends: tuple[Array, Array]
+    along: tuple[Array, Array]
     length: float
     suggestion: float
     _inside: Array | None = field(default=None, init=False, repr=False)
@@ -107,8 +105,8 @@ class CurvedSegment(Segment):
         length = curve.metric.norm(difference)
         chord = difference / length
         row = curve.metric.covector(chord)
-        bends = _bend(start.tangent, chord, row), _bend(end.tangent, chord, row)
-        return cls(curve, start, end, chord, bends, length, suggestion)
+        along = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
+        return cls(curve, start, end, chord, along, length, suggestion)
 
     def until(self, end: State) -> CurvedSegment:
         """Return the part of this segment up to a state on it."""
@@ -116,18 +114,19 @@ class CurvedSegment(Segment):
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through both ends and along their tangents."""
-        u, (leaving, arriving) = s / self.length, self.bends
+        u, (leaving, arriving) = s / self.length, self.along
         v = s * (1.0 - u)
-        point: Array = s * self.chord
+        first, last = v * (1.0 - u), v * u
+        point: Array = (s - first + last) * self.chord
         point += self.start.x
-        point += (v * (1.0 - u)) * leaving
-        point -= (v * u) * arriving
+        point += first * leaving
+        point -= last * arriving
         return point
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
-        on_chord, (leaving, arriving) = float(self.chord[-1]), self.bends
-        return on_chord + float(leaving[-1]), on_chord, on_chord + float(arriving[-1])
+        leaving, arriving = self.along
+        return float(leaving[-1]), float(self.chord[-1]), float(arriving[-1])
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""
@@ -150,13 +149,13 @@ class CurvedSegment(Segment):
         return found.state if self.is_beside(found.state, s) else Failure(Trouble.JUMP)
 
 
-def _bend(tangent: Array, chord: Array, row: Array) -> Array:
-    """Return how a tangent deviates from a chord; ``row @ x`` is the distance of x along it."""
+def _along(tangent: Array, chord: Array, row: Array) -> Array:
+    """Return a tangent per distance along a chord; ``row @ x`` is the distance of x along it."""
     along = row.dot(tangent)
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
-        return np.zeros_like(chord)
-    bend: Array = tangent / along - chord
-    return bend
+        return chord
+    per_distance: Array = tangent / along
+    return per_distance
 
 
 class Stepper(ABC):

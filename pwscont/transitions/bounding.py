@@ -108,9 +108,9 @@ class BoundingTests(TransitionDetector):
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
     """Return the points inside a step in which the tests are looked at, all in the interval."""
     if segment.length <= LONG:
-        points: tuple[Array, ...] = (segment.inside,)
-    else:
-        points = tuple(segment.near(part * segment.length) for part in THIRDS)
+        x = segment.inside
+        return (x,) if segment.curve.metric.admits(x) else ()
+    points = (segment.near(part * segment.length) for part in THIRDS)
     return tuple(filter(segment.curve.metric.admits, points))
 
 

@@ -14,6 +14,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
@@ -142,7 +143,7 @@ def first_on_curve(
     What comes before an event that was found lies on the segment that ends there: what does not
     change sign on that one comes later, and is not located.
     """
-    if np.isnan(end.values).any():
+    if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
         return Failure(Trouble.NOT_FINITE)
     if too_long := watch.overlooks(segment, start, end):
         return too_long

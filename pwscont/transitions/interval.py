@@ -31,8 +31,9 @@ class IntervalEnds(TransitionDetector):
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the distances to both ends; zero to rounding counts as zero."""
         alpha, slope, same = state.alpha, float(state.tangent[-1]), SAME_ALPHA * (self.hi - self.lo)
-        distances = [0.0 if d <= same else d for d in (alpha - self.lo, self.hi - alpha)]
-        return Reading(np.array(distances), np.array([slope, -slope]))
+        down, up = alpha - self.lo, self.hi - alpha
+        distances = (down if down > same else 0.0, up if up > same else 0.0)
+        return Reading(np.array(distances), np.array((slope, -slope)))
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
