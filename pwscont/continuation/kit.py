@@ -22,9 +22,11 @@ from pwscont.model.check import Report
 from pwscont.model.inspection import Defect
 from pwscont.model.selection import Selection
 from pwscont.model.system import PiecewiseSystem
+from pwscont.numerics.corrector import BorderedNewton, Corrected
 from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered
+from pwscont.numerics.linalg import bordered, last_unit
 from pwscont.numerics.metric import Metric
+from pwscont.numerics.root import joined
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -56,13 +58,9 @@ class Sample:
 
     def state(self, direction: float) -> State:
         """Return the state at the point, travelling up or down in alpha."""
-        curve, border = self.curve, np.zeros(len(self.x))
-        border[-1] = 1.0
-        factor = bordered(curve.selection.jacobian(self.x), border, curve.metric.binary)
-        tangent = curve.metric.normalised(factor.solve(border)) * direction
-        row = curve.metric.covector(tangent)
-        sign = bordered(curve.selection.jacobian(self.x), row, curve.metric.binary).sign
-        return State(self.x.copy(), tangent, np.zeros((1, len(self.x))), sign)
+        found = BorderedNewton().correct(self.curve, self.x, direction * last_unit(len(self.x)))
+        assert isinstance(found, Corrected)  # the points are on regular curves
+        return found.state
 
 
 @final
@@ -160,9 +158,7 @@ def _wrong_step(
     if step.length > LONGER * longest:
         return f"the step is {step.length:.3g} long, longest is {longest:.3g}"
     row = curve.metric.covector(end.tangent)
-    factor = bordered(curve.selection.jacobian(end.x), row, curve.metric.binary)
-    off = curve.metric.norm(factor.solve(np.append(curve.selection.residual(end.x), 0.0)))
-    if not off <= ON_CURVE:
+    if not (off := _off(curve, end.x, row)) <= ON_CURVE:
         return f"the end of the step is off the curve by {off:.1e}"
     if not row.dot(step.chord) > 0.0:
         return "the tangent at the end points back"
@@ -258,12 +254,15 @@ def _wrong_starts(search: Search, sample: Sample) -> Iterator[Defect]:
             yield _defect("a start lies outside the interval", point)
             return
         selection = Selection(system, system.character(point[:-1], float(point[-1])))
-        border = np.zeros(size + 1)
-        border[-1] = 1.0
-        factor = bordered(selection.jacobian(point), border, metric.binary)
-        off = metric.norm(factor.solve(np.append(selection.residual(point), 0.0)))
+        off = _off(Curve(selection, metric), point, last_unit(size + 1))
         if not off <= ON_CURVE + 10.0 * max(metric.norm(e) for e in samples_of_error):
             yield _defect(f"a start is off the curve by {off:.1e}, and its error is less", point)
+
+
+def _off(curve: Curve, x: Array, row: Array) -> float:
+    """Return how far a point is off a curve, within the hyperplane of a row."""
+    factor = bordered(curve.selection.jacobian(x), row, curve.metric.binary)
+    return curve.metric.norm(factor.solve(joined(curve.selection.residual(x), 0.0)))
 
 
 def _defect(what: str, x: Array) -> Defect:

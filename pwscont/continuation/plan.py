@@ -127,8 +127,8 @@ class Plan:
     box : Box
         The bounds and periods of its unknowns.
     stepper : Stepper
-    detectors : tuple of TransitionDetector
-        The default ones, and those that were given.
+    added : tuple of TransitionDetector
+        Those that were given, beside the default ones.
     """
 
     system: PiecewiseSystem
@@ -138,7 +138,7 @@ class Plan:
     metric: Metric
     box: Box
     stepper: Stepper
-    detectors: tuple[TransitionDetector, ...]
+    added: tuple[TransitionDetector, ...]
 
     @classmethod
     def of(
@@ -162,14 +162,13 @@ class Plan:
         free = not (box.is_bounded or box.is_periodic or detectors)
         reduction = system.reduction(*interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
-        metric, watched = Metric.of(followed, interval), default_detectors(chosen, interval)
-        watched = (*watched, *detectors)
-        return cls(system, interval, reduction, followed, metric, Box.of(followed), chosen, watched)
+        metric, box = Metric.of(followed, interval), Box.of(followed)
+        return cls(system, interval, reduction, followed, metric, box, chosen, tuple(detectors))
 
     @property
-    def added(self) -> tuple[TransitionDetector, ...]:
-        """The detectors that were added to the default ones."""
-        return self.detectors[len(default_detectors(self.stepper, self.interval)) :]
+    def detectors(self) -> tuple[TransitionDetector, ...]:
+        """The default detectors, and those that were added."""
+        return (*default_detectors(self.stepper, self.interval), *self.added)
 
     def reduced(self, z: Array) -> Array:
         """Return a state of the system as one of the followed system."""
@@ -216,10 +215,9 @@ class Plan:
                 return
 
     def _begun(self, arrival: Arrival) -> Arrival:
-        """Return a start as the event that it may be."""
+        """Return a start as the special point that an added detector takes it for."""
         for detector in self.added:
-            if isinstance(detector, Events):
-                arrival = detector.at_start(arrival)
+            arrival = detector.begun(arrival)
         return arrival
 
     def _graph(

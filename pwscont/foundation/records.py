@@ -35,6 +35,19 @@ def significant(error: Array, values: Array, scale: Array) -> float:
     return float(min(16.0, max(0.0, -np.log10(off)))) if off > 0.0 else 16.0
 
 
+def _value_of(state: SpecialPoint | Solution, name: str) -> float:
+    """Return an unknown by the system's name for it, or a recorded quantity.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none of this name; it names close ones.
+    InvalidInputError
+        If the function of a recorded quantity fails, or returns no finite float.
+    """
+    return state.quantities.value(name, state.z, state.alpha)
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class SpecialPoint:
@@ -76,17 +89,7 @@ class SpecialPoint:
     lost: int = 0
     quantities: Quantities = NAMELESS
 
-    def __getitem__(self, name: str) -> float:
-        """Return an unknown by the system's name for it, or a recorded quantity.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none of this name; it names close ones.
-        InvalidInputError
-            If the function of a recorded quantity fails, or returns no finite float.
-        """
-        return self.quantities.value(name, self.z, self.alpha)
+    __getitem__ = _value_of
 
     @property
     def z(self) -> Array:
@@ -285,17 +288,7 @@ class Solution:
     digits: float = 16.0
     quantities: Quantities = NAMELESS
 
-    def __getitem__(self, name: str) -> float:
-        """Return an unknown by the system's name for it, or a recorded quantity.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none of this name; it names close ones.
-        InvalidInputError
-            If the function of a recorded quantity fails, or returns no finite float.
-        """
-        return self.quantities.value(name, self.z, self.alpha)
+    __getitem__ = _value_of
 
     def __repr__(self) -> str:
         where = f"{short(self.label)}{f', {self.kind}' if self.kind else ''}"

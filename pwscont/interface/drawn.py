@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral
 from typing import TypeAlias, final
 
@@ -63,9 +64,10 @@ class Drawn:
     def _named(cls, graph: BranchGraph, name: str) -> Drawn:
         if name in graph.names:
             return cls._component(graph, graph.names.index(name))
+        value = partial(graph.quantities.value, name)
         if name not in graph.quantities.record:
-            graph.quantities.value(name, np.zeros(len(graph.names)), 0.0)  # says which are close
-        return cls(name, _each(graph.quantities.record[name]))
+            value(np.zeros(len(graph.names)), 0.0)  # says which are close
+        return cls(name, _each(value))
 
 
 def _each(function: Function) -> Callable[[Array], Array]:

@@ -57,9 +57,10 @@ def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Charac
     bounds = np.array(list(system.bounding_tests(character)), dtype=np.intp)
     side = np.where(np.array(character.signs, dtype=bool)[bounds], 1.0, -1.0)
     values = side * system.test_functions(z, alpha)[bounds]
-    if (values < -_doubt(system, z, alpha, bounds)).any():
+    doubt = _doubt(system, z, alpha, bounds)
+    if (values < -doubt).any():
         return 0
-    if (values <= _doubt(system, z, alpha, bounds)).any():
+    if (values <= doubt).any():
         return None
     return int(np.linalg.slogdet(matrix)[0])
 

@@ -123,8 +123,8 @@ class Metric:
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
 
-        It is relative to z, and no more than rounding of alpha:
-        how far the interval lies from zero does not make two of its alphas one.
+        It is relative to z, and no more than rounding of alpha: how far the interval lies from zero
+        does not make two of its alphas one.
         """
         alpha = abs(float(x[-1])) / float(self.scale[-1])
         z = x[:-1] / self.scale[:-1]

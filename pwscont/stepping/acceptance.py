@@ -16,7 +16,6 @@ Failure modes and answers
   factorisation that the corrector leaves. One point is enough if it is well chosen: where the cubic
   has crossed a golden section of the distance between the sheets, of all parts the one whose
   multiples stay farthest from whole numbers, so that no sheet between passes for the curve.
-
 - Over many sheets at once even that may pass: for Fibonacci numbers the golden multiple is nearly
   whole. Such a jump needs a large correction: there a second point is looked at, and the larger the
   correction, the closer the cubic must be.

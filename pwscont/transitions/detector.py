@@ -159,6 +159,13 @@ class TransitionDetector(ABC):
             return Arrival("my kind", state.x, "what happened", (forth.reversed(), forth))
         """
 
+    def begun(self, arrival: Arrival) -> Arrival:
+        """Return the start of a component as a special point of this detector's.
+
+        Default: it is what it is.
+        """
+        return arrival
+
     def ended(self, arrival: Arrival) -> Arrival:
         """Return a special point that another detector found as the end of the branch.
 

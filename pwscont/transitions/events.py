@@ -175,7 +175,7 @@ class Events(TransitionDetector):
                 return Arrival(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
         return arrival
 
-    def at_start(self, arrival: Arrival) -> Arrival:
+    def begun(self, arrival: Arrival) -> Arrival:
         """Return the start of a component as the event that it is, if it lies on one."""
         if arrival.kind != Kind.START or len(arrival.rays) != 2:
             return arrival
