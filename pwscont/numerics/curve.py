@@ -29,7 +29,7 @@ class Curve:
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)  # a frozen one takes several times as long to make
 class State:
     """A point on a curve and the direction in which it is followed.
 

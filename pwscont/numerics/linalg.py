@@ -139,8 +139,10 @@ def in_order(size: int) -> Indices:
     return order
 
 
+@lru_cache(maxsize=8)
 def last_unit(size: int) -> Array:
-    """Return the unit vector e_size."""
+    """Return the unit vector e_size, not to be written to."""
     unit = np.zeros(size)
     unit[-1] = 1.0
+    unit.flags.writeable = False
     return unit

@@ -74,11 +74,13 @@ class Hermite(Predictor):
         straight = state.x + length * state.tangent
         if previous is None:
             return straight, state.tangent
-        chord = state.x - previous.x
-        step = curve.metric.norm(chord)
+        behind = state.x - previous.x
+        step = curve.metric.norm(behind)
         if step < CONVERGED:
             return straight, state.tangent
-        u, chord = length / step, chord / step
-        turn = state.tangent - chord
-        bend = previous.tangent - chord + turn
-        return straight + (length * u) * ((1.0 + u) * bend + turn), state.tangent
+        u = length / step
+        bend, turn = length * u * (1.0 + u), length * u
+        point: Array = straight + (turn + bend) * state.tangent
+        point += bend * previous.tangent
+        point -= ((turn + 2.0 * bend) / step) * behind
+        return point, state.tangent

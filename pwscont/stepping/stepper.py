@@ -74,8 +74,8 @@ class CurvedSegment(Segment):
     end : State
     chord : ndarray, shape (n + 1,)
         Direction from start to end, of length one.
-    along : tuple of two ndarrays, shape (n + 1,)
-        The tangents at both ends, per distance along the chord.
+    leaving, arriving : tuple of ndarray, shape (n + 1,), and float
+        The tangents at both ends, and the factors that make them ones per distance along the chord.
     length : float
         Length of the chord.
     suggestion : float
@@ -86,7 +86,8 @@ class CurvedSegment(Segment):
     start: State
     end: State
     chord: Array
-    along: tuple[Array, Array]
+    leaving: tuple[Array, float]
+    arriving: tuple[Array, float]
     length: float
     suggestion: float
     _inside: Array | None = field(default=None, init=False, repr=False)
@@ -105,8 +106,8 @@ class CurvedSegment(Segment):
         length = curve.metric.norm(difference)
         chord = difference / length
         row = curve.metric.covector(chord)
-        along = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
-        return cls(curve, start, end, chord, along, length, suggestion)
+        leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
+        return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
     def until(self, end: State) -> CurvedSegment:
         """Return the part of this segment up to a state on it."""
@@ -114,19 +115,18 @@ class CurvedSegment(Segment):
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through both ends and along their tangents."""
-        u, (leaving, arriving) = s / self.length, self.along
+        u, (leaving, by), (arriving, to) = s / self.length, self.leaving, self.arriving
         v = s * (1.0 - u)
         first, last = v * (1.0 - u), v * u
-        point: Array = (s - first + last) * self.chord
-        point += self.start.x
-        point += first * leaving
-        point -= last * arriving
+        point: Array = (s - first + last) * self.chord + self.start.x
+        point += (first * by) * leaving
+        point -= (last * to) * arriving
         return point
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
-        leaving, arriving = self.along
-        return float(leaving[-1]), float(self.chord[-1]), float(arriving[-1])
+        first, last = (float(t[-1]) * factor for t, factor in (self.leaving, self.arriving))
+        return first, float(self.chord[-1]), last
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""
@@ -149,13 +149,15 @@ class CurvedSegment(Segment):
         return found.state if self.is_beside(found.state, s) else Failure(Trouble.JUMP)
 
 
-def _along(tangent: Array, chord: Array, row: Array) -> Array:
-    """Return a tangent per distance along a chord; ``row @ x`` is the distance of x along it."""
-    along = row.dot(tangent)
+def _along(tangent: Array, chord: Array, row: Array) -> tuple[Array, float]:
+    """Return a tangent and what makes it one per distance along a chord.
+
+    ``row @ x`` is the distance of x along it.
+    """
+    along = float(row.dot(tangent))
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
-        return chord
-    per_distance: Array = tangent / along
-    return per_distance
+        return chord, 1.0
+    return tangent, 1.0 / along
 
 
 class Stepper(ABC):

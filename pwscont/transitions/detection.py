@@ -173,11 +173,11 @@ def _before(reading: Joined) -> Joined:
 def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
     soon = before.values + (RISES * length) * before.slopes
-    crossed = (after.values <= 0.0) & ((before.values > 0.0) | (soon > 0.0))
-    turned = before.slopes * after.slopes < 0.0
-    if not (np.count_nonzero(crossed) or np.count_nonzero(turned)):
+    crossed = (after.values <= 0.0) & (np.maximum(before.values, soon) > 0.0)
+    turned = before.slopes * after.slopes
+    if not (np.count_nonzero(crossed) or np.minimum.reduce(turned) < 0.0):
         return []  # nearly every step
-    dips = turned & (before.slopes < 0.0) & (after.values > 0.0)
+    dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
     # where both tangent lines meet; a convex function stays above that point
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):

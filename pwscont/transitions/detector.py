@@ -24,7 +24,7 @@ UNKNOWN.setflags(write=False)
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Reading:
     """Values of the watched functions at a state, and their slopes along its tangent.
 
