@@ -27,10 +27,10 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.bench.rational import straight_pieces
-from pwscont.bench.truth import TruePiece
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import PwscontError
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import PwscontError
+from pwscont.bench.truth.known_answer import TruePiece
+from pwscont.bench.truth.rational import straight_pieces
 
 INTERVAL = (-2.0, 2.0)
 NODE = np.array([[2.0, -1.0], [-1.0, 2.0]])

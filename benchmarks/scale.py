@@ -29,7 +29,7 @@ from pwscont_coulomb.contact_algebra import ContactMatrix
 from strip import strip
 
 from pwscont import trace
-from pwscont.numerics.row_replacement import Updating
+from pwscont.linear.updates import Updating
 
 INTERVAL = (0.0, 1.0)
 MANY = 1000  # transitions of the target

@@ -15,10 +15,10 @@ def main() -> int:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:  # there is nothing to clean up yet: end as the system does it
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    variables = import_module("pwscont.numerics.threads").VARIABLES
+    variables = import_module("pwscont.linear.threads").VARIABLES
     if not any(name in os.environ for name in variables):
         os.environ |= dict.fromkeys(variables, "1")
-    run = import_module("pwscont.interface.cli").main
+    run = import_module("pwscont.commands.cli").main
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     return int(run())

@@ -2,11 +2,8 @@
 
 from typing import Any
 
-from pwscont.continuation import explore, trace
-from pwscont.continuation.journal import Journal
-from pwscont.continuation.kit import check_detector, check_search, check_stepper
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import (
+from pwscont.basics.character import Character
+from pwscont.basics.errors import (
     GraphFileError,
     InvalidInputError,
     InvalidSystemError,
@@ -17,22 +14,16 @@ from pwscont.foundation.errors import (
     SystemNeededError,
     UnknownNameError,
 )
-from pwscont.foundation.limits import Limits
+from pwscont.basics.limits import Limits
+from pwscont.continuation import explore, trace
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.kit import check_detector, check_search, check_stepper
+from pwscont.curve.corrector import BorderedNewton, MoorePenrose
+from pwscont.curve.predictor import Hermite, Secant, Tangent
+from pwscont.curve.step_size import StepSize
 from pwscont.graph import BranchGraph
-from pwscont.interface.scene import Panel, ParameterPath, Scene
-from pwscont.model.check import check_system
-from pwscont.model.fold_locus import FoldLocus
-from pwscont.model.locus import TransitionLocus
-from pwscont.model.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
-from pwscont.numerics.banded import BandedJacobian
-from pwscont.numerics.corrector import BorderedNewton, MoorePenrose
-from pwscont.numerics.predictor import Hermite, Secant, Tangent
-from pwscont.numerics.step_size import StepSize
+from pwscont.linear.banded import BandedJacobian
+from pwscont.scenes.scene import Panel, ParameterPath, Scene
 from pwscont.search import (
     AllTransitions,
     EndPoints,
@@ -42,8 +33,17 @@ from pwscont.search import (
     enumerate_solutions,
 )
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
+from pwscont.system.check import check_system
+from pwscont.system.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.events import Stop
+from pwscont.two_parameters.fold_locus import FoldLocus
+from pwscont.two_parameters.transition_locus import TransitionLocus
 
 __all__ = [
     "AllTransitions",
@@ -101,11 +101,11 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import matplotlib only when a picture is asked for."""
     if name == "plot":
-        from pwscont.interface.plotting import plot  # noqa: PLC0415
+        from pwscont.scenes.plotting import plot  # noqa: PLC0415
 
         return plot
     if name == "draw_counts":
-        from pwscont.interface.counting import draw_counts  # noqa: PLC0415
+        from pwscont.scenes.counting import draw_counts  # noqa: PLC0415
 
         return draw_counts
     raise AttributeError(f"module 'pwscont' has no attribute {name!r}")

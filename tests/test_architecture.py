@@ -15,19 +15,24 @@ import pwscont
 from pwscont import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 ROOT = Path(pwscont.__file__).parent
-FLOORS = {
-    "foundation": 0,
-    "model": 1,
-    "numerics": 2,
-    "enumeration": 3,
-    "stepping": 3,
-    "transitions": 4,
-    "graph": 5,
-    "search": 5,
-    "continuation": 6,
-    "interface": 7,
-    "bench": 8,
-}
+#: The rooms, ground floor first.
+ROOMS = [
+    "basics",
+    "system",
+    "linear",
+    "curve",
+    "stepping",
+    "enumeration",
+    "transitions",
+    "graph",
+    "search",
+    "continuation",
+    "scenes",
+    "two_parameters",
+    "bench",
+    "commands",
+]
+FLOORS = {room: floor for floor, room in enumerate(ROOMS)}
 FILES = sorted(path for path in ROOT.rglob("*.py"))
 BUILDING = [path for path in FILES if path.parent != ROOT]
 

@@ -21,12 +21,12 @@ from pwscont.bench.contestants import BY_ANGLE, EXACT, NAMES, Contestant, by_lon
 from pwscont.bench.errors import errors, verdict
 from pwscont.bench.measure import follow, measure
 from pwscont.bench.picture import FLOOR, branch, draw
-from pwscont.bench.problems import Bratu, bratu_fold
 from pwscont.bench.report import as_dict
-from pwscont.bench.truth import UnknownAnswerError
-from pwscont.foundation.records import Track
-from pwscont.interface.cli import main
-from pwscont.numerics.step_size import StepSize
+from pwscont.bench.truth.known_answer import UnknownAnswerError
+from pwscont.bench.truth.problems import Bratu, bratu_fold
+from pwscont.commands.cli import main
+from pwscont.curve.step_size import StepSize
+from pwscont.graph.records import Track
 from pwscont.transitions import BoundingTests
 
 ROUNDING = 1e-13

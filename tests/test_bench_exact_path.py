@@ -17,14 +17,14 @@ from pwscont.bench import cases
 from pwscont.bench.cases import Case, case_of
 from pwscont.bench.contestants import Contestant, by_longest
 from pwscont.bench.errors import errors, verdict
-from pwscont.bench.exact_path import KNOWN_BY, verified_path
 from pwscont.bench.measure import follow
-from pwscont.bench.rational import solve
-from pwscont.bench.refinement import KNOWN_BITS, refined
-from pwscont.bench.truth import UnknownAnswerError
-from pwscont.foundation.records import Piece, Track
-from pwscont.interface.cli import main
-from pwscont.numerics.metric import Metric
+from pwscont.bench.truth.exact_path import KNOWN_BY, verified_path
+from pwscont.bench.truth.known_answer import UnknownAnswerError
+from pwscont.bench.truth.rational import solve
+from pwscont.bench.truth.refinement import KNOWN_BITS, refined
+from pwscont.commands.cli import main
+from pwscont.curve.metric import Metric
+from pwscont.graph.records import Piece, Track
 
 SMALL = {"fig7": fig7, "example1": example1}
 #: Agreement of two ways to one path, in the metric: rounding times the condition.
@@ -67,7 +67,7 @@ def test_accepts_the_path_and_agrees_with_the_complete_answer(name):
 @pytest.mark.parametrize("name", SMALL)
 def test_refined_solutions_agree_with_the_complete_answer(name, monkeypatch):
     """The same without elimination: refinement is right far beyond the last digit."""
-    monkeypatch.setattr("pwscont.bench.exact_path.SMALL", 0)
+    monkeypatch.setattr("pwscont.bench.truth.exact_path.SMALL", 0)
     scene = SMALL[name]()
     found = verify(scene, exact_graph(scene).pieces)
     known = {piece.cell: piece for piece in case_of(scene).truth.pieces}
@@ -286,8 +286,8 @@ def test_no_right_side_no_solution():
 
 
 def test_command(capsys, monkeypatch, block20):
-    monkeypatch.setattr("pwscont.bench.command.load_case", lambda *_: block20)
-    monkeypatch.setattr("pwscont.bench.command.contestants", few)
+    monkeypatch.setattr("pwscont.commands.bench.load_case", lambda *_: block20)
+    monkeypatch.setattr("pwscont.commands.bench.contestants", few)
     assert main(["bench", "block", "--quick"]) == 0
     printed = capsys.readouterr().out
     assert "block: 21 pieces, 20 transitions, 0 folds; answer by the exact path, each" in printed

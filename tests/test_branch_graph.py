@@ -14,10 +14,10 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from reference_enumeration import solve_modes
 
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
-from pwscont.foundation.errors import GraphFileError, InvalidInputError, SystemNeededError
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.place import Stored
-from pwscont.foundation.records import Piece, SpecialPoint, Track
+from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
+from pwscont.basics.kind import Kind
+from pwscont.graph.place import Stored
+from pwscont.graph.records import Piece, SpecialPoint, Track
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 

@@ -21,10 +21,10 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.basics.budget import Budget, check_budget
+from pwscont.commands.cli import main
 from pwscont.continuation.endless import accumulation
-from pwscont.continuation.walk import Walker
-from pwscont.foundation.budget import Budget, check_budget
-from pwscont.interface.cli import main
+from pwscont.continuation.follow import PieceFollower
 
 FIG7 = fig7()
 
@@ -253,7 +253,9 @@ def test_in_another_thread():
 
 
 def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("pwscont.continuation.walk.Walker._first_event", _pressing(press_after(2)))
+    monkeypatch.setattr(
+        "pwscont.continuation.follow.PieceFollower._first_event", _pressing(press_after(2))
+    )
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 130
     assert "--resume goes on from there" in capsys.readouterr().err
     monkeypatch.undo()
@@ -262,7 +264,7 @@ def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, caps
 
 
 def _pressing(press):
-    original = Walker._first_event
+    original = PieceFollower._first_event
 
     def pressing(self, segment, reading):
         press()

@@ -12,13 +12,13 @@ import pytest
 from sweeps import swept
 
 from pwscont import BranchGraph, Scene
-from pwscont.foundation.errors import SceneNotFoundError
-from pwscont.interface import running
-from pwscont.interface.answer import Answer, Runnable
-from pwscont.interface.cli import main
-from pwscont.interface.plane_scene import PlaneScene
-from pwscont.interface.progress import EVERY, FIRST, Progress
-from pwscont.interface.registry import load_scene, scene_names
+from pwscont.basics.errors import SceneNotFoundError
+from pwscont.commands import run as running
+from pwscont.commands.cli import main
+from pwscont.commands.progress import EVERY, FIRST, Progress
+from pwscont.scenes.answer import Answer, Runnable
+from pwscont.scenes.registry import load_scene, scene_names
+from pwscont.two_parameters.scene import PlaneScene
 
 NAMES = scene_names()
 ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
@@ -395,7 +395,7 @@ def test_a_reader_that_stops_early_is_no_error():
 
 LOADED = """
 import sys
-from pwscont.interface.cli import main
+from pwscont.commands.cli import main
 for arguments in (sys.argv[1:3], sys.argv[1:]):
     status = main(arguments)
     print(status, "matplotlib" in sys.modules, file=sys.stderr)

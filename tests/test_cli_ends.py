@@ -16,12 +16,12 @@ import pytest
 from sweeps import swept
 
 from pwscont import BranchGraph, explore
-from pwscont.foundation.errors import BrokenSceneError
-from pwscont.interface import registry
-from pwscont.interface.arguments import spread
-from pwscont.interface.cli import main
-from pwscont.interface.registry import load_scene
-from pwscont.numerics.threads import VARIABLES
+from pwscont.basics.errors import BrokenSceneError
+from pwscont.commands.arguments import spread
+from pwscont.commands.cli import main
+from pwscont.linear.threads import VARIABLES
+from pwscont.scenes import registry
+from pwscont.scenes.registry import load_scene
 
 FULL = Path("/dev/full")
 posix = pytest.mark.skipif(os.name != "posix", reason="signals, limits and devices of POSIX")
@@ -115,7 +115,9 @@ def test_files_that_could_not_be_written_need_no_second_run(tmp_path, monkeypatc
     (tmp_path / "fig7.npz").mkdir()
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 2
     (tmp_path / "fig7.npz").rmdir()
-    monkeypatch.setattr("pwscont.continuation.walk.Walker.walk", lambda *_: pytest.fail("again"))
+    monkeypatch.setattr(
+        "pwscont.continuation.follow.PieceFollower.walk", lambda *_: pytest.fail("again")
+    )
     assert main(["run", "fig7", "-o", str(tmp_path), "--resume"]) == 0
     assert len(BranchGraph.load(tmp_path / "fig7.npz").pieces) == 4
 
@@ -205,7 +207,7 @@ BROKEN = """
 raise_on_import = {}
 def nonsense(): return 7
 def titleless():
-    from pwscont.interface.answer import Runnable
+    from pwscont.scenes.answer import Runnable
     class Bare(Runnable):
         name = "bare"
         def values(self, wanted): return ()
@@ -287,9 +289,9 @@ def test_a_package_without_a_name(monkeypatch):
 SHOW = """
 import os, sys
 from pwscont.__main__ import main
-from pwscont.numerics.threads import VARIABLES
+from pwscont.linear.threads import VARIABLES
 assert "numpy" not in sys.modules
-import pwscont.interface
+import pwscont.commands
 sys.argv = ["pwscont", "--version"]
 try:
     main()

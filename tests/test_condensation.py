@@ -25,7 +25,7 @@ from pwscont_coulomb.elastic.scenes import block_body
 from sweeps import swept
 
 from pwscont import explore
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError
 
 HAS_CHOLMOD = importlib.util.find_spec("sksparse") is not None
 ELIMINATIONS = [

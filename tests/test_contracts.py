@@ -23,7 +23,15 @@ from pwscont import (
     check_search,
     check_stepper,
 )
-from pwscont.extending import Arrival, CurvedSegment, Failure, Ray, Reading, State, Trouble
+from pwscont.extending import (
+    CurvedSegment,
+    Failure,
+    FailureReason,
+    Ray,
+    Reading,
+    SpecialPointFound,
+    State,
+)
 from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds
 from pwscont.transitions.events import checked_events
 
@@ -80,7 +88,7 @@ def moved(segment):
     ("change", "words"),
     [
         (lambda segment: None, "must return a Segment or a Failure"),
-        (lambda segment: Failure(Trouble.NO_TURN), "before the end of the interval"),
+        (lambda segment: Failure(FailureReason.NO_TURN), "before the end of the interval"),
         (moved, "off the curve|leaves the interval"),
     ],
 )
@@ -102,7 +110,7 @@ class Broken(TransitionDetector):
 
     def arrive(self, curve, state, index):
         forth = Ray(curve, state)
-        return self.arrival or Arrival("own", state.x, "", (forth, forth.reversed()))
+        return self.arrival or SpecialPointFound("own", state.x, "", (forth, forth.reversed()))
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from pwscont import (
     TransitionLocus,
     explore,
 )
-from pwscont.interface.registry import load_scene, scene_names
+from pwscont.scenes.registry import load_scene, scene_names
 
 
 def through_pickle(thing):

@@ -14,9 +14,9 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.numerics.corrector import BorderedNewton, MoorePenrose
-from pwscont.numerics.predictor import Secant, Tangent
-from pwscont.numerics.step_size import StepSize
+from pwscont.curve.corrector import BorderedNewton, MoorePenrose
+from pwscont.curve.predictor import Secant, Tangent
+from pwscont.curve.step_size import StepSize
 from pwscont.search import Search
 
 VARIANTS = [

@@ -30,7 +30,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.interface.graph_answer import GraphAnswer
+from pwscont.scenes.graph_answer import GraphAnswer
 
 SCENES = [fig7, fig10, example1, example3]
 

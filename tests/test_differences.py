@@ -14,8 +14,8 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.foundation.rounding import EPS
-from pwscont.model.differences import FINE_STEP, STEP, Differences
+from pwscont.basics.rounding import EPS
+from pwscont.system.differences import FINE_STEP, STEP, Differences
 
 UNITS = [1e-12, 1e-9, 1e-5, 1.0, 1e5, 1e12]
 

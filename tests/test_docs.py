@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from pwscont import BranchGraph, enumerate_solutions
-from pwscont.interface.cli import main
-from pwscont.interface.registry import scene_names
+from pwscont.commands.cli import main
+from pwscont.scenes.registry import scene_names
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -25,7 +25,7 @@ from pwscont_coulomb.elastic import (
 from pwscont_coulomb.elastic.scenes import press_body, triangle_body
 
 from pwscont import explore, trace
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 

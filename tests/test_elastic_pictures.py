@@ -17,8 +17,8 @@ from pwscont_coulomb.elastic.vtu import write_vtu
 from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
+from pwscont.basics.errors import InvalidInputError
 from pwscont.continuation.plan import silent
-from pwscont.foundation.errors import InvalidInputError
 
 
 @pytest.fixture(scope="module")

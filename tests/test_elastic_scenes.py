@@ -16,10 +16,10 @@ from pwscont_coulomb.elastic.scenes import (
 )
 
 from pwscont import explore
+from pwscont.basics.errors import InvalidInputError
 from pwscont.bench.cases import case_of
+from pwscont.commands.cli import main
 from pwscont.continuation.plan import silent
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.interface.cli import main
 
 
 def jam(nodes):

@@ -18,11 +18,11 @@ from pwscont import (
     SlicewiseLinearSystem,
     enumerate_solutions,
 )
+from pwscont.basics.errors import InvalidInputError
+from pwscont.curve.metric import Metric
 from pwscont.enumeration import solve_slice
 from pwscont.enumeration.options import Option, Problem
 from pwscont.enumeration.tree import leaves
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.numerics.metric import Metric
 
 NEAR_A_TRANSITION = 1e-8
 

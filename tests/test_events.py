@@ -19,7 +19,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.extending import Arrival, Ray, Reading, locate_sign_change
+from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_change
 
 
 class Circle(PiecewiseSystem):
@@ -149,7 +149,7 @@ class Every(TransitionDetector):
 
     def arrive(self, curve, state, index):
         forth = Ray(curve, state)
-        return Arrival("level", state.x, f"level {self.level}", (forth.reversed(), forth))
+        return SpecialPointFound("level", state.x, f"level {self.level}", (forth.reversed(), forth))
 
 
 def test_a_detector_with_a_kind_of_its_own(tmp_path):

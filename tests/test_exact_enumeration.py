@@ -8,9 +8,9 @@ import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
 from pwscont import Block, InvalidSystemError, PiecewiseLinearSystem, enumerate_solutions, explore
-from pwscont.bench.rational import solve
+from pwscont.bench.truth.rational import solve
+from pwscont.curve.metric import Metric
 from pwscont.enumeration import solve_exactly
-from pwscont.numerics.metric import Metric
 
 
 class Complementarity(PiecewiseLinearSystem):

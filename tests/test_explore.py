@@ -19,7 +19,7 @@ from pwscont import (
     Slices,
     explore,
 )
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError
 from pwscont.search import Search
 
 BUT_LOOPS = "complete but for closed loops"

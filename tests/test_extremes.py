@@ -22,7 +22,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.foundation.errors import PwscontError
+from pwscont.basics.errors import PwscontError
 
 EPS = np.finfo(float).eps
 COMPLETE = "complete"

@@ -20,7 +20,7 @@ from pwscont_coulomb.elastic import (
 )
 
 from pwscont import check_system, enumerate_solutions, explore, trace
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError
 
 SUPPORT = {"left": Support("left", directions="x")}
 

@@ -15,7 +15,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.foundation.errors import (
+from pwscont.basics.errors import (
     GraphFileError,
     InvalidInputError,
     InvalidSystemError,
@@ -398,7 +398,7 @@ def test_a_residual_that_is_never_finite_is_refused():
 
 def test_a_piece_that_goes_nowhere_ends(monkeypatch):
     """With a wrong Jacobian steps go on and on; the message says what to look for."""
-    monkeypatch.setattr("pwscont.continuation.walk.MOST_STEPS", 200)
+    monkeypatch.setattr("pwscont.continuation.follow.MOST_STEPS", 200)
     arch = Arch()
     arch.jacobian = lambda z, alpha, character: np.array([[7.0, 3.0]])
     graph = explore(arch, (0.0, 0.5))

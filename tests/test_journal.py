@@ -14,10 +14,10 @@ from pwscont_coulomb.scenes import example1, example3, fig7, one_node
 from sweeps import swept
 
 from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
+from pwscont.commands.cli import main
+from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.transcript import walk_of, written
-from pwscont.continuation.walk import Walker
-from pwscont.interface.cli import main
-from pwscont.interface.scene import Scene
+from pwscont.scenes.scene import Scene
 
 
 def same(a, b):
@@ -68,7 +68,7 @@ def finished(path):
 
 @pytest.mark.parametrize("scene", [fig7, example1, example3])
 def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
-    made, walk, left = scene(), Walker.walk, [0]
+    made, walk, left = scene(), PieceFollower.walk, [0]
 
     def until_interrupted(self, ray):
         if not left[0]:
@@ -76,7 +76,7 @@ def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
         left[0] -= 1
         return walk(self, ray)
 
-    monkeypatch.setattr(Walker, "walk", until_interrupted)
+    monkeypatch.setattr(PieceFollower, "walk", until_interrupted)
     pieces = 0
     while True:
         left[0] = 1  # one walk more each time
@@ -116,14 +116,14 @@ def along_a_boundary():
 
 @pytest.mark.parametrize("run", [lambda: long_run.run(interval=(-5.0, -2.0)), along_a_boundary])
 def test_a_walk_reads_as_it_was_written(run, monkeypatch):
-    walks, walk = [], Walker.walk
+    walks, walk = [], PieceFollower.walk
 
     def kept(self, ray):
         found = walk(self, ray)
         walks.append((ray, found))
         return found
 
-    monkeypatch.setattr(Walker, "walk", kept)
+    monkeypatch.setattr(PieceFollower, "walk", kept)
     run()
     assert any(ray.shared for ray, _ in walks) == (run is along_a_boundary)
     for ray, found in walks:
@@ -309,7 +309,7 @@ def test_a_full_disk_stops_the_record_and_not_the_run(tmp_path, monkeypatch):
 
 
 def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypatch, capsys):
-    walk, left = Walker.walk, [3]
+    walk, left = PieceFollower.walk, [3]
 
     def interrupted(self, ray):
         if not left[0]:
@@ -317,7 +317,7 @@ def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypa
         left[0] -= 1
         return walk(self, ray)
 
-    monkeypatch.setattr(Walker, "walk", interrupted)
+    monkeypatch.setattr(PieceFollower, "walk", interrupted)
     out = str(tmp_path)
     assert main(["run", "example1", "-o", out]) == 130
     assert "3 pieces are kept in" in capsys.readouterr().err

@@ -21,7 +21,7 @@ from scipy.optimize import nnls
 from test_elastic_body import GMSH_22, GMSH_41
 
 from pwscont import explore, trace
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError
 
 # -- cells that are listed twice ------------------------------------------------------------------
 

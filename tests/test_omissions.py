@@ -8,8 +8,8 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.scenes import two_nodes
 
 from pwscont import EndPoints, PiecewiseSystem, PseudoArclength, explore
+from pwscont.commands.cli import main
 from pwscont.continuation.omissions import omissions
-from pwscont.interface.cli import main
 
 
 def words(*arguments, **named):

@@ -9,9 +9,9 @@ from matplotlib.patches import StepPatch
 from paper_systems import CASES
 
 from pwscont import PiecewiseSystem, PwscontError, draw_counts, explore, plot, trace
-from pwscont.interface.drawn import Drawn
-from pwscont.interface.plotting import draw_scene, line_of, symbol
-from pwscont.interface.registry import load_scene
+from pwscont.scenes.drawn import Drawn
+from pwscont.scenes.plotting import draw_scene, line_of, symbol
+from pwscont.scenes.registry import load_scene
 
 mpl.use("Agg")
 

@@ -13,7 +13,7 @@ from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
 from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
-from pwscont.foundation.errors import SystemNeededError
+from pwscont.basics.errors import SystemNeededError
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 

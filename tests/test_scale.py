@@ -12,9 +12,9 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoa
 from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
 
 from pwscont import Character, PseudoArclength, check_system, trace
-from pwscont.foundation.place import first_digits, from_first_digits
-from pwscont.numerics.linalg import DenseFactor, bordered
-from pwscont.numerics.row_replacement import Refactoring, RowMatrix, Updating, drifted
+from pwscont.graph.place import first_digits, from_first_digits
+from pwscont.linear.factorise import DenseFactor, bordered
+from pwscont.linear.updates import Refactoring, RowMatrix, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from strip import strip

@@ -12,10 +12,10 @@ from random_bodies import (
 from reference_enumeration import enumerate_solutions
 
 from pwscont import PiecewiseSystem, trace
-from pwscont.foundation.errors import StartNotFoundError
-from pwscont.foundation.outcome import Failure
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.basics.errors import StartNotFoundError
+from pwscont.basics.outcome import Failure
+from pwscont.curve.metric import Metric
+from pwscont.curve.semismooth import semismooth_newton
 
 TRIES = 40
 
@@ -111,7 +111,7 @@ def test_from_the_body_at_rest_where_no_step_reduces_the_residual(seed, p, monke
     z = x[:-1]
     residual = system.residual(z, 0.0, system.character(z, 0.0))
     assert np.abs(residual).max() < 1e-12 * np.abs(force).max() * p
-    monkeypatch.setattr("pwscont.numerics.semismooth.MOST_LEAPS", 0)
+    monkeypatch.setattr("pwscont.curve.semismooth.MOST_LEAPS", 0)
     assert isinstance(semismooth_newton(system, metric, rest, 0.0), Failure)
 
 

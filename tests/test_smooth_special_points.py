@@ -15,11 +15,11 @@ from pwscont import (
     check_system,
     trace,
 )
-from pwscont.foundation.errors import InvalidSystemError
-from pwscont.numerics.corrector import MoorePenrose
-from pwscont.numerics.linalg import bordered
-from pwscont.numerics.predictor import Secant
-from pwscont.numerics.step_size import StepSize
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.curve.corrector import MoorePenrose
+from pwscont.curve.predictor import Secant
+from pwscont.curve.step_size import StepSize
+from pwscont.linear.factorise import bordered
 
 LOCATED = 1e-10
 INTERVAL = (-1.0, 1.3)

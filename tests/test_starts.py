@@ -15,10 +15,10 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.continuation.default_search import default_search
-from pwscont.interface.scene import Scene
-from pwscont.interface.table import report
-from pwscont.numerics.metric import Metric
+from pwscont.curve.metric import Metric
+from pwscont.scenes.scene import Scene
+from pwscont.scenes.table import report
+from pwscont.search.default_search import default_search
 
 # -- points without digits -----------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, trace
-from pwscont.numerics.step_size import StepSize
+from pwscont.curve.step_size import StepSize
 
 WIDTH = 2.0**-27  # 7.5e-9; 1 + WIDTH is exact, so the closed form below is, too
 STEP_SIZES = [

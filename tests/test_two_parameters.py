@@ -24,9 +24,9 @@ from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, lo
 from reference_enumeration import enumerate_solutions, modes_of
 
 from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, explore, trace
-from pwscont.continuation.loci import Crossing, follow_transitions, parts_of, turning
-from pwscont.foundation.errors import InvalidInputError, InvalidSystemError
-from pwscont.interface.regions import area_and_centre, regions
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont.two_parameters.loci import Crossing, follow_transitions, parts_of, turning
+from pwscont.two_parameters.regions import area_and_centre, regions
 
 CLOSE = {"rtol": 0.0, "atol": 1e-9}
 

@@ -10,8 +10,8 @@ import numpy as np
 from curved import contact, planar, thin
 from curved.case import Case
 from pwscont import NaturalParameter, PseudoArclength
-from pwscont.numerics.corrector import BorderedNewton, MoorePenrose
-from pwscont.numerics.predictor import Hermite, Secant, Tangent
+from pwscont.curve.corrector import BorderedNewton, MoorePenrose
+from pwscont.curve.predictor import Hermite, Secant, Tangent
 from pwscont.stepping import Stepper
 
 Family = Callable[[np.random.Generator], Case]

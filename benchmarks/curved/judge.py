@@ -20,7 +20,7 @@ import numpy as np
 from curved.case import Case
 from curved.truth import MARGIN, TOLERANCE, Component
 from pwscont import BranchGraph, PiecewiseSystem, explore, trace
-from pwscont.foundation.errors import PwscontError
+from pwscont.basics.errors import PwscontError
 
 KINDS = ("fold", "transition", "nonsmooth fold")
 #: Alphas at random, and at most as many between special points.

@@ -23,9 +23,9 @@ from curve import RUNS, Curve
 from problem import contact, start
 from scipy.optimize import root
 
+from pwscont.basics.arrays import Array
 from pwscont.bench.cases import Case
-from pwscont.bench.problems import Bratu
-from pwscont.foundation.arrays import Array
+from pwscont.bench.truth.problems import Bratu
 
 NAME = "AUTO-07p"
 CONTACT = """

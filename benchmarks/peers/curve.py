@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
 from pwscont.bench.cases import Case
 from pwscont.bench.errors import MOST_POINTS, Errors, farthest, from_polygon, from_true, summary
 from pwscont.bench.measure import Row
-from pwscont.bench.truth import Truth
-from pwscont.foundation.arrays import Array
+from pwscont.bench.truth.known_answer import Truth
 
 #: Runs that are timed.
 RUNS = 3

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pwscont_coulomb import AffineLoad, CoulombLoad
 
+from pwscont.basics.arrays import Array
 from pwscont.bench.cases import Case
-from pwscont.foundation.arrays import Array
 
 #: Scale of the augmented multipliers, about the stiffness of the bodies here.
 SCALE = 1.0

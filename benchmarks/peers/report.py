@@ -23,12 +23,12 @@ import by_siconos
 from curve import row_of
 
 from pwscont.bench.cases import Case, load_case
-from pwscont.bench.command import measured, write
 from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row
 from pwscont.bench.report import as_dict
 from pwscont.bench.table import as_text
-from pwscont.interface.running import make_directory
+from pwscont.commands.bench import measured, write
+from pwscont.commands.run import make_directory
 
 PROBLEMS = ("fig7", "example1", "bratu")
 #: Peers that follow curves.

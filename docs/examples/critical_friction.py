@@ -19,7 +19,7 @@ import numpy as np
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
 from pwscont import TransitionLocus, explore, trace
-from pwscont.continuation.loci import follow_transitions, parts_of, turning
+from pwscont.two_parameters.loci import follow_transitions, parts_of, turning
 
 A = np.array([[1.0, -1, 0, 0], [-1, 2, -1, 0], [0, -1, 2, -1], [0, 0, -1, 2]])
 body = ContactBody(A, N=np.eye(4)[[0, 2]], T=np.eye(4)[[1, 3]])
@@ -71,8 +71,8 @@ for F in (1.0, 2.0, 3.0, 4.0):
 #
 # A transition is a fold if :math:`\alpha` turns there. That depends on both pieces that meet:
 # :math:`\alpha` turns exactly if :math:`\det \partial H/\partial z` has different signs on both
-# sides. :func:`~pwscont.continuation.loci.turning` is positive at a fold, negative at a transition
-# that :math:`\alpha` passes, and zero where one determinant vanishes.
+# sides. :func:`~pwscont.two_parameters.loci.turning` is positive at a fold, negative at a
+# transition that :math:`\alpha` passes, and zero where one determinant vanishes.
 for F in (3.0, 2.5, 2.1, 1.9, 1.5):
     (point,) = curve.solutions(F)
     print(f"F = {F:g}: {turning(locus, point.z, F, point.character):+.4f}")
@@ -85,8 +85,8 @@ for F in (3.0, 2.5, 2.1, 1.9, 1.5):
 # Every fold of the path
 # ----------------------
 #
-# :func:`~pwscont.continuation.loci.follow_transitions` does this for all transitions that there
-# are at :math:`F = 4`, and :func:`~pwscont.continuation.loci.parts_of` cuts each locus where
+# :func:`~pwscont.two_parameters.loci.follow_transitions` does this for all transitions that there
+# are at :math:`F = 4`, and :func:`~pwscont.two_parameters.loci.parts_of` cuts each locus where
 # ``turning`` changes its sign.
 loci = follow_transitions(family, (-8.0, 2.0), (0.5, 4.0), levels=[4.0], parameter="F")
 parts = [part for one in loci for part in parts_of(one)]

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.looks import card, counted
+from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, counted
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
 SYMMETRIC = 1e-10

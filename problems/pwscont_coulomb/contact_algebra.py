@@ -22,7 +22,7 @@ Failure modes and answers
 - Stiffnesses of different magnitudes: M is scaled by powers of two from the diagonal of A, and
   slip rows by the friction in them; results do not depend on units.
 - M is singular at folds and on vertical pieces, where the bordered matrix is not: see
-  :mod:`pwscont.numerics.row_replacement` and :mod:`pwscont.numerics.bordering`.
+  :mod:`pwscont.linear.updates` and :mod:`pwscont.linear.bordered`.
 - A multiplier is the difference of elastic force and load: it carries their rounding, as the
   solution of the whole system does.
 """
@@ -35,12 +35,12 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Indices, Matrix
-from pwscont.numerics.bordering import BorderedFactor, Interior, row_scale
-from pwscont.numerics.cores import Core
-from pwscont.numerics.factor import Factor, power_of_two
-from pwscont.numerics.row_replacement import RowMatrix, RowSolver, drifted
-from pwscont.numerics.structured import StructuredJacobian
+from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
+from pwscont.linear.cores import Core
+from pwscont.linear.factor import Factor, power_of_two
+from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.updates import RowMatrix, RowSolver, drifted
 from pwscont_coulomb.modes import Mode
 
 if TYPE_CHECKING:

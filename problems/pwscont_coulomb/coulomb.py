@@ -30,12 +30,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Block, Character, SlicewiseLinearSystem
-from pwscont.foundation.arrays import Array, Indices, Matrix, dense, finite_array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.looks import counted
-from pwscont.model.reduction import Reduction
-from pwscont.numerics.row_replacement import Updating
+from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted
+from pwscont.linear.updates import Updating
 from pwscont.search import Search
+from pwscont.system.reduction import Reduction
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character
-from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
+from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import SLIPS, Coulomb, not_negative

@@ -15,10 +15,10 @@ from typing import final
 import numpy as np
 
 from pwscont import PiecewiseSystem, trace
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.numerics.metric import Metric
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError, StartNotFoundError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.curve.metric import Metric
 from pwscont.search import Search
 from pwscont_coulomb.coulomb import Coulomb
 
@@ -39,9 +39,9 @@ class FromFrictionless(Search):
         for alpha in interval:
             yield from _at(system, alpha)
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing beyond the component of the frictionless solution."""
-        return Searched("homotopy from zero friction at both ends", Promise.NOTHING)
+        return SearchScope("homotopy from zero friction at both ends", Guarantee.NOTHING)
 
 
 def _at(system: Coulomb, alpha: float) -> Iterator[tuple[Array, Array]]:

@@ -10,8 +10,8 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character, PiecewiseLinearSystem
-from pwscont.foundation.arrays import Array, Indices, Matrix, finite_array
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
+from pwscont.basics.errors import InvalidInputError
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb, not_negative

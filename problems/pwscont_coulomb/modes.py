@@ -15,8 +15,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Indices
-from pwscont.foundation.character import Character
+from pwscont.basics.arrays import Indices
+from pwscont.basics.character import Character
 
 
 @final

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from pwscont import Character, Scene
-from pwscont.foundation.arrays import Array
-from pwscont.interface.scene import Panel, ParameterPath
+from pwscont.basics.arrays import Array
+from pwscont.scenes.scene import Panel, ParameterPath
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad

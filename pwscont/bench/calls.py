@@ -14,9 +14,9 @@ from contextlib import ExitStack, contextmanager
 from functools import wraps
 from typing import Any
 
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics import linalg
-from pwscont.numerics.factor import Factor
+from pwscont.linear import factorise as linalg
+from pwscont.linear.factor import Factor
+from pwscont.system.system import PiecewiseSystem
 
 #: Methods of a system, under their own names.
 EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")

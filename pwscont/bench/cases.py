@@ -9,8 +9,10 @@ from typing import final
 
 import numpy as np
 
-from pwscont.bench.exact_path import verified_path
-from pwscont.bench.problems import (
+from pwscont.basics.arrays import Array
+from pwscont.bench.truth.exact_path import verified_path
+from pwscont.bench.truth.known_answer import TruePiece, Truth, UnknownAnswerError
+from pwscont.bench.truth.problems import (
     Bratu,
     Circle,
     TwoCurves,
@@ -18,19 +20,17 @@ from pwscont.bench.problems import (
     circle_pieces,
     two_curves_pieces,
 )
-from pwscont.bench.rational import straight_pieces
-from pwscont.bench.slicewise import cellwise_pieces
-from pwscont.bench.truth import TruePiece, Truth, UnknownAnswerError
+from pwscont.bench.truth.rational import straight_pieces
+from pwscont.bench.truth.slicewise import cellwise_pieces
 from pwscont.continuation import explore
 from pwscont.continuation.plan import uninterrupted
-from pwscont.foundation.arrays import Array
-from pwscont.interface.answer import Runnable
-from pwscont.interface.registry import load_scene, scene_names
-from pwscont.interface.scene import Scene
-from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.numerics.metric import Metric
+from pwscont.curve.metric import Metric
+from pwscont.scenes.answer import Runnable
+from pwscont.scenes.registry import load_scene, scene_names
+from pwscont.scenes.scene import Scene
 from pwscont.search import enumerate_solutions
 from pwscont.stepping import ExactLinear
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37

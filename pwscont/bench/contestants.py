@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.numerics.corrector import MoorePenrose
-from pwscont.numerics.predictor import Secant, Tangent
-from pwscont.numerics.step_size import StepSize
+from pwscont.curve.corrector import MoorePenrose
+from pwscont.curve.predictor import Secant, Tangent
+from pwscont.curve.step_size import StepSize
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
 
 #: Longest steps, in the metric in which the interval of alpha has length one.

@@ -14,11 +14,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.bench.truth import Cell, TruePiece, Truth
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.kind import Kind
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.bench.truth.known_answer import Cell, TruePiece, Truth
 from pwscont.graph import BranchGraph, Piece
-from pwscont.model.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem
 
 #: At most so many stored points of a graph are compared, evenly spread.
 MOST_POINTS = 200

@@ -10,18 +10,18 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
 from pwscont.bench.calls import counted
 from pwscont.bench.cases import Case
 from pwscont.bench.contestants import Contestant
 from pwscont.bench.errors import Errors, errors, verdict
-from pwscont.bench.truth import Truth
+from pwscont.bench.truth.known_answer import Truth
 from pwscont.continuation import explore
 from pwscont.continuation.plan import uninterrupted
-from pwscont.foundation.arrays import Array
+from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
 from pwscont.search import Search
+from pwscont.system.system import PiecewiseSystem
 
 #: Runs that are timed, and seconds after which no further one is begun.
 RUNS, FEW_RUNS = 5, 2

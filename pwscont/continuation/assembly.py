@@ -9,27 +9,27 @@ from typing import final
 
 import numpy as np
 
-from pwscont.continuation.network import Edge, Network, Node
-from pwscont.foundation.character import Character
-from pwscont.foundation.guarantee import Searched
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.place import Place, Stored
-from pwscont.foundation.quantities import Function
-from pwscont.foundation.records import Track, significant
-from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.basics.character import Character
+from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.kind import Kind
+from pwscont.basics.quantities import Function
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.continuation.discovery import Discovery, Edge, Node
+from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.model.packing import Lifted
-from pwscont.model.reduction import Reduction
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
+from pwscont.graph.packing import Lifted
+from pwscont.graph.place import Place, Stored
+from pwscont.graph.records import Track, significant
+from pwscont.system.reduction import Reduction
+from pwscont.system.system import PiecewiseSystem
 
 
 def assemble(
-    network: Network,
+    network: Discovery,
     system: PiecewiseSystem,
     interval: tuple[float, float],
     parameter: str,
-    searched: Searched,
+    searched: SearchScope,
     reduction: Reduction | None,
     record: Mapping[str, Function] | None = None,
 ) -> BranchGraph:
@@ -148,7 +148,7 @@ def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
             node = edge.end
 
 
-def _nodes_in_order(order: list[_Directed], network: Network) -> Iterator[int]:
+def _nodes_in_order(order: list[_Directed], network: Discovery) -> Iterator[int]:
     """Yield each node once: first those of the pieces in their order, then isolated ones."""
     seen: set[int] = set()
     for node in [*(n for edge in order for n in (edge.start, edge.end)), *network.nodes]:

@@ -19,9 +19,9 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import ACCUMULATE
-from pwscont.foundation.place import Place
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import ACCUMULATE
+from pwscont.graph.place import Place
 
 #: What a user reads at an end of a path that repeats itself.
 REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.continuation.default_search import default_search
+from pwscont.basics.budget import Budget
+from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.limits import Limits
+from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import (
     Plan,
@@ -19,17 +22,14 @@ from pwscont.continuation.plan import (
 )
 from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_starts, corrected
-from pwscont.foundation.budget import Budget
-from pwscont.foundation.guarantee import Searched
-from pwscont.foundation.limits import Limits
-from pwscont.foundation.quantities import Function, checked_record
 from pwscont.graph import BranchGraph
-from pwscont.model.contract import checked_size
-from pwscont.model.promises import refuse_undefined
-from pwscont.model.system import PiecewiseSystem
 from pwscont.search import Search
+from pwscont.search.default_search import default_search
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.system.contract import checked_size
+from pwscont.system.promises import refuse_undefined
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.events import Stop
 
@@ -104,9 +104,9 @@ def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Fou
     yield from search.starts(plan.followed, plan.metric, plan.interval)
 
 
-def _searched(given: tuple[Start, ...], searched: Searched) -> Searched:
+def _searched(given: tuple[Start, ...], searched: SearchScope) -> SearchScope:
     """Return what was searched, given starts included."""
     if not given:
         return searched
     starts = f"{len(given)} given start{'s' if len(given) > 1 else ''}"
-    return Searched(f"{starts}; {searched.what}", searched.promise)
+    return SearchScope(f"{starts}; {searched.what}", searched.promise)

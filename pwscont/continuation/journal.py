@@ -36,12 +36,12 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.rounding import EPS
+from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.locking import lock
 from pwscont.continuation.transcript import Transcript, walk_of, written
-from pwscont.continuation.walk import Follower, Walk
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.rounding import EPS
 from pwscont.search.enumeration import Found
 from pwscont.transitions.rays import Ray
 
@@ -256,7 +256,7 @@ class Journal:
                 yield x, error
         self._add(_Record(SEARCHED))
 
-    def find(self, number: int, ray: Ray) -> Walk | None:
+    def find(self, number: int, ray: Ray) -> FollowedPiece | None:
         """Return a recorded walk, None if there is none.
 
         Raises
@@ -273,7 +273,7 @@ class Journal:
             raise InvalidInputError(f"{self._of_another_run}: {where}; {ADVICE}")
         return walk_of(Transcript(found.header.decode(), found.rows[len(digest) :]), ray)
 
-    def add(self, ray: Ray, walk: Walk) -> None:
+    def add(self, ray: Ray, walk: FollowedPiece) -> None:
         """Record the next walk."""
         transcript = written(walk)
         self._add(_Record(WALK, transcript.header.encode(), _digest(ray) + transcript.rows))
@@ -321,7 +321,7 @@ class Recorded(Follower):
         self.interval, self.bounds = follower.interval, follower.bounds
         self._follower, self._journal, self._number = follower, journal, 0
 
-    def walk(self, ray: Ray) -> Walk:
+    def walk(self, ray: Ray) -> FollowedPiece:
         """Return the recorded piece that ``ray`` begins, or follow and record it."""
         number, self._number = self._number, self._number + 1
         known = self._journal.find(number, ray)

@@ -13,24 +13,24 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.outcome import Failure
 from pwscont.continuation.plan import checked_kind
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.guarantee import Searched
-from pwscont.foundation.outcome import Failure
-from pwscont.model.check import Report
-from pwscont.model.inspection import Defect
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.corrector import BorderedNewton, Corrected
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered, last_unit
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.root import joined
+from pwscont.curve.corrector import BorderedNewton, Corrected
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Metric
+from pwscont.curve.root import joined
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.system.check import Report
+from pwscont.system.inspection import Defect
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 
 #: H is zero where its correction is below this; a slope agrees with differences to this part.
 ON_CURVE, AGREES = 1e-8, 1e-3
@@ -170,7 +170,7 @@ def check_detector(detector: TransitionDetector) -> Report:
 
     - ``read`` returns as many finite values and slopes at every point of a piece.
     - Slopes that are not zero agree with differences along the curve.
-    - ``arrive`` returns an Arrival whose first ray points back.
+    - ``arrive`` returns a SpecialPointFound whose first ray points back.
 
     Returns
     -------
@@ -214,9 +214,9 @@ def _wrong_reading(reading: Reading, count: int | None) -> str | None:
     return None
 
 
-def _wrong_arrival(arrival: Arrival, state: State) -> str | None:
-    if not isinstance(arrival, Arrival):
-        return f"must return an Arrival, got {arrival!r}"
+def _wrong_arrival(arrival: SpecialPointFound, state: State) -> str | None:
+    if not isinstance(arrival, SpecialPointFound):
+        return f"must return an SpecialPointFound, got {arrival!r}"
     if not arrival.rays:
         return "the first ray must be the one back"
     back = arrival.rays[0]
@@ -229,7 +229,7 @@ def check_search(search: Search) -> Report:
 
     - ``starts`` yields points, shape (n + 1,), in the interval, with errors of a shape like it.
     - They solve the system in their cell, as far as the error says.
-    - ``searched`` returns a :class:`~pwscont.extending.Searched`.
+    - ``searched`` returns a :class:`~pwscont.extending.SearchScope`.
 
     Returns
     -------
@@ -243,8 +243,8 @@ def check_search(search: Search) -> Report:
 def _wrong_starts(search: Search, sample: Sample) -> Iterator[Defect]:
     (lo, hi), metric, size = sample.interval, sample.curve.metric, sample.system.size
     system = sample.system.within(lo, hi)
-    if not isinstance(search.searched(system), Searched):
-        yield _defect("searched() must return a Searched", sample.x)
+    if not isinstance(search.searched(system), SearchScope):
+        yield _defect("searched() must return a SearchScope", sample.x)
     for x, error in search.starts(system, metric, sample.interval):
         point, samples_of_error = np.asarray(x), np.atleast_2d(error)
         if point.shape != (size + 1,) or samples_of_error.shape[1:] != (size + 1,):

@@ -22,15 +22,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, dense
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import CONFIDENCE
-from pwscont.model.contract import residual_at
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.semismooth import semismooth_newton
-from pwscont.numerics.uncertainty import magnitude
+from pwscont.basics.arrays import Array, dense
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.curve.metric import Metric
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.curve.uncertainty import magnitude
 from pwscont.search.enumeration import Found
+from pwscont.system.contract import residual_at
+from pwscont.system.system import PiecewiseSystem
 
 #: Magnitudes that differ by less than this factor are alike.
 ALIKE = 100.0

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.rounding import CONFIDENCE, EPS
+from pwscont.basics.arrays import Array
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.refinement import solve_between
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.uncertainty import magnitude
 
 #: Solutions at one alpha in one cell are one when closer than this times their size.
 SAME = EPS**0.5

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from pwscont.continuation.default_search import default_search
+from pwscont.basics.guarantee import Guarantee
 from pwscont.continuation.plan import Plan, checked_interval
-from pwscont.foundation.guarantee import Promise
-from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.search import Search
+from pwscont.search.default_search import default_search
 from pwscont.stepping import ExactLinear, Stepper
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions import SmoothFolds
 
 
@@ -98,10 +98,10 @@ def _search(plan: Plan, search: Search | None) -> Iterator[Omission]:
     """Say what a search with a stronger promise would be, and why it is not made."""
     chosen = search or default_search(plan.followed, plan.interval)
     promise = chosen.searched(plan.followed).promise
-    if promise is Promise.EVERYTHING:
+    if promise is Guarantee.EVERYTHING:
         return
     what = "a search that also finds every closed loop"
-    if promise is Promise.NOTHING:
+    if promise is Guarantee.NOTHING:
         what = "a search that promises to miss no branch"
     yield Omission(what, _why_no_better(plan, search))
 

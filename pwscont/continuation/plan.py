@@ -11,27 +11,27 @@ from typing import Any, final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
+from pwscont.basics.budget import INTERRUPTED, Budget
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.generic import generic
+from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
+from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.journal import Journal, Recorded
-from pwscont.continuation.network import Network
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
-from pwscont.continuation.walk import Follower, Walker
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.budget import INTERRUPTED, Budget
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.generic import generic
-from pwscont.foundation.guarantee import Searched
-from pwscont.foundation.quantities import Function
+from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
-from pwscont.model.box import Box
-from pwscont.model.reduction import Reduction
-from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.threads import few_threads
+from pwscont.linear.threads import few_threads
 from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
+from pwscont.system.box import Box
+from pwscont.system.reduction import Reduction
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import (
     BoundingTests,
     IntervalEnds,
@@ -42,7 +42,7 @@ from pwscont.transitions import (
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
-from pwscont.transitions.detector import Arrival
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.events import Events, checked_events
 
 Report = Callable[[int, float], None]
@@ -179,7 +179,7 @@ class Plan:
         starts: Iterable[Found],
         parameter: str,
         report: Report,
-        searched: Searched,
+        searched: SearchScope,
         journal: Journal | None,
         budget: Budget,
         record: Mapping[str, Function] | None = None,
@@ -190,11 +190,11 @@ class Plan:
         """
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
-        walker: Follower = Walker(self.stepper, Watch(watched), self.interval, bounds)
+        walker: Follower = PieceFollower(self.stepper, Watch(watched), self.interval, bounds)
         if journal is not None:
             self._check(journal)
             walker, starts = Recorded(walker, journal), journal.starts(starts)
-        network = Network(walker, report, budget)
+        network = Discovery(walker, report, budget)
         usable = Usable(starts, self.metric, self.box)
         # trial points may lie far from where H can be computed; what is not finite is refused there
         with few_threads(self.followed.size), np.errstate(all="ignore"):
@@ -208,13 +208,13 @@ class Plan:
         searched = replace(usable.lowered(searched), spent=budget.spent)
         return self._graph(network, parameter, searched, record)
 
-    def _follow_from(self, starts: Iterable[Found], network: Network, budget: Budget) -> None:
+    def _follow_from(self, starts: Iterable[Found], network: Discovery, budget: Budget) -> None:
         for x, error in starts:
             network.add(self._begun(departures(self.followed, self.metric, x, error)))
             if budget.spent or (self.system.unique and network.spans(*self.interval)):
                 return
 
-    def _begun(self, arrival: Arrival) -> Arrival:
+    def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a start as the special point that an added detector takes it for."""
         for detector in self.added:
             arrival = detector.begun(arrival)
@@ -222,9 +222,9 @@ class Plan:
 
     def _graph(
         self,
-        network: Network,
+        network: Discovery,
         parameter: str,
-        searched: Searched,
+        searched: SearchScope,
         record: Mapping[str, Function] | None,
     ) -> BranchGraph:
         """Return the graph of what was discovered, held to the promise of uniqueness."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import chain, islice
 
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import StartNotFoundError
 from pwscont.continuation.magnitudes import magnitudes, ones_fit
 from pwscont.continuation.plan import Plan
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import StartNotFoundError
-from pwscont.model.contract import check_contract
-from pwscont.model.promises import check_promises
-from pwscont.model.system import PiecewiseSystem
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.system.contract import check_contract
+from pwscont.system.promises import check_promises
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 
 #: Starts by which the unknowns are measured.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError, StartNotFoundError
+from pwscont.basics.outcome import Failure
 from pwscont.continuation.plan import Plan
-from pwscont.foundation.arrays import Array, finite_array
-from pwscont.foundation.errors import InvalidInputError, StartNotFoundError
-from pwscont.foundation.outcome import Failure
-from pwscont.model.contract import checked_size
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.semismooth import semismooth_newton
-from pwscont.numerics.uncertainty import magnitude
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.curve.uncertainty import magnitude
+from pwscont.system.contract import checked_size
+from pwscont.system.system import PiecewiseSystem
 
 #: A rough state and its alpha, and a solution with samples of its error.
 Start = tuple[Array, float]

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from pwscont.basics.budget import Budget
+from pwscont.basics.limits import Limits
+from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import (
     Plan,
@@ -16,14 +19,11 @@ from pwscont.continuation.plan import (
 )
 from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
-from pwscont.foundation.budget import Budget
-from pwscont.foundation.limits import Limits
-from pwscont.foundation.quantities import Function, checked_record
 from pwscont.graph import BranchGraph
 from pwscont.graph.branch_graph import NOT_SEARCHED
-from pwscont.model.system import PiecewiseSystem
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.events import Stop
 

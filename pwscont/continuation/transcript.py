@@ -11,15 +11,15 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from pwscont.continuation.walk import Walk
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.kind import kind_of
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.metric import Metric
-from pwscont.transitions.detector import Arrival
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.kind import kind_of
+from pwscont.continuation.follow import FollowedPiece
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Metric
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
 
@@ -30,7 +30,7 @@ class Transcript(NamedTuple):
     rows: bytes
 
 
-def written(walk: Walk) -> Transcript:
+def written(walk: FollowedPiece) -> Transcript:
     """Write a walk down."""
     rows, arrival = _Rows(), walk.arrival
     header = {
@@ -43,15 +43,15 @@ def written(walk: Walk) -> Transcript:
     return Transcript(json.dumps(header), b"".join(rows.numbers))
 
 
-def walk_of(transcript: Transcript, ray: Ray) -> Walk:
+def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
     """Read a walk; its system and metric are those of the ray that began it."""
     header = json.loads(transcript.header)
     rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
     system, metric = ray.curve.selection.system, ray.curve.metric
     rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
     x = rows[header["x"][0]]
-    arrival = Arrival(kind_of(header["kind"]), x, header["message"], rays)
-    return Walk(rows[header["points"]], arrival)
+    arrival = SpecialPointFound(kind_of(header["kind"]), x, header["message"], rays)
+    return FollowedPiece(rows[header["points"]], arrival)
 
 
 @final

@@ -7,17 +7,17 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from pwscont.foundation.errors import InvalidSystemError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.records import Solution
-from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Solution
 
 
-def unique(searched: Searched) -> Searched:
+def unique(searched: SearchScope) -> SearchScope:
     """Return what a search promises of a system that has one solution at most."""
     what = f"{searched.what}; at most one solution, by the system's promise"
-    return replace(searched, what=what, promise=Promise.UNIQUE)
+    return replace(searched, what=what, promise=Guarantee.UNIQUE)
 
 
 def check_unique(graph: BranchGraph) -> None:

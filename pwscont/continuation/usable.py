@@ -7,11 +7,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.model.box import Box
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import has_digits, magnitude
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.curve.metric import Metric
+from pwscont.curve.uncertainty import has_digits, magnitude
 from pwscont.search.enumeration import Found
+from pwscont.system.box import Box
 
 
 @final
@@ -37,11 +37,11 @@ class Usable:
             elif self._box.contains(x[:-1], magnitude(x, error)[:-1]):
                 yield x, error
 
-    def lowered(self, searched: Searched) -> Searched:
+    def lowered(self, searched: SearchScope) -> SearchScope:
         """Return what was searched, without a promise where a start could not be followed."""
         if not self._uncertain:
             return searched
         lost = (
             f"{self._uncertain} of the points found not followed, for no digit of them is certain"
         )
-        return Searched(f"{searched.what}; {lost}", Promise.NOTHING)
+        return SearchScope(f"{searched.what}; {lost}", Guarantee.NOTHING)

@@ -29,11 +29,11 @@ from typing import TypeAlias, final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array, dense
+from pwscont.basics.character import Character
+from pwscont.basics.rounding import EPS
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
-from pwscont.foundation.arrays import Array, dense
-from pwscont.foundation.character import Character
-from pwscont.foundation.rounding import EPS
-from pwscont.model.system import Block, SlicewiseLinearSystem
+from pwscont.system.system import Block, SlicewiseLinearSystem
 
 Row: TypeAlias = list[int]
 

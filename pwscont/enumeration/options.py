@@ -15,13 +15,13 @@ from typing import final
 import numpy as np
 import scipy.linalg
 
-from pwscont.foundation.arrays import Array, Indices, dense
-from pwscont.foundation.character import Character
-from pwscont.foundation.generic import generic
-from pwscont.foundation.rounding import EPS, GUARD
-from pwscont.model.contract import residual_at
-from pwscont.model.promises import check_blocks, refuse_bent, refuse_bent_tests
-from pwscont.model.system import Block, SlicewiseLinearSystem
+from pwscont.basics.arrays import Array, Indices, dense
+from pwscont.basics.character import Character
+from pwscont.basics.generic import generic
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.system.contract import residual_at
+from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
+from pwscont.system.system import Block, SlicewiseLinearSystem
 
 
 @final

@@ -21,22 +21,22 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.curve import Curve
+from pwscont.curve.metric import Metric
+from pwscont.curve.newton import newton
+from pwscont.curve.root import Root
+from pwscont.curve.uncertainty import is_same, slack_of_values, uncertainty
 from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
 from pwscont.enumeration.options import Option, Problem, reduce
 from pwscont.enumeration.tree import SLACK, Choices, leaves
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.budget import check_budget
-from pwscont.foundation.character import Character
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import EPS, GUARD
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.numerics.curve import Curve
-from pwscont.numerics.linalg import last_unit
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.newton import newton
-from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import is_same, slack_of_values, uncertainty
+from pwscont.linear.factorise import last_unit
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3

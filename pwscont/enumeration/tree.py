@@ -30,10 +30,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import Bounds, LinearConstraint, milp
 
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.budget import check_budget
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option, Problem
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.budget import check_budget
-from pwscont.foundation.rounding import EPS, GUARD
 
 #: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
 SLACK = 1e-5

@@ -1,6 +1,6 @@
 """Floor 5: the branch graph, its queries and its file."""
 
-from pwscont.foundation.records import Piece, Solution, SpecialPoint
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.records import Piece, Solution, SpecialPoint
 
 __all__ = ["BranchGraph", "Piece", "Solution", "SpecialPoint"]

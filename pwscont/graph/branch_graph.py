@@ -13,23 +13,23 @@ from typing import Any, final
 import networkx as nx
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidInputError, InvalidSystemError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.quantities import Function, Naming, Quantities, checked_record
-from pwscont.foundation.records import Piece, Solution, SpecialPoint, Stretch
-from pwscont.foundation.rounding import CONFIDENCE, SAME_ALPHA
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.kind import Kind
+from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
+from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import presentation, storage
 from pwscont.graph.exports import data_frame, networkx_graph
+from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.graph.refinement import refine
 from pwscont.graph.verdict import WORDS, is_on_purpose, loose_ends, verdict
-from pwscont.model.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem
 
 #: Solutions that are larger or smaller by this factor are not of the order of one.
 FAR = 1e3
-NOT_SEARCHED = Searched("nothing but the component through the start", Promise.NOTHING)
+NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
 
 
 @final
@@ -49,7 +49,7 @@ class BranchGraph:
         Needed to answer to full accuracy between the points of a curved piece.
     parameter : str
         Name of the parameter, for tables and axes.
-    searched : Searched
+    searched : SearchScope
         Where starts were searched, and what that promises.
     record : mapping of str to callable, optional
         Quantities to have at hand by name, such as ``solution["power"]``: functions of (z, alpha)
@@ -73,7 +73,7 @@ class BranchGraph:
         starts: Iterable[SpecialPoint] = (),
         system: PiecewiseSystem | None = None,
         parameter: str = "alpha",
-        searched: Searched = NOT_SEARCHED,
+        searched: SearchScope = NOT_SEARCHED,
         record: Mapping[str, Function] | None = None,
         names: Sequence[str] | None = None,
     ) -> None:
@@ -136,7 +136,7 @@ class BranchGraph:
         Parameters
         ----------
         kind : str, optional
-            A value of :class:`~pwscont.foundation.kind.Kind`, such as "nonsmooth fold", or a kind
+            A value of :class:`~pwscont.basics.kind.Kind`, such as "nonsmooth fold", or a kind
             of one's own detector that is in the graph.
         """
         everything = [*self._points, *self.starts]
@@ -443,7 +443,7 @@ class BranchGraph:
     def is_complete(self) -> bool:
         """Whether nothing can be missing, no closed loop either; else counts are least numbers."""
         words = self.guarantee.split(";")[0]
-        return words in (WORDS[Promise.EVERYTHING], WORDS[Promise.UNIQUE])
+        return words in (WORDS[Guarantee.EVERYTHING], WORDS[Guarantee.UNIQUE])
 
     # -- outside -----------------------------------------------------------------------
 

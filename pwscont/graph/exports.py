@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError, MissingPackageError
-from pwscont.foundation.quantities import TAKEN
-from pwscont.foundation.records import Piece, SpecialPoint, attempted
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont.basics.quantities import TAKEN
+from pwscont.graph.records import Piece, SpecialPoint, attempted
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
+from pwscont.basics.arrays import Array
 
 
 class DamagedError(Exception):

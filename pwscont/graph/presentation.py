@@ -7,7 +7,7 @@ from html import escape
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
-from pwscont.foundation.records import SpecialPoint, Stretch, attempted
+from pwscont.graph.records import SpecialPoint, Stretch, attempted
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph

@@ -7,18 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import SystemNeededError
-from pwscont.foundation.quantities import NAMELESS, Quantities
-from pwscont.foundation.records import Piece, Solution, significant
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered, last_unit
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import magnitude
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import SystemNeededError
+from pwscont.basics.quantities import NAMELESS, Quantities
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Metric
+from pwscont.curve.uncertainty import magnitude
+from pwscont.graph.records import Piece, Solution, significant
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions.location import locate_zero
 
 

@@ -20,16 +20,16 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import GraphFileError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.kind import kind_of
-from pwscont.foundation.place import Stored
-from pwscont.foundation.quantities import Kept, Quantities
-from pwscont.foundation.records import Piece, SpecialPoint, Track, attempted
-from pwscont.foundation.rounding import SAME_ALPHA
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import GraphFileError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.kind import kind_of
+from pwscont.basics.quantities import Kept, Quantities
+from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.fields import DamagedError, Fields
+from pwscont.graph.place import Stored
+from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
 
 FORMAT = "pwscont branch graph"
 VERSION = 1
@@ -45,7 +45,7 @@ class Contents:
     starts: Sequence[SpecialPoint]
     interval: tuple[float, float]
     parameter: str
-    searched: Searched
+    searched: SearchScope
     names: tuple[str, ...] | None
 
 
@@ -341,10 +341,10 @@ def _interval(header: Fields) -> tuple[float, float]:
     return lo, hi
 
 
-def _searched(header: Fields) -> Searched:
+def _searched(header: Fields) -> SearchScope:
     words = dict(zip(("what", "promise", "spent"), header.items("searched", 3), strict=True))
     searched = Fields("searched", words)
     promise = searched.integer("promise", 0)
-    if promise not in set(Promise):
-        raise DamagedError(f"promise of searched must be at most {max(Promise)}, got {promise}")
-    return Searched(searched.text("what"), Promise(promise), searched.text("spent"))
+    if promise not in set(Guarantee):
+        raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")
+    return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"))

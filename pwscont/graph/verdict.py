@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING
 import networkx as nx
 import numpy as np
 
-from pwscont.foundation.errors import PwscontError
-from pwscont.foundation.guarantee import Promise
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import ACCUMULATE, FILL, Trouble
-from pwscont.foundation.records import Solution, SpecialPoint
-from pwscont.foundation.rounding import CONFIDENCE
+from pwscont.basics.errors import PwscontError
+from pwscont.basics.guarantee import Guarantee
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import ACCUMULATE, FILL, FailureReason
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.graph.records import Solution, SpecialPoint
 
 if TYPE_CHECKING:
     from pwscont.graph.branch_graph import BranchGraph
@@ -39,10 +39,10 @@ AT_THE_END = 1e-6
 #: More places of one kind are counted, not listed.
 MOST_PLACES = 3
 WORDS = {
-    Promise.NOTHING: "balanced",
-    Promise.BUT_LOOPS: "complete but for closed loops",
-    Promise.EVERYTHING: "complete",
-    Promise.UNIQUE: "complete (unique by the system's promise)",
+    Guarantee.NOTHING: "balanced",
+    Guarantee.BUT_LOOPS: "complete but for closed loops",
+    Guarantee.EVERYTHING: "complete",
+    Guarantee.UNIQUE: "complete (unique by the system's promise)",
 }
 #: Kinds of points at which a branch may end because the system says so.
 ON_PURPOSE = ("end", "event")
@@ -58,7 +58,7 @@ def verdict(graph: BranchGraph) -> str:
     if gaps := graph.unbalanced():
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
-    promises = graph.searched.promise not in (Promise.NOTHING, Promise.UNIQUE)
+    promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
     if not doubts and not graph.pieces and not promises:
         return "nothing found"
     words = "balanced" if doubts else WORDS[graph.searched.promise]
@@ -191,7 +191,7 @@ def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:
 
 def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
     """Tell a piece that was stopped from one beyond which H is not defined, or degenerates."""
-    if Trouble.NOT_FINITE.value in point.message:
+    if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
@@ -203,7 +203,7 @@ def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
 
 def _reason(point: SpecialPoint) -> str:
     """Return why a piece was stopped, without the advice, and where kinks accumulate."""
-    known = [trouble.value for trouble in Trouble if trouble.value in point.message]
+    known = [trouble.value for trouble in FailureReason if trouble.value in point.message]
     words = (known or point.message.split("; ")[-1:])[0]
     near = _accumulation(point)
     words = words.split(";")[0].split(": ")[0]

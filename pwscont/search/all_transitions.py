@@ -13,23 +13,23 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.metric import Metric
+from pwscont.curve.uncertainty import is_same, magnitude
 from pwscont.enumeration import Face, Point, solve_slice
-from pwscont.foundation.arrays import Array, Matrix, dense
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.rounding import CONFIDENCE, EPS
-from pwscont.model.box import Box
-from pwscont.model.system import (
+from pwscont.search.enumeration import Found, starts_at, starts_of
+from pwscont.search.search import Search
+from pwscont.system.box import Box
+from pwscont.system.system import (
     Block,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import is_same, magnitude
-from pwscont.search.enumeration import Found, starts_at, starts_of
-from pwscont.search.search import Search
 from pwscont.transitions.rays import vanishing
 
 #: A direction whose part along alpha is smaller than this is vertical.
@@ -59,11 +59,11 @@ class AllTransitions(Search):
                 known.add(found)
                 yield found
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise everything; nothing where pieces may go from bound to bound or are free."""
         in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
-        promise = Promise.NOTHING if in_doubt else Promise.EVERYTHING
-        return Searched("all transition points, and all solutions at the lower end", promise)
+        promise = Guarantee.NOTHING if in_doubt else Guarantee.EVERYTHING
+        return SearchScope("all transition points, and all solutions at the lower end", promise)
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:

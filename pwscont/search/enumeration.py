@@ -17,21 +17,21 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.kind import Kind
+from pwscont.basics.quantities import Quantities
+from pwscont.curve.corrector import BorderedNewton, Corrected
+from pwscont.curve.curve import Curve
+from pwscont.curve.metric import Metric
+from pwscont.curve.uncertainty import has_digits, is_same, magnitude, slack_of_values
 from pwscont.enumeration import Face, Point, Slice, det_sign, solve_exactly, solve_slice
-from pwscont.foundation.arrays import Array, finite_array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.quantities import Quantities
-from pwscont.foundation.records import FEW_DIGITS, Solution, significant
-from pwscont.model.box import Box
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.numerics.corrector import BorderedNewton, Corrected
-from pwscont.numerics.curve import Curve
-from pwscont.numerics.linalg import last_unit
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.uncertainty import has_digits, is_same, magnitude, slack_of_values
-from pwscont.transitions.cone import fan
+from pwscont.graph.records import FEW_DIGITS, Solution, significant
+from pwscont.linear.factorise import last_unit
+from pwscont.system.box import Box
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.transitions.corner.cone import fan
 from pwscont.transitions.rays import vanishing
 
 #: A solution, shape (n + 1,), and samples of its error, shape (k, n + 1).

@@ -8,17 +8,17 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, finite_array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import EPS
-from pwscont.model.box import Box
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.semismooth import semismooth_newton
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS
+from pwscont.curve.metric import Metric
+from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
 from pwscont.search.search import Search
+from pwscont.system.box import Box
+from pwscont.system.system import PiecewiseSystem
 
 #: Solutions closer than this in the metric are one: far above what Newton leaves as error.
 SAME = EPS**0.5
@@ -82,10 +82,10 @@ class MultiStart(Search):
             guesses.append(box.guess(normal[i], even[i], self.spread * scale, near))
         return guesses
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
         what = f"Newton from {self.count} starts at both ends (seed {self.seed}), with deflation"
-        return Searched(what, Promise.NOTHING)
+        return SearchScope(what, Guarantee.NOTHING)
 
 
 def _found_at(

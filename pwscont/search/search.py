@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.metric import Metric
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
+from pwscont.system.system import PiecewiseSystem
 
 
 class Search(ABC):
@@ -22,20 +22,20 @@ class Search(ABC):
     ) -> Iterator[Found]:
         """Yield solutions (z, alpha) with their errors; a component may be hit repeatedly."""
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return what this search does for a system, in words, and what that promises.
 
         A search that says nothing of itself promises nothing.
         """
-        return Searched(type(self).__name__, Promise.NOTHING)
+        return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
     def __add__(self, other: Search) -> Search:
-        return Together(self, other)
+        return CombinedSearch(self, other)
 
 
 @final
 @dataclass(frozen=True, slots=True)
-class Together(Search):
+class CombinedSearch(Search):
     """Two searches, one after the other."""
 
     first: Search
@@ -48,7 +48,7 @@ class Together(Search):
         yield from self.first.starts(system, metric, interval)
         yield from self.second.starts(system, metric, interval)
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return both descriptions and the better promise."""
         a, b = self.first.searched(system), self.second.searched(system)
-        return Searched(f"{a.what}; {b.what}", max(a.promise, b.promise))
+        return SearchScope(f"{a.what}; {b.what}", max(a.promise, b.promise))

@@ -8,14 +8,14 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import finite_array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.guarantee import Promise, Searched
-from pwscont.model.box import Box
-from pwscont.model.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.numerics.metric import Metric
+from pwscont.basics.arrays import finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found, starts_at
 from pwscont.search.search import Search
+from pwscont.system.box import Box
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: More values of alpha than these are not listed one by one.
 MANY_LISTED = 5
@@ -41,12 +41,12 @@ class EndPoints(Search):
         for alpha in interval:
             yield from starts_at(system, metric, alpha)
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise everything but loops for slices that can be enumerated."""
         if isinstance(system, SlicewiseLinearSystem):
-            ends = Promise.NOTHING if Box.of(system).is_bounded else Promise.BUT_LOOPS
-            return Searched("all solutions at both ends of the interval", ends)
-        return Searched("one Newton iteration per cell at both ends", Promise.NOTHING)
+            ends = Guarantee.NOTHING if Box.of(system).is_bounded else Guarantee.BUT_LOOPS
+            return SearchScope("all solutions at both ends of the interval", ends)
+        return SearchScope("one Newton iteration per cell at both ends", Guarantee.NOTHING)
 
 
 @final
@@ -89,7 +89,7 @@ class Slices(Search):
         for alpha in self.alphas:
             yield from starts_at(system, metric, alpha)
 
-    def searched(self, system: PiecewiseSystem) -> Searched:
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing beyond the slices."""
         linear = isinstance(system, SlicewiseLinearSystem)
         what = "all solutions" if linear else "one Newton iteration per cell"
@@ -98,4 +98,4 @@ class Slices(Search):
             where = f"{len(self.alphas)} values of alpha from {first:.6g} to {last:.6g}"
         else:
             where = "alpha = " + ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
-        return Searched(f"{what} at {where}", Promise.NOTHING)
+        return SearchScope(f"{what} at {where}", Guarantee.NOTHING)

@@ -27,14 +27,14 @@ from __future__ import annotations
 
 import math
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONFIDENCE, EPS
-from pwscont.numerics.corrector import Corrected
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.root import Root, joined
-from pwscont.numerics.step_size import StepSize
-from pwscont.numerics.uncertainty import magnitude, uncertainty
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.corrector import Corrected
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.root import Root, joined
+from pwscont.curve.step_size import StepSize
+from pwscont.curve.uncertainty import magnitude, uncertainty
 from pwscont.stepping.stepper import BESIDE, CurvedSegment
 
 #: Largest correction, as a part of the step.
@@ -79,7 +79,7 @@ def accepted(
     end = corrected.state
     cosine = float(curve.metric.covector(state.tangent).dot(end.tangent))
     if not step_size.accepts(cosine):
-        return Failure(Trouble.JUMP)
+        return Failure(FailureReason.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
     correction = curve.metric.norm(end.x - predicted)
     measured = correction, _off(segment, corrected, is_sure=correction <= SURE * length)
@@ -87,7 +87,7 @@ def accepted(
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
     if not strain <= 1.0:
-        return Failure(Trouble.JUMP)
+        return Failure(FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
     return segment
 

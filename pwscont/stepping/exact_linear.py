@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.foundation.outcome import Failure
-from pwscont.numerics.curve import Curve, State
+from pwscont.basics.outcome import Failure
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import Segment, Stepper, StraightSegment
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.numerics.corrector import BorderedNewton
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.step_size import StepSize
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.corrector import BorderedNewton
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.step_size import StepSize
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.stepper import CurvedSegment
 
@@ -32,7 +32,7 @@ def land_on_end(
     """Return the step to the end of the interval that one of ``length`` overshoots."""
     end = interval[1] if direction[-1] > 0.0 else interval[0]
     if abs(end - state.alpha) > STRETCH * length * abs(direction[-1]):
-        return Failure(Trouble.OUTSIDE)
+        return Failure(FailureReason.OUTSIDE)
     return land_on(curve, state, direction, end, step_size)
 
 
@@ -41,12 +41,12 @@ def land_on(
 ) -> CurvedSegment | Failure:
     """Return the step to ``alpha``, predicted from ``state`` along ``direction``."""
     if direction[-1] * (alpha - state.alpha) <= 0.0:
-        return Failure(Trouble.NO_TURN)
+        return Failure(FailureReason.NO_TURN)
     predicted = state.x + (alpha - state.alpha) / direction[-1] * direction
     predicted[-1] = alpha
     length = curve.metric.norm(predicted - state.x)
     if not length <= FAR:
-        return Failure(Trouble.JUMP)
+        return Failure(FailureReason.JUMP)
     along_alpha = np.zeros_like(predicted)
     along_alpha[-1] = np.copysign(curve.metric.scale[-1], direction[-1])
     corrected = BorderedNewton().correct(curve, predicted, along_alpha)

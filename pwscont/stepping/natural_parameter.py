@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.step_size import StepSize
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.step_size import StepSize
 from pwscont.stepping.landing import land_on
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 
@@ -48,4 +48,4 @@ class NaturalParameter(Stepper):
             if not isinstance(segment, Failure):
                 return segment
             length *= 0.5
-        return Failure(Trouble.NO_TURN)
+        return Failure(FailureReason.NO_TURN)

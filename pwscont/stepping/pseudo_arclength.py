@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.numerics.corrector import BorderedNewton, Corrected, Corrector
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.predictor import Hermite, Predictor
-from pwscont.numerics.step_size import StepSize
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.predictor import Hermite, Predictor
+from pwscont.curve.step_size import StepSize
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on_end
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
@@ -48,7 +48,7 @@ class PseudoArclength(Stepper):
         if isinstance(before, CurvedSegment):
             previous, length = before.start, before.suggestion
         length = min(length, longest)
-        failure = Failure(Trouble.NOT_CONVERGED)
+        failure = Failure(FailureReason.NOT_CONVERGED)
         while length >= self.step_size.smallest:
             segment = self._try(curve, interval, previous, state, length)
             if not isinstance(segment, Failure):
@@ -67,11 +67,11 @@ class PseudoArclength(Stepper):
         """Return a step, to the end of the interval where it would overshoot it."""
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
-        corrected: Corrected | Failure = Failure(Trouble.OUTSIDE)
+        corrected: Corrected | Failure = Failure(FailureReason.OUTSIDE)
         if lo < predicted[-1] < hi:
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size)
-        if corrected.trouble is Trouble.OUTSIDE:
+        if corrected.trouble is FailureReason.OUTSIDE:
             return land_on_end(curve, interval, state, direction, length, self.step_size)
         return corrected

@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONFIDENCE, CONVERGED
-from pwscont.numerics.corrector import BorderedNewton
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.uncertainty import magnitude
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED
+from pwscont.curve.corrector import BorderedNewton
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import magnitude
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -146,7 +146,7 @@ class CurvedSegment(Segment):
         found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
         if isinstance(found, Failure):
             return found
-        return found.state if self.is_beside(found.state, s) else Failure(Trouble.JUMP)
+        return found.state if self.is_beside(found.state, s) else Failure(FailureReason.JUMP)
 
 
 def _along(tangent: Array, chord: Array, row: Array) -> tuple[Array, float]:

@@ -2,18 +2,18 @@
 
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.branch_point import SmoothBranchPoints
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.fold import SmoothFolds
 from pwscont.transitions.interval import IntervalEnds
 from pwscont.transitions.rays import Ray
 
 __all__ = [
-    "Arrival",
     "BoundingTests",
     "IntervalEnds",
     "Ray",
     "Reading",
     "SmoothBranchPoints",
     "SmoothFolds",
+    "SpecialPointFound",
     "TransitionDetector",
 ]

@@ -7,17 +7,18 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import FILL, Failure, Trouble
-from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.uncertainty import magnitude_of_values
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import FILL, Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.cone import Fan, fan, opposite, same_piece
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
+from pwscont.transitions.corner.simple import SLANT
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (
     Ray,
@@ -27,7 +28,6 @@ from pwscont.transitions.rays import (
     inward_ray,
     vanishing,
 )
-from pwscont.transitions.simple_corner import SLANT
 
 #: Tests smaller than this part of the largest, or of the largest slope times the length of the
 #: interval, are looked at more closely.
@@ -61,7 +61,9 @@ class BoundingTests(TransitionDetector):
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
-    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+    def needs_shorter_step(
+        self, segment: CurvedSegment, start: Reading, end: Reading
+    ) -> Failure | None:
         """Say that a test that is positive at both ends is negative inside.
 
         A dip that is rounding of the largest test is none.
@@ -71,7 +73,7 @@ class BoundingTests(TransitionDetector):
         for x in _looked_at(segment):
             values = segment.curve.selection.tests(x)
             if np.minimum.reduce(values) < 0.0 and _is_dip(values, start, end):
-                return Failure(Trouble.THIN_CELL)
+                return Failure(FailureReason.THIN_CELL)
         return None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -84,14 +86,14 @@ class BoundingTests(TransitionDetector):
 
         return locate_zero(segment, function, bracket)
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Cross the interface; where several meet, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
         back = Ray(curve, state).reversed()
         if end := system.end(curve.selection.character, zero):
-            return Arrival(Kind.END, x, end, (back,))
+            return SpecialPointFound(Kind.END, x, end, (back,))
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
             met = corner(curve, x, state.error, zero, back)
@@ -102,7 +104,7 @@ class BoundingTests(TransitionDetector):
             curve.selection.character, forth.curve.selection.character
         )
         kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
-        return Arrival(kind, x, message, (back, forth))
+        return SpecialPointFound(kind, x, message, (back, forth))
 
 
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
@@ -125,7 +127,7 @@ def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
     return bool((deep & positive & ~rides).any())
 
 
-def _is_apart(met: Arrival, zero: frozenset[int]) -> bool:
+def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
     """Tell whether tests that vanish within rounding still vanish one after the other.
 
     The piece that was followed ends at their corner and is none of its rays: it lies between.
@@ -160,7 +162,7 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
 
 def corner(
     curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
-) -> Arrival:
+) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or one is tangent."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
     found = fan(curve.selection.system, curve.metric, x, error, zero)
@@ -169,16 +171,16 @@ def corner(
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
     if back is None and not found.rays and found.exact:
-        return Arrival(Kind.ISOLATED, x, "no piece leaves from this solution", ())
+        return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
     if lost or (len(rays) < 2 and not found.riding):
-        return Arrival(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
+        return SpecialPointFound(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
     if back is None and len(rays) == 2 and rays[0].shared and opposite(*rays):
         message = f"start on the boundary of {rays[0].curve.selection.label}"
-        return Arrival(Kind.START, x, message, rays)
+        return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
         rays = (_as_uncertain_as(back, zero), *others)
-    return Arrival(found.kind, x, _message(curve.selection.system, found, zero), rays)
+    return SpecialPointFound(found.kind, x, _message(curve.selection.system, found, zero), rays)
 
 
 def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
@@ -215,7 +217,7 @@ def turns(back: Ray, forth: Ray) -> bool:
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 
-def _message(system: PiecewiseSystem, found: Fan, zero: frozenset[int]) -> str:
+def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) -> str:
     tests = f"{', '.join(map(system.test_name, sorted(zero)))} vanish"
     if not found.exact:
         return (

@@ -15,16 +15,16 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.model.box import Box
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.uncertainty import magnitude
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import magnitude
 from pwscont.stepping.stepper import Segment
+from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
@@ -96,11 +96,13 @@ class Bounds(TransitionDetector):
             state.x[which] = limit  # equal but for the rounding of the solve
         return state
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the branch, or cross the interface that is met together with the bound."""
         selection = curve.selection
         zero = vanishing(selection.system, state.x, state.error, curve.metric.scale)
         for place, test in enumerate(selection.bounding.tolist()):
             if test in zero:
                 return BoundingTests().arrive(curve, state, place)
-        return Arrival(Kind.END, state.x, self._message(index), (Ray(curve, state).reversed(),))
+        return SpecialPointFound(
+            Kind.END, state.x, self._message(index), (Ray(curve, state).reversed(),)
+        )

@@ -3,7 +3,7 @@
 Failure modes and answers
 -------------------------
 - Near the point [J; t^T] is nearly singular, so that points of the curve can hardly be computed:
-  the point is the regular solution of an extended system (:mod:`pwscont.numerics.crossing`), and
+  the point is the regular solution of an extended system (:mod:`pwscont.curve.crossing`), and
   the curve is bisected only while the step is too long for that.
 - The sign of a state next to the point is rounding: a point just outside the step counts as well.
 - The step jumped from one curve to another that passes close by: the sign flips and no branch
@@ -22,15 +22,15 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import EPS
-from pwscont.numerics.crossing import Crossing, crossing
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import EPS
+from pwscont.curve.crossing import Crossing, crossing
+from pwscont.curve.curve import Curve, State
+from pwscont.linear.factorise import bordered
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import UNKNOWN, Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
 
 #: A branch point this part of a step outside it belongs to it.
@@ -59,15 +59,17 @@ class SmoothBranchPoints(TransitionDetector):
         own = _own(segment, found)
         return State(found.x, own, found.error, before)
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and both ways along the other."""
         found = crossing(curve, state.x)
         if isinstance(found, Failure):  # not after it has been located
-            return Arrival(Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),))
+            return SpecialPointFound(
+                Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),)
+            )
         return branch_point(curve, found, state)
 
 
-def branch_point(curve: Curve, found: Crossing, state: State) -> Arrival:
+def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFound:
     """Return a branch point with its four rays.
 
     The signs of det[J; t^T] on the rays, each seen leaving the point, alternate around it:
@@ -91,10 +93,12 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> Arrival:
         State(state.x, -other, state.error, sign),
     ]
     message = f"two curves cross on {curve.selection.label}"
-    return Arrival(Kind.BRANCH_POINT, state.x, message, tuple(Ray(curve, s) for s in states))
+    return SpecialPointFound(
+        Kind.BRANCH_POINT, state.x, message, tuple(Ray(curve, s) for s in states)
+    )
 
 
-def at_branch_point(curve: Curve, x: Array) -> Arrival | None:
+def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a rough start is, None if it is none."""
     found = crossing(curve, x)
     if isinstance(found, Failure) or not found.meets:
@@ -117,12 +121,12 @@ def _locate(
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         if isinstance(found, Crossing) and _belongs(segment, found.x):
-            return found if found.meets else Failure(Trouble.SINGULAR)
+            return found if found.meets else Failure(FailureReason.SINGULAR)
         state = segment.at(middle)
         if isinstance(state, Failure):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
-    return Failure(Trouble.SINGULAR)
+    return Failure(FailureReason.SINGULAR)
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.character import Character
-from pwscont.foundation.errors import InvalidSystemError
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Trouble
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import Factor, bordered, last_unit
-from pwscont.numerics.metric import Metric
-from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import uncertainty
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import FailureReason
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Metric
+from pwscont.curve.root import Root
+from pwscont.curve.uncertainty import uncertainty
+from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
-from pwscont.transitions.detector import Arrival
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, vanishing
 
 
-def departures(system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Arrival:
+def departures(
+    system: PiecewiseSystem, metric: Metric, x: Array, error: Array
+) -> SpecialPointFound:
     """Return the special point that a solution ``x`` is, with its rays.
 
     A point inside a cell has two rays on one curve and the kind START.
@@ -48,10 +50,10 @@ def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set
     return {int(test) for side in sides for test in system.bounding_tests(side)}
 
 
-def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
+def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     fixed = _regular_border(curve, x)
     if fixed is None:
-        stopped = Arrival(Kind.STOPPED, x, str(Trouble.SINGULAR.value), ())
+        stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     row, factor = fixed
     jacobian, tangent = curve.selection.jacobian(x), factor.solve(last_unit(len(x)))
@@ -60,7 +62,9 @@ def _inside(curve: Curve, x: Array, error: Array) -> Arrival:
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
     oriented = bordered(jacobian, curve.metric.covector(tangent), curve.metric.binary)
     forth = Ray(curve, State(x, tangent, error, oriented.sign))
-    return Arrival(Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed()))
+    return SpecialPointFound(
+        Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed())
+    )
 
 
 def _regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
@@ -78,7 +82,7 @@ def _regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
     return None
 
 
-def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) -> Arrival:
+def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) -> SpecialPointFound:
     if len(zero) == 1:
         (test,) = zero
         system = curve.selection.system
@@ -89,5 +93,5 @@ def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) ->
         if len(found) == 2:
             kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
             characters = curve.selection.character, other.selection.character
-            return Arrival(kind, x, system.describe_transition(*characters), tuple(found))
+            return SpecialPointFound(kind, x, system.describe_transition(*characters), tuple(found))
     return corner(curve, x, error, zero)

@@ -21,12 +21,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.model.promises import BENT, refuse_bent_ray
-from pwscont.numerics.curve import Curve, State
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.system.promises import BENT, refuse_bent_ray
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
 
 #: A function that is positive after this part of a step, by its slope, is watched from there on.
@@ -43,7 +43,7 @@ class Event:
     position: float
     state: State
 
-    def arrive(self, curve: Curve) -> Arrival:
+    def arrive(self, curve: Curve) -> SpecialPointFound:
         """Return the special point that the event makes."""
         return self.detector.arrive(curve, self.state, self.index)
 
@@ -57,17 +57,19 @@ class Watch:
         self._looking = [
             (i, detector)
             for i, detector in enumerate(detectors)
-            if type(detector).overlooks is not TransitionDetector.overlooks
+            if type(detector).needs_shorter_step is not TransitionDetector.needs_shorter_step
         ]
 
     def read(self, curve: Curve, state: State) -> Joined:
         """Return what all detectors read at ``state``."""
         return Joined.of([detector.read(curve, state) for detector in self._detectors])
 
-    def overlooks(self, segment: CurvedSegment, start: Joined, end: Joined) -> Failure | None:
+    def needs_shorter_step(
+        self, segment: CurvedSegment, start: Joined, end: Joined
+    ) -> Failure | None:
         """Say why a shorter step must be taken, if a detector asks for one."""
         for i, detector in self._looking:
-            if failure := detector.overlooks(segment, start.parts[i], end.parts[i]):
+            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
 
@@ -82,7 +84,7 @@ class Watch:
             farthest = min(farthest, distances[-1].min(initial=np.inf))
         return np.concatenate(distances)
 
-    def ended(self, arrival: Arrival) -> Arrival:
+    def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, if an event says so."""
         for detector in self._detectors:
             arrival = detector.ended(arrival)
@@ -116,11 +118,11 @@ class Joined:
 def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
     """Return the first event on a straight segment."""
     if np.isnan(start.values).any():
-        return Failure(Trouble.NOT_FINITE)
+        return Failure(FailureReason.NOT_FINITE)
     distances = watch.falls(segment, start)
     first = int(np.argmin(distances))
     if np.isinf(best := float(distances[first])):
-        return Failure(Trouble.UNBOUNDED)
+        return Failure(FailureReason.UNBOUNDED)
     detector, index = watch.owner(start, first)
     state = detector.locate(segment, index, (best, best))
     _check_straight(segment, best, state)
@@ -144,8 +146,8 @@ def first_on_curve(
     change sign on that one comes later, and is not located.
     """
     if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
-        return Failure(Trouble.NOT_FINITE)
-    if too_long := watch.overlooks(segment, start, end):
+        return Failure(FailureReason.NOT_FINITE)
+    if too_long := watch.needs_shorter_step(segment, start, end):
         return too_long
     first: Event | None = None
     located: set[int] = set()
@@ -233,4 +235,4 @@ def _bracket_of_return(
         if detector.read(segment.curve, state).values[index] > 0.0:
             return lo, hi
         hi = lo
-    return Failure(Trouble.SINGULAR)
+    return Failure(FailureReason.SINGULAR)

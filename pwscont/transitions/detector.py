@@ -8,11 +8,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import EPS
-from pwscont.numerics.curve import Curve, State
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
@@ -42,7 +42,7 @@ class Reading:
 
 @final
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class SpecialPointFound:
     """A special point reached, and the ways on from it.
 
     Attributes
@@ -132,7 +132,9 @@ class TransitionDetector(ABC):
             Its tangent points in the direction of the segment.
         """
 
-    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+    def needs_shorter_step(
+        self, segment: CurvedSegment, start: Reading, end: Reading
+    ) -> Failure | None:
         """Say why a shorter step must be taken, if something comes and goes within this one.
 
         Parameters
@@ -149,24 +151,24 @@ class TransitionDetector(ABC):
         return None
 
     @abstractmethod
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Return the special point at ``state``, where function ``index`` vanishes.
 
         Its rays are all ways from there that are known, first the one back. A detector that only
         marks a point goes on along the same curve::
 
             forth = Ray(curve, state)
-            return Arrival("my kind", state.x, "what happened", (forth.reversed(), forth))
+            return SpecialPointFound("my kind", state.x, "what happened", (forth.reversed(), forth))
         """
 
-    def begun(self, arrival: Arrival) -> Arrival:
+    def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return the start of a component as a special point of this detector's.
 
         Default: it is what it is.
         """
         return arrival
 
-    def ended(self, arrival: Arrival) -> Arrival:
+    def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point that another detector found as the end of the branch.
 
         Default: it is what it is.

@@ -24,15 +24,15 @@ from typing import Any, final
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.quantities import Function
-from pwscont.foundation.rounding import CONFIDENCE, CONVERGED, EPS
-from pwscont.numerics.curve import Curve, State
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure
+from pwscont.basics.quantities import Function
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
 
@@ -162,20 +162,20 @@ class Events(TransitionDetector):
 
         return locate_sign_change(segment, function, bracket, EPS)
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, or end it."""
         event, forth = self.events[index // 2], Ray(curve, state)
         ways = (forth.reversed(),) if event.stops else (forth.reversed(), forth)
-        return Arrival(Kind.EVENT, state.x, event.name, ways)
+        return SpecialPointFound(Kind.EVENT, state.x, event.name, ways)
 
-    def ended(self, arrival: Arrival) -> Arrival:
+    def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, where an event that stops is zero."""
         for event in self.events:
             if event.stops and arrival.kind != Kind.EVENT and event.is_zero(arrival.rays[0]):
-                return Arrival(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
+                return SpecialPointFound(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
         return arrival
 
-    def begun(self, arrival: Arrival) -> Arrival:
+    def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return the start of a component as the event that it is, if it lies on one."""
         if arrival.kind != Kind.START or len(arrival.rays) != 2:
             return arrival
@@ -184,7 +184,7 @@ class Events(TransitionDetector):
         zero = np.flatnonzero((reading.values[::2] == 0.0) & (reading.slopes[::2] != 0.0))
         if not len(zero):
             return arrival
-        return Arrival(Kind.EVENT, arrival.x, self.events[zero[0]].name, arrival.rays)
+        return SpecialPointFound(Kind.EVENT, arrival.x, self.events[zero[0]].name, arrival.rays)
 
 
 def _first_zero(event: UserEvent, segment: Segment, places: Array, sign: float) -> float | None:

@@ -7,12 +7,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import EPS, GUARD
-from pwscont.numerics.curve import Curve, State
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import UNKNOWN, Arrival, Reading, TransitionDetector
+from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_sign_change
 from pwscont.transitions.rays import Ray
 
@@ -30,7 +30,9 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), UNKNOWN)
 
-    def overlooks(self, segment: CurvedSegment, start: Reading, end: Reading) -> Failure | None:
+    def needs_shorter_step(
+        self, segment: CurvedSegment, start: Reading, end: Reading
+    ) -> Failure | None:
         """Say that alpha turns twice on the cubic of the segment, or does not change at its end.
 
         The slope of the cubic is a parabola; where that only seems to touch zero is left alone.
@@ -41,8 +43,8 @@ class SmoothFolds(TransitionDetector):
         if not (first or last):
             return None  # a vertical piece
         if first and not last:
-            return Failure(Trouble.FLAT)
-        return Failure(Trouble.HIDDEN_FOLDS) if _turns_twice(segment) else None
+            return Failure(FailureReason.FLAT)
+        return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
@@ -51,11 +53,11 @@ class SmoothFolds(TransitionDetector):
         found = locate_sign_change(segment, lambda state: sign * float(state.tangent[-1]), bracket)
         return found if isinstance(found, Failure) else _settled(segment, found)
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
         forth = Ray(curve, state)
         message = f"fold on {curve.selection.label}"
-        return Arrival(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+        return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
 
 
 def _turns_twice(segment: CurvedSegment) -> bool:

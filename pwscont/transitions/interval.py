@@ -7,15 +7,15 @@ from typing import final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array, Matrix
-from pwscont.foundation.kind import Kind
-from pwscont.foundation.outcome import Failure
-from pwscont.foundation.rounding import SAME_ALPHA
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import last_unit
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.curve.curve import Curve, State
+from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import Segment
-from pwscont.transitions.cone import fan, same_piece
-from pwscont.transitions.detector import Arrival, Reading, TransitionDetector
+from pwscont.transitions.corner.cone import fan, same_piece
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
@@ -48,14 +48,14 @@ class IntervalEnds(TransitionDetector):
             state.x[-1] = end  # equal but for the rounding of the solve
         return state
 
-    def arrive(self, curve: Curve, state: State, index: int) -> Arrival:
+    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the component, or turn back where other pieces leave from the same point."""
         back = Ray(curve, state).reversed()
         system, metric = curve.selection.system, curve.metric
         zero = vanishing(system, state.x, state.error, metric.scale)
         rays = fan(system, metric, state.x, state.error, zero).rays if zero else ()
         inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
-        return Arrival(Kind.END, state.x, "end of the interval", (back, *inside))
+        return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
 
 def _same_side(ray: Ray, back: Ray) -> bool:

@@ -5,7 +5,7 @@ Failure modes and answers
 - Newton runs off to another zero, or to another sheet: what it finds counts only within the
   bracket and beside the cubic of the segment, which is otherwise halved on the curve itself.
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
-  :class:`~pwscont.foundation.outcome.Failure`, not a point.
+  :class:`~pwscont.basics.outcome.Failure`, not a point.
 - The curve is nearly tangent: at the angle d, the correction after one of size c is about
   c^2 / d, which is not rounding when c is small by itself. Newton goes on until its corrections
   are rounding; where they never are, the last one counts as an error.
@@ -20,16 +20,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.outcome import Failure, Trouble
-from pwscont.foundation.rounding import CONVERGED, EPS
-from pwscont.model.system import PiecewiseLinearSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import last_unit
-from pwscont.numerics.newton import Border, newton
-from pwscont.numerics.root import Root
-from pwscont.numerics.uncertainty import is_within, uncertainty
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.newton import Border, newton
+from pwscont.curve.root import Root
+from pwscont.curve.uncertainty import is_within, uncertainty
+from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.system.system import PiecewiseLinearSystem
 
 MOST_NEWTON = 8
 #: A sign change is bracketed within this part of a segment. What turns there, alpha or a test, is
@@ -61,13 +61,13 @@ def locate_zero(
         if isinstance(found, State) and _within(segment, found, lo, hi):
             return found
         if not isinstance(segment, CurvedSegment):
-            return found if isinstance(found, Failure) else Failure(Trouble.NOT_CONVERGED)
+            return found if isinstance(found, Failure) else Failure(FailureReason.NOT_CONVERGED)
         middle = segment.at(guess)
         if isinstance(middle, Failure):
             return middle
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
-    return Failure(Trouble.NOT_CONVERGED)
+    return Failure(FailureReason.NOT_CONVERGED)
 
 
 def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
@@ -87,7 +87,7 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
     if isinstance(root, Failure):
         return root
     if root.factor.is_singular():
-        return Failure(Trouble.SINGULAR)
+        return Failure(FailureReason.SINGULAR)
     straight = isinstance(segment.curve.selection.system, PiecewiseLinearSystem)
     root, error = (root, uncertainty(root)) if straight else _polished(segment.curve, border, root)
     tangent = -root.factor.solve(last_unit(len(root.x)))
@@ -143,7 +143,7 @@ def locate_sign_change(
 
     try:
         if not along(bracket[0]) * along(bracket[1]) <= 0.0:  # a change that is rounding
-            return Failure(Trouble.NOT_CONVERGED)
+            return Failure(FailureReason.NOT_CONVERGED)
         s = brentq(along, *bracket, xtol=narrow * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
         return off.failure

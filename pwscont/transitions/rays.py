@@ -27,15 +27,15 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Matrix
-from pwscont.foundation.character import Character
-from pwscont.foundation.rounding import CONFIDENCE, EPS
-from pwscont.model.promises import refuse_jump
-from pwscont.model.selection import Selection
-from pwscont.model.system import PiecewiseSystem
-from pwscont.numerics.curve import Curve, State
-from pwscont.numerics.linalg import bordered, last_unit
-from pwscont.numerics.uncertainty import magnitude, magnitude_of_values
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.character import Character
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import magnitude, magnitude_of_values
+from pwscont.linear.factorise import bordered, last_unit
+from pwscont.system.promises import refuse_jump
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
 
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
@@ -54,7 +54,7 @@ class Ray:
         For a ray along an interface, all cells that it belongs to; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
-        small changes of H make of it, see :mod:`pwscont.transitions.index`.
+        small changes of H make of it, see :mod:`pwscont.transitions.corner.index`.
     """
 
     curve: Curve

@@ -10,8 +10,8 @@ from matplotlib.animation import PillowWriter
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.graph import Piece
 from pwscont_coulomb.elastic.pictures import (
     draw_body,

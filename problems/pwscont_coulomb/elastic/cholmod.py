@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.foundation.arrays import Array, Indices, Matrix
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.errors import InvalidInputError
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
 from pwscont_coulomb.elastic.superlu import SolvedInterior
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.looks import card, counted
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, counted
 from pwscont_coulomb.elastic.arguments import check_kind, listed
 from pwscont_coulomb.elastic.contact_boundary import (
     ContactBoundary,

@@ -13,8 +13,8 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
 
 Region: TypeAlias = str | Callable[[Array], Any]
 Field: TypeAlias = Any

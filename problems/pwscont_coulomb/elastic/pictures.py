@@ -19,8 +19,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
 from pwscont_coulomb.elastic.contact_boundary import ContactNodes
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.recovery import BodyState

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.foundation.arrays import Array
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.rounding import CONVERGED
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.rounding import CONVERGED
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.elastic_body import ElasticBody

@@ -8,9 +8,9 @@ from typing import final
 import numpy as np
 
 from pwscont import Character
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.looks import card, counted
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, counted
 from pwscont.graph import Solution
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem

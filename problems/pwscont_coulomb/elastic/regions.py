@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.errors import InvalidInputError
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
 from pwscont_coulomb.elastic.loads import Region
 
 

@@ -21,9 +21,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.foundation.arrays import Array, Indices
-from pwscont.foundation.errors import InvalidInputError
-from pwscont.foundation.rounding import EPS
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.rounding import EPS
 
 #: A unit vector is across a direction when its part along it is below this: an edge as short as
 #: this part of the mesh has a normal that errs by so much.

@@ -14,9 +14,9 @@ from pwscont import Character, Journal, Scene
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.graph import Solution
-from pwscont.interface.answer import Answer, Runnable, values_within
-from pwscont.interface.graph_answer import GraphAnswer
-from pwscont.interface.scene import Panel
+from pwscont.scenes.answer import Answer, Runnable, values_within
+from pwscont.scenes.graph_answer import GraphAnswer
+from pwscont.scenes.scene import Panel
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover

@@ -1,0 +1,1 @@
+"""Floor 0: arrays, errors, characters, tolerances, and what a run is allowed to cost."""

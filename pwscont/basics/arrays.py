@@ -1,0 +1,42 @@
+"""Names of the array types, and the check that every array from a caller goes through."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.errors import InvalidInputError
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Indices: TypeAlias = npt.NDArray[np.intp]
+#: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a BandedJacobian.
+Matrix: TypeAlias = Any
+
+
+def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -> Array:
+    """Return ``values`` as a new float array, or say what is wrong with them.
+
+    Raises
+    ------
+    InvalidInputError
+        If the values are no numbers, not all finite, or of another shape.
+    """
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be an array of numbers: {error}") from error
+    if shape is not None and array.shape != shape:
+        raise InvalidInputError(f"{name} has shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        entry = name + (str(list(where)) if where else "")
+        raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
+    return array
+
+
+def dense(matrix: Matrix) -> Array:
+    """Return any matrix, sparse, banded or dense, as an array."""
+    whole: Array = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
+    return whole

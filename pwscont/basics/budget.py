@@ -1,0 +1,142 @@
+"""What is left of the limits of a run, and how a run ends that is out of them or interrupted.
+
+Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
+method, the loop over steps. It needs to know nothing of the run that it belongs to.
+
+Failure modes and answers
+-------------------------
+- Ctrl-C while the graph is being changed would leave it in pieces: during a run the first Ctrl-C
+  only sets a flag, which the next check sees. A second one, for a residual that hangs, raises at
+  once.
+- A run within a run, such as a homotopy that searches a start: it ends with the outer one, and
+  the outer one is told.
+- Threads other than the main one get no Ctrl-C: there no handler is installed. One that the
+  program has installed itself is left alone.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable
+from contextvars import ContextVar
+from types import FrameType
+from typing import Any, final
+
+from pwscont.basics.limits import Limits
+
+#: The reason of a run that a user ended.
+INTERRUPTED = "interrupted"
+
+_current: ContextVar[Budget | None] = ContextVar("budget", default=None)
+
+
+@final
+class OutOfBudget(KeyboardInterrupt):
+    """A limit has run out; what holds for Ctrl-C holds for it."""
+
+
+def check_budget() -> None:
+    """Go on, or raise if the run that this belongs to has to end.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Which nobody but the run itself should catch.
+    """
+    budget = _current.get()
+    if budget is not None:
+        budget.check()
+
+
+@final
+class Budget:
+    """The budget of one run, which lasts as long as the ``with`` block of this object.
+
+    Parameters
+    ----------
+    limits : Limits
+    clock : callable
+        Returns the time in seconds.
+
+    Attributes
+    ----------
+    spent : str
+        What ran out, in words; empty while nothing has.
+    """
+
+    def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+        self._limits, self._clock = limits, clock
+        self._deadline = clock() + (limits.seconds if limits.seconds is not None else math.inf)
+        self._reason, self._is_interrupted = "", False
+        self._outer = _current.get()
+
+    def __enter__(self) -> Budget:
+        """Begin the run."""
+        self._token = _current.set(self)
+        self._handler = self._install()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the run; that it was interrupted ends the run around it, too."""
+        _current.reset(self._token)
+        if self._handler is not None:
+            signal.signal(signal.SIGINT, self._handler)
+        if self._outer is not None:
+            self._outer._is_interrupted |= self._is_interrupted
+
+    @property
+    def spent(self) -> str:
+        """What ran out, in words; empty while nothing has."""
+        return self._reason or (INTERRUPTED if self._is_interrupted else "")
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether a user has set a limit."""
+        return self._limits != Limits()
+
+    def check(self) -> None:
+        """Raise if the budget is spent, or that of a run around this one."""
+        if self._is_interrupted:
+            raise OutOfBudget(INTERRUPTED)
+        if self._clock() >= self._deadline:
+            raise OutOfBudget(f"the limit of {self._limits.seconds:g} seconds was reached")
+        if self._outer is not None:
+            self._outer.check()
+
+    def allows(self, pieces: int) -> bool:
+        """Tell whether one more piece may be followed after so many."""
+        most = self._limits.pieces
+        if not self.spent and most is not None and pieces >= most:
+            self._reason = f"the limit of {most} piece{'' if most == 1 else 's'} was reached"
+        return not self.spent
+
+    def end(self, why: KeyboardInterrupt) -> str:
+        """Remember what ended the run, and return it in words."""
+        if isinstance(why, OutOfBudget):
+            self._reason = self._reason or str(why)
+        else:
+            self._is_interrupted = True
+        return self.spent
+
+    def _install(self) -> Any:
+        """Handle Ctrl-C where the main thread has Python's own handler; return that one."""
+        if threading.current_thread() is not threading.main_thread():
+            return None
+        before = signal.getsignal(signal.SIGINT)
+        if before is not signal.default_int_handler:
+            return None
+        signal.signal(signal.SIGINT, self._on_interrupt)
+        return before
+
+    def _on_interrupt(self, _: int, __: FrameType | None) -> None:
+        if self._is_interrupted:
+            raise KeyboardInterrupt
+        self._is_interrupted = True
+
+
+def current_budget() -> Budget:
+    """Return the budget of the run that is going on; without one, a budget without limits."""
+    return _current.get() or Budget(Limits())

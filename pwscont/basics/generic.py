@@ -1,0 +1,19 @@
+"""Numbers related to no simple ones: directions that no problem was made normal or parallel to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+
+
+def generic(size: int, shift: float = 0.0) -> Array:
+    """Return numbers between -1 and 1, the same in every run; other ones for each shift."""
+    numbers: Array = np.cos(generic_angles(size, shift))
+    return numbers
+
+
+def generic_angles(size: int, shift: float = 0.0) -> Array:
+    """Return the angles whose cosines and sines are generic: multiples of the root of two."""
+    angles: Array = 1.0 + shift + np.sqrt(2.0) * np.arange(size)
+    return angles

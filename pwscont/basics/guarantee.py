@@ -1,0 +1,39 @@
+"""What a search promises of its result, in the words that users read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import final
+
+
+@final
+class Guarantee(IntEnum):
+    """How much of the zero set a search finds; larger is more.
+
+    UNIQUE is the system's own promise: at every alpha one solution at most.
+    """
+
+    NOTHING = 0
+    BUT_LOOPS = 1
+    EVERYTHING = 2
+    UNIQUE = 3
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SearchScope:
+    """What was searched, and what that promises.
+
+    Attributes
+    ----------
+    what : str
+        The searches, in words.
+    promise : Guarantee
+    spent : str
+        Why the run ended before it was finished, in words; empty where it was finished.
+    """
+
+    what: str
+    promise: Guarantee
+    spent: str = ""

@@ -1,0 +1,42 @@
+"""How single records look in a terminal and in a notebook: a few lines, however large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from pwscont.basics.arrays import Array
+
+#: Of longer lists of unknowns only so many are shown,
+MOST_UNKNOWNS = 6
+#: and of longer words, such as those of a body with many contact nodes, so many letters.
+MOST_LETTERS = 72
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, such as ``3 pieces``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def short(words: str) -> str:
+    """Return words that fit into a line."""
+    return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 4]} ..."
+
+
+def state(names: Sequence[str], z: Array) -> str:
+    """Return the first unknowns, by name if they have one, and how many there are."""
+    values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
+    dots = ["..."] if len(z) > MOST_UNKNOWNS else []
+    rest = f" {len(z)} unknowns" if dots else ""
+    if names[:1] == ("z[0]",):
+        return f"z=[{', '.join([*values, *dots])}]{rest}"
+    shown = [f"{name}={value}" for name, value in zip(names, values, strict=False)]
+    return ", ".join([*shown, *dots]) + rest
+
+
+def card(title: str, rows: Iterable[tuple[str, object]]) -> str:
+    """Return a small HTML table for notebooks."""
+    lines = "".join(
+        f"<tr><td>{escape(key)}</td><td>{escape(str(value))}</td></tr>" for key, value in rows
+    )
+    return f"<table><tr><th colspan='2'>{escape(title)}</th></tr>{lines}</table>"

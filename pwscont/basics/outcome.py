@@ -1,0 +1,63 @@
+"""Failure of a numerical step as a value that says what to try."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+#: What is said, followed by a number, where special points seem to accumulate.
+ACCUMULATE = "special points seem to accumulate at alpha ="
+#: How the message of a corner at which solutions are no curves begins.
+FILL = "solutions fill"
+
+
+@final
+class FailureReason(Enum):
+    """What went wrong; the value is the advice that a user reads."""
+
+    NOT_CONVERGED = (
+        "Newton did not converge down to the smallest step; check the Jacobian with "
+        "check_system, or allow a smaller StepSize.smallest"
+    )
+    NO_DESCENT = "Newton stalls where the residual is not zero, or does not settle"
+    SINGULAR = (
+        "the bordered Jacobian is singular: two branches meet here, or the curve is tangent "
+        "to the interface"
+    )
+    NO_DIGITS = (
+        "not one digit of the point is certain: Newton ran off, or the equations are singular to "
+        "rounding"
+    )
+    NOT_FINITE = (
+        "the residual, the Jacobian or a test function is not finite here; is the parameter "
+        "outside its domain?"
+    )
+    OUTSIDE = "the way on leaves the interval of the parameter and comes back into it"
+    JUMP = (
+        "every step that was tried, down to the smallest, leads away from the curve or to another "
+        "one close by; check the Jacobian with check_system, or allow a smaller StepSize.smallest"
+    )
+    THIN_CELL = (
+        "a test function vanishes within every step that was tried, but not at its ends; does it "
+        "depend continuously on z and alpha?"
+    )
+    HIDDEN_FOLDS = "alpha turns more than once within every step that was tried"
+    FLAT = "the parameter does not change any more: the branch runs to infinity, or is flat"
+    NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
+    UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
+    TOO_MANY_STEPS = (
+        "the piece took more steps than allowed; allow longer steps, give scale() for unknowns far "
+        "from one, or look for a mistake in residual or Jacobian with check_system"
+    )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A step that could not be taken."""
+
+    trouble: FailureReason
+
+    def __str__(self) -> str:
+        return self.trouble.value

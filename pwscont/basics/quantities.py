@@ -1,0 +1,203 @@
+"""What a state can be asked for by name: its unknowns, and what a user records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from functools import cached_property
+from math import isfinite
+from numbers import Real
+from types import MappingProxyType
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError, UnknownNameError
+
+Function = Callable[[Array, float], float]
+Naming = Callable[[], Iterable[str]] | Sequence[str] | None
+
+#: Names that data frames, JSON and networkx give to something else than a recorded quantity.
+TAKEN = frozenset(
+    {"alpha", "character", "component", "det_sign", "digits", "end", "error", "id", "kind", "label"}
+    | {"message", "name", "piece", "points", "start", "z"}
+)
+#: No message lists more names than this.
+MOST_NAMES = 12
+
+
+def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Function]:
+    """Return what a user records if names and functions fit.
+
+    Parameters
+    ----------
+    record : mapping of str to callable, or None
+        Each callable takes (z, alpha) and returns a float.
+    names : iterable of str
+        Those of the unknowns.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no mapping, a name is no text, empty or has another meaning, or a function
+        cannot be called.
+    """
+    if record is None:
+        return {}
+    if not isinstance(record, Mapping):
+        raise InvalidInputError(f"record must map names to functions of (z, alpha), got {record!r}")
+    taken = TAKEN.union(names)
+    for name, function in record.items():
+        _check_entry(name, function, taken)
+    return dict(record)
+
+
+def _check_entry(name: Any, function: Any, taken: frozenset[str]) -> None:
+    if not isinstance(name, str) or not name:
+        raise InvalidInputError(f"record: names are texts that are not empty, got {name!r}")
+    if name in taken:
+        raise InvalidInputError(f"record: the name {name!r} is taken; choose another one")
+    if not callable(function):
+        raise InvalidInputError(f"record {name!r} must be a function of (z, alpha)")
+
+
+@final
+class Quantities:
+    """The names of the unknowns of a system, and the quantities that a user records.
+
+    Parameters
+    ----------
+    naming : callable or sequence of str, optional
+        A name for each unknown, or what returns them when the first is asked for.
+    record : mapping of str to callable
+        Functions of (z, alpha) that return a finite float.
+    """
+
+    def __init__(
+        self,
+        naming: Naming = None,
+        record: Mapping[str, Function] = MappingProxyType({}),
+    ) -> None:
+        #: What gives the unknowns their names, None where they have none of their own.
+        self.naming = naming
+        self.record = dict(record)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return names and functions: copies, also in other processes, leave the system behind."""
+        naming = self._names if self.is_named else None
+        return {"naming": naming, "record": self.record}
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        names = self.naming() if callable(self.naming) else self.naming or ()
+        return tuple(names)
+
+    @cached_property
+    def _components(self) -> dict[str, int]:
+        return {name: i for i, name in reversed(list(enumerate(self._names)))}
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the unknowns have names of their own."""
+        return self.naming is not None
+
+    def names(self, size: int) -> tuple[str, ...]:
+        """Return the names of the unknowns of a state, ``z[0]``, ``z[1]``, ... if it has none.
+
+        Raises
+        ------
+        InvalidSystemError
+            If the system gives names to another number of unknowns, or names that are no texts.
+        """
+        if not self.is_named:
+            return tuple(f"z[{i}]" for i in range(size))
+        if len(self._names) != size:
+            raise InvalidSystemError(
+                f"names() must return {size} names, one for each unknown, got {len(self._names)}"
+            )
+        if not all(isinstance(name, str) for name in self._names):
+            raise InvalidSystemError("names() must return texts")
+        return self._names
+
+    def value(self, name: str, z: Array, alpha: float) -> float:
+        """Return an unknown, or a recorded quantity, at a state.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of this name.
+        InvalidInputError
+            If the function of a recorded quantity fails, or returns no finite float.
+        """
+        if name in self.record:
+            return _evaluated(name, self.record[name], z, alpha)
+        names = self.names(len(z))
+        if name not in names:
+            raise UnknownNameError(_unknown(name, [*names, *self.record]))
+        return float(z[self._components[name] if self.is_named else names.index(name)])
+
+    def recorded(self, z: Array, alpha: float) -> dict[str, float]:
+        """Return all recorded quantities at a state; errors as those of :meth:`value`."""
+        return {name: self.value(name, z, alpha) for name in self.record}
+
+    def attempted(self, z: Array, alpha: float) -> dict[str, float | str]:
+        """Return all recorded quantities at a state, in place of one that fails what happened."""
+        return dict(self._attempts(z, alpha))
+
+    def _attempts(self, z: Array, alpha: float) -> Iterator[tuple[str, float | str]]:
+        for name in self.record:
+            try:
+                yield name, self.value(name, z, alpha)
+            except InvalidInputError as error:
+                yield name, str(error)
+
+
+@final
+class Kept:
+    """A recorded value read from a file; a text says why there is none."""
+
+    def __init__(self, value: float | str) -> None:
+        self._value = value
+
+    def __call__(self, z: Array, alpha: float) -> float:
+        """Return the value, wherever; raises InvalidInputError where there is none."""
+        if isinstance(self._value, str):
+            raise InvalidInputError(self._value)
+        return self._value
+
+
+def _evaluated(name: str, function: Function, z: Array, alpha: float) -> float:
+    if isinstance(function, Kept):
+        return function(z, alpha)
+    try:
+        value = function(z.copy(), alpha)  # a copy: users may work in place
+    except Exception as error:
+        raise InvalidInputError(
+            f"record {name!r} failed at alpha = {alpha:.8g}: {type(error).__name__}: {error}"
+        ) from error
+    if not _is_finite(value):
+        got = " ".join(repr(value).split())[:80]
+        raise InvalidInputError(
+            f"record {name!r} must return a finite float, at alpha = {alpha:.8g} it returned {got}"
+        )
+    return float(value)
+
+
+def _is_finite(value: Any) -> bool:
+    scalar = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    try:
+        return isinstance(scalar, Real) and isfinite(scalar)
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
+def _unknown(name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(str(name), known, n=3, cutoff=0.5)
+    more = ", ..." if len(known) > MOST_NAMES else ""
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    return f"there is no {name!r}; names are {', '.join(known[:MOST_NAMES])}{more}{hint}"
+
+
+#: Of states that belong to no system.
+NAMELESS = Quantities()

@@ -1,0 +1,1 @@
+"""Known answers, in closed form or by rational arithmetic."""

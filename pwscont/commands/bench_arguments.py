@@ -1,0 +1,27 @@
+"""The sub-command ``pwscont bench``: its arguments; what it does is imported when it runs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pwscont.scenes.settings import add_settings
+
+
+def add_to(commands: Any) -> None:
+    """Register the sub-command with the sub-parsers of the command line."""
+    bench = commands.add_parser("bench", help="measure accuracy and time of the steppers")
+    bench.set_defaults(command=_bench)
+    bench.add_argument("scene", nargs="*", metavar="SCENE", help="default: all with a known answer")
+    bench.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write picture and data there"
+    )
+    add_settings(bench)
+    bench.add_argument("--quick", action="store_true", help="few problems, few runs")
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from pwscont.commands.bench import run  # noqa: PLC0415  only where asked for
+
+    return run(options.scene, options.output, options.quick, dict(options.settings))

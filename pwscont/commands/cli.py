@@ -1,0 +1,110 @@
+"""The command line: ``pwscont scenes`` and ``pwscont run SCENE``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+from io import TextIOWrapper
+from pathlib import Path
+
+from pwscont.basics.errors import PwscontError
+from pwscont.commands.arguments import spread
+from pwscont.commands.run import run_scene
+from pwscont.scenes.registry import described_scene, scene_names
+from pwscont.scenes.settings import add_settings
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status: 0, 2 for wrong input, 130 if interrupted."""
+    given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
+    if sys.stdout is None:  # closed by who started us
+        return _failed("standard output is closed: redirect it to a file, or to /dev/null")
+    try:
+        options = _parser().parse_args(list(spread(given)))
+        status = int(options.command(options))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # who reads, such as head, has seen enough
+        _close_output()
+        return 0
+    except KeyboardInterrupt:
+        print("pwscont: interrupted", file=sys.stderr)  # noqa: T201
+        return 130
+    except (PwscontError, OSError, MemoryError) as error:
+        _close_output()
+        return _failed(_in_words(error))
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return f"not enough memory; try smaller settings. {error}".strip()
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+def _failed(message: str) -> int:
+    """Say in one line what went wrong; returns the exit status."""
+    if sys.stderr is not None:
+        print(f"pwscont: {message}", file=sys.stderr)  # noqa: T201
+    return 2
+
+
+def _close_output() -> None:
+    """Drop what is left of standard output, so that Python does not try again at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="pwscont", description="Follow the solutions of piecewise-smooth systems."
+    )
+    parser.add_argument("--version", action="version", version=f"pwscont {version('pwscont')}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    scenes = commands.add_parser("scenes", help="list the scenes")
+    scenes.set_defaults(command=_scenes)
+    run = commands.add_parser("run", help="compute a scene and print what was found")
+    run.set_defaults(command=run_scene)
+    run.add_argument("scene", metavar="SCENE", help="a name from 'pwscont scenes'")
+    run.add_argument(
+        "--at",
+        action="append",
+        type=float,
+        metavar="ALPHA",
+        help="list the solutions at these parameter values: --at 1 2, or --at 1 --at 2",
+    )
+    run.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="write picture and data there",
+    )
+    add_settings(run)
+    run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    run.add_argument(
+        "--explain", action="store_true", help="say what the scene leaves out, and why"
+    )
+    run.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
+    )
+    import_module("pwscont.commands.bench_arguments").add_to(
+        commands
+    )  # by name: it stands above us
+    return parser
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    for name in scene_names():
+        print(f"{name:<26} {described_scene(name)}")  # noqa: T201
+    return 0

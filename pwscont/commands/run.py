@@ -1,0 +1,171 @@
+"""What ``pwscont run`` does: solve a scene, print the answer, write files, keep a journal."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.commands.progress import Progress
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission
+from pwscont.scenes.answer import Answer, Runnable
+from pwscont.scenes.registry import load_scene
+
+
+def run_scene(options: argparse.Namespace) -> int:
+    """Run a scene as the command line says; returns the exit status."""
+    scene = load_scene(options.scene, dict(options.settings))
+    at = scene.values(options.at)
+    if options.output:
+        make_directory(options.output)
+    with _journalled(scene, options.output, options.resume) as kept:
+        begin = time.perf_counter()
+        answer = _solved(kept, at)
+        seconds = time.perf_counter() - begin
+        left_out = _omissions(scene, options) if options.explain else None
+        text = _as_json(answer, left_out, seconds) if options.json else _as_text(answer, left_out)
+        unprinted = _print(text)
+        if options.output:
+            written = write_whole(answer, options.output)
+            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
+    if unprinted:
+        raise unprinted
+    return 0
+
+
+def _print(text: str) -> OSError | None:
+    """Print the answer; returns why not, for the files may be written all the same."""
+    try:
+        print(text, flush=True)  # noqa: T201
+    except OSError as error:
+        return error
+    return None
+
+
+def write_whole(answer: Answer, directory: Path) -> list[Path]:
+    """Write the files of an answer into a directory; where the disk is full, none of them.
+
+    Raises
+    ------
+    InvalidInputError
+        If they cannot be written.
+    """
+    try:
+        with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
+            written = [file.relative_to(temporary) for file in answer.write(Path(temporary))]
+            for name in os.listdir(temporary):
+                os.replace(Path(temporary, name), directory / name)
+    except (OSError, GraphFileError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        reason = getattr(cause, "strerror", None) or error
+        where = getattr(cause, "filename2", None) or f"to {directory}"
+        raise InvalidInputError(f"cannot write {where}: {reason}") from error
+    return [directory / file for file in written]
+
+
+def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
+    progress = Progress(scene.parameter)
+    try:
+        return scene.solve(at, progress)
+    finally:
+        progress.close()
+
+
+@contextmanager
+def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[Runnable]:
+    """Give a scene that writes files a journal, which goes away when they are written.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is an unfinished run that the user may not want to lose, or none to resume.
+    """
+    path = output / f"{scene.name}.journal" if output and scene.resumable else None
+    _check_unfinished(scene, path, resume)
+    if path is None:
+        yield scene
+        return
+    journal = Journal(path)
+    try:
+        yield scene.with_journal(journal)
+    except KeyboardInterrupt:
+        if not len(journal):
+            journal.remove()
+            raise
+        kept = f"{len(journal)} pieces are kept in {path}; --resume goes on from there"
+        print(f"pwscont: {kept}", file=sys.stderr)  # noqa: T201
+        journal.close()
+        raise
+    except BaseException:
+        if journal.trouble:  # it may lack what was found since, and would be in the way
+            journal.remove()
+        journal.close()
+        raise
+    journal.remove()
+
+
+def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
+    if path is None:
+        if resume and not scene.resumable:
+            raise InvalidInputError(f"the scene {scene.name} keeps no journal to resume from")
+        if resume:
+            raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
+    elif path.exists() and not resume:
+        _make_way(path)
+    elif resume and not path.exists():
+        raise InvalidInputError(
+            f"nothing to resume: no {path}, which a finished run does not leave"
+        )
+
+
+def _make_way(path: Path) -> None:
+    """Remove the journal of a run that lacks nothing, or has nothing yet; refuse to lose more."""
+    journal = Journal(path)  # refuses one that another process is writing
+    if not journal.is_finished and len(journal):
+        journal.close()
+        raise InvalidInputError(
+            f"{path} holds an unfinished run: --resume goes on with it; remove it to begin again"
+        )
+    journal.remove()
+
+
+def make_directory(directory: Path) -> None:
+    """Make the output directory, before any work.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is not possible.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
+
+
+def _omissions(scene: Runnable, options: argparse.Namespace) -> list[Omission]:
+    """Return what the scene and the command leave out."""
+    if options.output:
+        return list(scene.omissions())
+    return [*scene.omissions(), Omission("pictures and files", "no -o: matplotlib is not loaded")]
+
+
+def _as_text(answer: Answer, left_out: Sequence[Omission] | None) -> str:
+    lines = [f"  {omission.what}: {omission.why}" for omission in left_out or ()]
+    return "\n".join([answer.as_text(), *(["", "Left out, and why"] if lines else []), *lines])
+
+
+def _as_json(answer: Answer, left_out: Sequence[Omission] | None, seconds: float) -> str:
+    data = answer.as_dict() | {"seconds": seconds}
+    if left_out is not None:
+        data["left_out"] = [omission._asdict() for omission in left_out]
+    return json.dumps(data, ensure_ascii=False)

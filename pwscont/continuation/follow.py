@@ -1,0 +1,148 @@
+"""One piece, from a ray to the special point where it ends."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.budget import check_budget, current_budget
+from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.curve import State
+from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.transitions.bounds import Bounds
+from pwscont.transitions.detection import (
+    Event,
+    Joined,
+    Watch,
+    first_on_curve,
+    first_on_ray,
+)
+from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.rays import Ray
+
+#: A piece of more steps is lost: at the default step it is thousands of intervals long.
+MOST_STEPS = 20_000
+#: Where so many steps of a piece were too long to see what happens within them it is singular.
+MOST_BLOCKED = 200
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FollowedPiece:
+    """A piece: its points, shape (k, n + 1), and where it arrived.
+
+    It is cut where the budget of the run was spent before its end.
+    """
+
+    points: Array
+    arrival: SpecialPointFound
+    is_cut: bool = False
+
+    def sharing(self, ray: Ray) -> FollowedPiece:
+        """Return the walk with what its first ray knows of an interface at its end as well.
+
+        Beyond an event a piece goes on along the same interface.
+        """
+        if not ray.shared:
+            return self
+        along = len(self.arrival.rays) if self.arrival.kind == Kind.EVENT else 1
+        rays = [replace(r, shared=ray.shared, index=ray.index) for r in self.arrival.rays[:along]]
+        rays += self.arrival.rays[along:]
+        return replace(self, arrival=replace(self.arrival, rays=tuple(rays)))
+
+
+class Follower(ABC):
+    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z."""
+
+    interval: tuple[float, float]
+    bounds: Bounds
+
+    @abstractmethod
+    def walk(self, ray: Ray) -> FollowedPiece:
+        """Return the piece that ``ray`` begins."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PieceFollower(Follower):
+    """Follows a ray to the end of its piece; the policy is here, the step is the stepper's."""
+
+    stepper: Stepper
+    watch: Watch
+    interval: tuple[float, float]
+    bounds: Bounds
+
+    def walk(self, ray: Ray) -> FollowedPiece:
+        """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
+        reached = _Reached(ray)
+        try:
+            return self._to_the_end(reached)
+        except KeyboardInterrupt as why:
+            return replace(reached.stopped(current_budget().end(why)), is_cut=True)
+
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
+        curve, before, longest, blocked = reached.curve, None, np.inf, None
+        reading = self.watch.read(curve, reached.state)
+        for _ in range(MOST_STEPS):
+            check_budget()
+            segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
+            if isinstance(segment, Failure):
+                return reached.stopped(str(blocked or segment))
+            event, after = self._first_event(segment, reading)
+            if isinstance(event, Event):
+                points = [*reached.points, *reached.between(segment, event), event.state.x]
+                return FollowedPiece(np.array(points), self.watch.ended(event.arrive(curve)))
+            if isinstance(event, Failure):  # too long a step to see what happens within it
+                if not isinstance(segment, CurvedSegment):
+                    return reached.stopped(str(event))
+                reached.blocked += 1
+                if reached.blocked > MOST_BLOCKED:
+                    break
+                longest, blocked = 0.5 * segment.length, event
+                continue
+            assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
+            reached.go_to(segment.end)
+            before, reading, longest, blocked = segment, after, np.inf, None
+        return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _first_event(
+        self, segment: Segment, reading: Joined
+    ) -> tuple[Event | Failure | None, Joined]:
+        """Return the first event on the segment, and what is read at its end."""
+        if not isinstance(segment, CurvedSegment):
+            return first_on_ray(self.watch, segment, reading), reading
+        after = self.watch.read(segment.curve, segment.end)
+        return first_on_curve(self.watch, segment, reading, after), after
+
+
+@final
+class _Reached:
+    """How far a walk has come."""
+
+    def __init__(self, ray: Ray) -> None:
+        self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
+        self.blocked = 0
+
+    def go_to(self, state: State) -> None:
+        """Add a point."""
+        self.state = state
+        self.points.append(state.x)
+
+    def between(self, segment: Segment, event: Event) -> list[Array]:
+        """Return a point between the only two of a curved piece: two alone mean a straight one."""
+        if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
+            return []
+        middle = segment.at(0.5 * event.position)
+        return [] if isinstance(middle, Failure) else [middle.x]
+
+    def stopped(self, why: str) -> FollowedPiece:
+        """Return the walk that ends here."""
+        back = Ray(self.curve, self.state).reversed()
+        return FollowedPiece(
+            np.array(self.points), SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
+        )

@@ -1,0 +1,128 @@
+"""Correctors: from a prediction back onto the curve of one frozen selection."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.newton import MOST_CHORDS, TURNED, newton
+from pwscont.curve.root import Root, first_quotient, joined
+from pwscont.linear.factorise import Factor, bordered, last_unit
+
+
+@final
+@dataclass(slots=True, eq=False)
+class Corrected:
+    """A point on the curve and how hard it was to get there.
+
+    Attributes
+    ----------
+    state : State
+    iterations : int
+    factor : Factor
+        A factorisation of [J; border] near the point, with which points beside it are corrected.
+    contraction : float
+        Ratio of the first two corrections: small where the prediction belongs to this curve.
+    """
+
+    state: State
+    iterations: int
+    factor: Factor
+    contraction: float
+
+
+class Corrector(ABC):
+    """Brings a predicted point onto the curve H_chi = 0."""
+
+    @abstractmethod
+    def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
+        """Return the corrected state, its tangent oriented like ``tangent``, or the failure."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class BorderedNewton(Corrector):
+    """Newton in the hyperplane through the prediction normal to the tangent (Keller 1977).
+
+    Attributes
+    ----------
+    most_iterations : int
+    """
+
+    most_iterations: int = 8
+
+    def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
+        """Solve [H_chi(x); t . (x - predicted)] = 0."""
+        # the border is linear: zero at the prediction, it stays zero
+        border = (0.0, curve.metric.covector(tangent))
+        root = newton(curve, lambda _: border, predicted, self.most_iterations)
+        if isinstance(root, Failure):
+            return root
+        factor, along = _tangent(curve, root)
+        if factor.failed:
+            return Failure(FailureReason.SINGULAR)
+        state = State(root.x, curve.metric.normalised(along), root.error[np.newaxis], factor.sign)
+        return Corrected(state, root.iterations, factor, root.contraction)
+
+
+def _tangent(curve: Curve, root: Root) -> tuple[Factor, Array]:
+    """Return the direction of the curve at a root, and a factorisation that is new enough."""
+    unit = last_unit(len(root.x))
+    along = root.factor.solve(unit)
+    if not root.stale:
+        return root.factor, along
+    jacobian = curve.selection.jacobian(root.x)
+    for _ in range(MOST_CHORDS):
+        correction = root.factor.solve(joined(jacobian @ along, float(root.row.dot(along)) - 1.0))
+        along = along - correction
+        if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
+            return root.factor, along
+    factor = bordered(jacobian, root.row, curve.metric.binary)
+    return factor, along if factor.failed else factor.solve(unit)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MoorePenrose(Corrector):
+    """Newton whose hyperplane turns with the curve: the border is renewed by the null vector.
+
+    Approximates the Gauss-Newton step with the Moore-Penrose inverse of the Jacobian
+    (Allgower and Georg 1990, section 3.4; the corrector of MATCONT).
+
+    Attributes
+    ----------
+    most_iterations : int
+    """
+
+    most_iterations: int = 8
+
+    def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
+        """Solve H_chi(x) = 0 by corrections normal to the current null vector."""
+        selection, metric = curve.selection, curve.metric
+        x, t = predicted, tangent
+        sizes: list[float] = []
+        for iteration in range(1, self.most_iterations + 1):
+            if not metric.admits(x):
+                return Failure(FailureReason.OUTSIDE)
+            factor = bordered(selection.jacobian(x), metric.covector(t), metric.binary)
+            if factor.failed:
+                return Failure(FailureReason.SINGULAR)
+            dx = factor.solve(np.append(selection.residual(x), 0.0))
+            t = metric.normalised(factor.solve(last_unit(len(x))))
+            dx = dx - metric.covector(t).dot(dx) * t
+            x = x - dx
+            size = metric.relative(dx, x)
+            if not np.isfinite(size):
+                return Failure(FailureReason.NOT_FINITE)
+            sizes.append(size)
+            if size <= CONVERGED and metric.admits(x):
+                state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
+                return Corrected(state, iteration, factor, first_quotient(sizes))
+        return Failure(FailureReason.NOT_CONVERGED)

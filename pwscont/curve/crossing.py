@@ -1,0 +1,221 @@
+"""Where two smooth curves of one selection cross, and the directions of both.
+
+At a simple branch point the Jacobian J, (n, n + 1), has rank n - 1. With borders b and C for
+which M = [[J, b], [C, 0]] is regular, the functions g of M (V; g) = (0; I) vanish exactly where
+J loses rank, and {H + mu b = 0, g = 0} is a square system for (x, mu), regular at the branch
+point although J is not: the minimally extended system of Moore (1980) and of Allgower and Georg
+(1990, section 8.2), with g by bordering (Govaerts 2000, chapter 3). The directions d = V delta of
+the curves solve the algebraic branching equation w^T H''[d, d] = 0, whose two by two matrix is
+also the one that Newton solves with.
+
+Failure modes and answers
+-------------------------
+- [J; t^T] is singular at the point, and points of the curve are known to no more than
+  EPS / distance near it: no point of the curve is computed here, all matrices stay regular.
+- Poor borders make M singular: they are renewed from its own null vectors in each iteration.
+- Two curves pass each other without meeting: mu says how far H misses zero at the point.
+- Curves that touch, or more than two that meet: the two by two matrix has no two real
+  directions that are told apart, which is a failure, not a guess.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.generic import generic_angles
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.curve import Curve
+from pwscont.linear.augmented import augmented
+from pwscont.linear.equilibration import columns_scaled, largest_in_rows, rows_divided
+from pwscont.linear.factor import power_of_two
+
+MOST_ITERATIONS = 12
+#: Rounds of renewing generic borders before the first iteration.
+FIRST_BORDERS = 2
+#: H misses zero at the crossing by less than this part of its terms, else the curves pass by.
+MEETS = EPS**0.75
+#: The two directions are told apart: ratio of the eigenvalues of the branching equation.
+APART = EPS**0.5
+#: How far z is displaced to see how large the equations are, relative to its typical magnitude.
+ASIDE = 0.05
+#: A component of a direction below this, relative to its length, is the error of differences.
+FLAT = EPS**0.4
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """A simple branch point.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (1, n + 1)
+        The last Newton correction, a sample of the error.
+    directions : tuple of two ndarrays, shape (n + 1,)
+        The tangents of both curves, of length one in the metric, signs arbitrary.
+    meets : bool
+        Whether the curves meet there to rounding; else they pass each other close by.
+    """
+
+    x: Array
+    error: Array
+    directions: tuple[Array, Array]
+    meets: bool
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Null:
+    """The bordered matrix at a point, in unknowns and equations scaled to about one.
+
+    Attributes
+    ----------
+    right : ndarray, shape (n + 1, 2)
+        V: spans the null space of J at the branch point.
+    left : ndarray, shape (n,)
+        w: spans the left null space.
+    rows : ndarray, shape (n,)
+        What the equations are divided by.
+    g : ndarray, shape (2,)
+        The functions that vanish where J loses rank.
+    particular : ndarray, shape (n + 2,)
+        M^-1 (-H; 0).
+    size : float
+        w . |J| |x|, the terms of which H consists, as the unfolding mu sees them.
+    """
+
+    right: Array
+    left: Array
+    rows: Array
+    g: Array
+    particular: Array
+    size: float
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A Newton step: the correction of x, the new mu, and the form w^T H''[V, V]."""
+
+    dx: Array
+    mu: float
+    form: Array
+
+
+def crossing(curve: Curve, x: Array) -> Crossing | Failure:
+    """Return the branch point near ``x``, by Newton's method on the extended system."""
+    equations, borders = _equations(curve, x), _generic(len(x) - 1)
+    for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS):
+        null = _null(curve, x, equations, *borders)
+        if null is None:
+            return Failure(FailureReason.SINGULAR)
+        borders = _renewed(null)
+        if iteration < 0:
+            continue
+        step = _step(curve, x, null)
+        if step is None:
+            return Failure(FailureReason.SINGULAR)
+        x = _in_the_interval(curve, x + step.dx)
+        if curve.metric.relative(step.dx, x) <= CONVERGED:
+            return _found(curve, x, null, step)
+    return Failure(FailureReason.NOT_CONVERGED)
+
+
+def _in_the_interval(curve: Curve, x: Array) -> Array:
+    """Return ``x`` with alpha in the interval, outside of which nothing is evaluated."""
+    differences = curve.selection.system.differences(float(x[-1]))
+    x[-1] = min(max(x[-1], differences.lo), differences.hi)
+    return x
+
+
+def _step(curve: Curve, x: Array, null: _Null) -> _Step | None:
+    """Solve with the Jacobian of the extended system, None where it is singular."""
+    rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
+    form = rows @ null.right
+    if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
+        return None
+    eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
+    dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
+    return _Step(dx, float(null.particular[-1] + null.g @ eta), form)
+
+
+def _found(curve: Curve, x: Array, null: _Null, step: _Step) -> Crossing | Failure:
+    """Return the branch point to which Newton converged."""
+    directions = _directions(curve, null, step.form)
+    if directions is None:
+        return Failure(FailureReason.SINGULAR)
+    meets = abs(step.mu) <= MEETS * (1.0 + null.size)
+    return Crossing(x, step.dx[np.newaxis], directions, meets)
+
+
+def _generic(n: int) -> tuple[Array, Array]:
+    """Return borders b, shape (n,), and C, shape (2, n + 1), related to no simple numbers."""
+    angles = generic_angles(2 * n + 2)
+    return np.cos(angles[:n]) / np.sqrt(n), np.sin(angles).reshape(2, n + 1) / np.sqrt(n)
+
+
+def _renewed(null: _Null) -> tuple[Array, Array]:
+    """Return the borders that make M best conditioned: the null vectors themselves."""
+    return null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
+
+
+def _equations(curve: Curve, x: Array) -> Array:
+    """Return typical magnitudes of the equations, shape (n,), powers of two.
+
+    A row of J may vanish at the branch point itself, so z is displaced a little as well.
+    """
+    scale = curve.metric.scale
+    aside = x + ASIDE * scale * np.append(_generic(len(x) - 1)[0], 0.0)
+    rows = [largest_in_rows(columns_scaled(curve.selection.jacobian(y), scale)) for y in (x, aside)]
+    return power_of_two(np.where(np.isfinite(rows[1]), np.maximum(*rows), rows[0]))
+
+
+def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | None:
+    """Solve with M and its transpose; None where M is singular."""
+    n, scale = len(b), curve.metric.scale
+    scaled = columns_scaled(curve.selection.jacobian(x), scale)
+    matrix = augmented(rows_divided(scaled, rows), b, C)
+    if matrix is None or matrix.is_singular():
+        return None
+    unit = np.eye(n + 2)[n:]
+    solved = np.column_stack([matrix.solve(e) for e in unit])
+    left = matrix.solve_transposed(unit[1])[:n]
+    rest = np.concatenate([-curve.selection.residual(x) / rows, np.zeros(2)])
+    terms = np.abs(left / rows) @ (abs(scaled) @ np.abs(x / scale))
+    return _Null(solved[:-1], left, rows, solved[-1], matrix.solve(rest), float(terms))
+
+
+def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
+    """Return w^T H''[v, .], shape (n + 1,), by differences of the Jacobian along v."""
+    scale = curve.metric.scale
+
+    def product(y: Array) -> Array:
+        row: Array = left @ columns_scaled(curve.selection.jacobian(y), scale)
+        return row
+
+    differences = curve.selection.system.differences(float(x[-1]))
+    return differences.along(product, x, scale * v)
+
+
+def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] | None:
+    """Solve the branching equation delta^T A delta = 0 for the two directions."""
+    (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
+    if not min(-low, high) > APART * max(-low, high):
+        return None
+    deltas = (np.sqrt(high) * axes[:, 0] + s * np.sqrt(-low) * axes[:, 1] for s in (1.0, -1.0))
+    first, second = (_direction(curve, null.right @ delta) for delta in deltas)
+    return first, second
+
+
+def _direction(curve: Curve, scaled: Array) -> Array:
+    """Return the unit tangent; exactly vertical where it is so but for errors."""
+    scaled = scaled / np.linalg.norm(scaled)
+    if abs(scaled[-1]) < FLAT:
+        scaled[-1] = 0.0
+    return curve.metric.normalised(curve.metric.scale * scaled)

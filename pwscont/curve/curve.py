@@ -1,0 +1,57 @@
+"""The curve of one selection, and a state on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.metric import Metric
+from pwscont.system.selection import Selection
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric."""
+
+    selection: Selection
+    metric: Metric
+
+    def slope(self, state: State) -> float:
+        """Return d alpha / d arc length, exactly zero where it is zero to rounding.
+
+        It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
+        """
+        slope = float(state.tangent[-1] / self.metric.scale[-1])
+        return slope if abs(slope) > GUARD * EPS else 0.0
+
+
+@final
+@dataclass(slots=True, eq=False)  # a frozen one takes several times as long to make
+class State:
+    """A point on a curve and the direction in which it is followed.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+        The point (z, alpha).
+    tangent : ndarray, shape (n + 1,)
+        Direction in which the curve is followed, of length one in the metric.
+    error : ndarray, shape (k, n + 1)
+        Samples of the error of ``x``: at a located point estimates, on the way the last
+        correction.
+    orientation : int
+        Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
+    """
+
+    x: Array
+    tangent: Array
+    error: Array
+    orientation: int
+
+    @property
+    def alpha(self) -> float:
+        """The parameter value."""
+        return float(self.x[-1])

@@ -1,0 +1,140 @@
+"""Length and angle in (z, alpha), independent of the units of either."""
+
+from __future__ import annotations
+
+import math
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.linear.factorise import power_of_two
+from pwscont.system.box import Box
+from pwscont.system.system import PiecewiseSystem
+
+#: Squares and products of magnitudes up to this one stay far from overflow.
+LARGEST = 1e120
+EVERYWHERE = (-math.inf, math.inf)
+_NONE = np.zeros(0, dtype=np.intp)
+
+
+@final
+class Metric:
+    """Euclidean geometry after dividing each unknown by its typical magnitude.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (n + 1,)
+        Positive typical magnitudes of (z, alpha).
+    interval : tuple of float
+        The values of alpha at which a system may be asked for anything.
+    period : ndarray, shape (n,), optional
+        After what the unknowns repeat themselves, infinite where they do not; default all.
+
+    Attributes
+    ----------
+    scale, binary : ndarray, shape (n + 1,)
+        The magnitudes, and the powers of two next above them.
+    """
+
+    def __init__(
+        self,
+        scale: Array,
+        interval: tuple[float, float] = EVERYWHERE,
+        period: Array | None = None,
+    ) -> None:
+        self.scale, self.interval = scale, interval
+        self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
+        self._period = period[self._turning] if period is not None else _NONE
+        self.binary = power_of_two(scale)
+        self._weight = 1.0 / scale**2
+        #: What of the size of each component adds to its scale: of alpha no more than rounding.
+        self._share = np.ones(len(scale))
+        self._share[-1] = GUARD * EPS / CONVERGED
+
+    @classmethod
+    def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
+        """Return the metric of a system on an interval, in which the interval has length 1."""
+        lo, hi = interval
+        return cls._checked(system, system.scale(lo, hi), hi - lo, interval)
+
+    @classmethod
+    def at(cls, system: PiecewiseSystem, alpha: float) -> Metric:
+        """Return the metric of a system at one alpha."""
+        width = max(1.0, abs(alpha))
+        return cls._checked(system, system.scale(alpha, alpha), width, EVERYWHERE)
+
+    @classmethod
+    def _checked(
+        cls,
+        system: PiecewiseSystem,
+        magnitudes: Array,
+        width: float,
+        interval: tuple[float, float],
+    ) -> Metric:
+        scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
+        if scale.shape != (system.size,) or not (scale > 0.0).all():
+            raise InvalidSystemError(
+                f"{type(system).__name__}.scale() must return {system.size} positive numbers"
+            )
+        everything = np.append(scale, width)
+        if everything.max() > LARGEST or everything.min() < 1.0 / LARGEST:
+            raise InvalidSystemError(
+                f"typical magnitudes from {everything.min():.3g} to {everything.max():.3g} leave "
+                f"the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be "
+                "computed; choose other units"
+            )
+        return cls(everything, interval, Box.of(system).period)
+
+    def admits(self, x: Array) -> bool:
+        """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
+        lo, hi = self.interval
+        alpha = float(x[-1])
+        if lo <= alpha <= hi:
+            return True
+        end = lo if alpha < lo else hi
+        if not abs(alpha - end) <= SAME_ALPHA * max(abs(end), hi - lo):
+            return False
+        x[-1] = end
+        return True
+
+    def difference(self, x: Array, y: Array) -> Array:
+        """Return x - y, shape (n + 1,), up to whole periods: from y to the nearest copy of x."""
+        apart: Array = x - y
+        if len(self._turning):
+            turns = np.round(apart[self._turning] / self._period)
+            apart[self._turning] -= turns * self._period
+        return apart
+
+    def norm(self, x: Array) -> float:
+        """Return the length of a difference of two points."""
+        y = x / self.scale
+        return math.sqrt(y.dot(y))
+
+    def relative(self, dx: Array, x: Array) -> float:
+        """Return the largest component of ``dx`` relative to that of ``x`` or its scale.
+
+        Alpha is relative to the interval, wherever that lies; rounding of alpha is converged.
+        """
+        return float(np.maximum.reduce(np.abs(dx) / (self.scale + self._share * np.abs(x))))
+
+    def slack(self, x: Array, tolerance: float) -> float:
+        """Return the length that a tolerance leaves at a point.
+
+        It is relative to z, and no more than rounding of alpha: how far the interval lies from zero
+        does not make two of its alphas one.
+        """
+        alpha = abs(float(x[-1])) / float(self.scale[-1])
+        z = x[:-1] / self.scale[:-1]
+        return tolerance * (1.0 + math.sqrt(z.dot(z))) + GUARD * EPS * alpha
+
+    def covector(self, t: Array) -> Array:
+        """Return the row w with ``w @ x`` the inner product of t and x."""
+        return self._weight * t
+
+    def normalised(self, t: Array) -> Array:
+        """Return t with length one."""
+        unit: Array = t / self.norm(t)
+        return unit

@@ -1,0 +1,104 @@
+"""Newton's method for one selection and one more equation, the border.
+
+With the border t . (x - predicted) = 0 it is a corrector, with kappa_i = 0 it locates a
+transition, with alpha = constant it finds a solution.
+
+Failure modes and answers
+-------------------------
+- The selection is undefined far from its cell: non-finite values are a failure, and the caller
+  shortens its step.
+- H need not be defined outside the interval of alpha: an iterate that leaves it is a failure.
+- Newton converges from far away, to another curve: the sizes of its corrections are kept, by
+  whose first ratio the caller judges (Deuflhard 2011, chapter 5).
+- Scale: convergence is judged by the correction of each unknown relative to its own size, which
+  neither the units of z nor those of the equations change.
+- Ill conditioning: corrections stall at the condition number times rounding. They are accepted
+  there, and the error estimate says how few digits are left.
+- An iteration too many costs as much as the rest of a step: where quadratic contraction lets
+  hope that one or two corrections more are enough, they are computed with the old factorisation
+  (each shrinks by what the last one changed). It is marked as stale: next to a branch point the
+  tangent turns within them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED
+from pwscont.curve.curve import Curve
+from pwscont.curve.root import Root, first_quotient, joined
+from pwscont.curve.uncertainty import is_rounding
+from pwscont.linear.factorise import Factor, bordered
+
+#: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
+Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
+
+#: Corrections with the last factorisation, where these are expected to be enough.
+MOST_CHORDS = 2
+#: A correction that is not smaller than this part of the one before does not converge any more.
+STALLED = 0.1
+#: A factorisation is stale where it changes by more than this part within the last correction.
+#: A direction that it is corrected with by no more than this part is right to rounding.
+TURNED = math.sqrt(CONVERGED)
+
+
+def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
+    """Solve {H_chi = 0, border = 0} from the guess ``x``."""
+    selection, metric, before = curve.selection, curve.metric, 0.0
+    sizes: list[float] = []
+    for iteration in range(1, most_iterations + 1):
+        if not metric.admits(x):
+            return Failure(FailureReason.OUTSIDE)
+        value, row = border(x)
+        jacobian = selection.jacobian(x)
+        factor = bordered(jacobian, row, metric.binary)
+        if factor.failed:
+            return Failure(FailureReason.SINGULAR)
+        dx = factor.solve(joined(selection.residual(x), value))
+        x = x - dx
+        size = metric.relative(dx, x)
+        if not math.isfinite(size):
+            return Failure(FailureReason.NOT_FINITE)
+        sizes.append(size)
+        ratio, stale = contraction(size, before), False
+        if size > CONVERGED >= size * ratio**MOST_CHORDS:
+            stale = before == 0.0 or ratio > TURNED
+            x, dx = _chords(curve, border, factor, x, sizes)
+            size = sizes[-1]
+        last, quotient = np.abs(dx), first_quotient(sizes)
+        root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
+        if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
+            return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
+        before = size
+    return Failure(FailureReason.NOT_CONVERGED)
+
+
+def _chords(
+    curve: Curve, border: Border, factor: Factor, x: Array, sizes: list[float]
+) -> tuple[Array, Array]:
+    """Correct ``x`` with the last factorisation until the next correction is rounding.
+
+    Returns the point and the last correction; appends the relative sizes of all.
+    """
+    dx = x
+    for _ in range(MOST_CHORDS):
+        if sizes[-1] > CONVERGED and curve.metric.admits(x):
+            dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
+            x = x - dx
+            sizes.append(curve.metric.relative(dx, x))
+    return x, dx
+
+
+def contraction(size: float, before: float) -> float:
+    """Return the ratio of the next two corrections, if convergence is quadratic.
+
+    d -> c d^2 turns the ratio q of two corrections into q^2 for the next two; after the first
+    correction c is not known, and taken for one.
+    """
+    return (size / before) ** 2 if before > 0.0 else size

@@ -1,0 +1,197 @@
+"""Semismooth Newton at fixed alpha, for a start that is only rough.
+
+Qi and Sun (1993); damping by the merit function |H|^2 / 2 as in Facchinei and Pang (2003),
+chapter 8.
+
+Failure modes and answers
+-------------------------
+- A singular element of the Jacobian: the step is regularised (Levenberg and Marquardt).
+- Cycling between cells: the merit function must fall, by Armijo's rule.
+- At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
+  steps are taken undamped, and the rule holds again from where they lead.
+- A stationary point of the merit function that is no solution: the failure says so.
+- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
+- Equations in different units: each row is divided by its largest scaled coefficient.
+- Divergence: so far out that rounding hides the residual, no step reduces it. Where an error is as
+  large as the point itself, nothing is known, and it is no solution.
+- Ill conditioning: a solution can be so uncertain that its correction never converges. Where no
+  step reduces the residual any more and the correction is nothing but rounding, it is one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.budget import check_budget
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.metric import Metric
+from pwscont.curve.root import Root
+from pwscont.curve.uncertainty import has_digits, is_rounding, uncertainty
+from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.system import PiecewiseSystem
+
+MOST_ITERATIONS = 100
+MOST_HALVINGS = 30
+ARMIJO = 1e-4
+#: Undamped steps from points where no step reduces the merit: a watchdog strategy.
+MOST_LEAPS = 3
+
+
+def semismooth_newton(
+    system: PiecewiseSystem,
+    metric: Metric,
+    z: Array,
+    alpha: float,
+    known: Sequence[Array] = (),
+) -> tuple[Array, Array] | Failure:
+    """Solve H(z, alpha) = 0 for z from a rough start.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+    z : ndarray, shape (n,)
+    alpha : float
+    known : sequence of ndarray, shape (n + 1,)
+        Solutions (z, alpha) to keep away from: H is multiplied by 1 + 1 / distance^2 for each.
+
+    Returns
+    -------
+    x, error : ndarray, shape (n + 1,)
+        The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
+        of its error where that is all conditioning allows; or a Failure.
+    """
+    x, border, leaps = np.append(z, alpha), last_unit(len(z) + 1), 0
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        check_budget()
+        character = system.character(x[:-1], alpha)
+        residual = residual_at(system, x[:-1], alpha, character)
+        jacobian = jacobian_at(system, x[:-1], alpha, character)
+        rows = _row_scale(jacobian, metric)
+        if not (np.isfinite(residual).all() and np.isfinite(rows).all()):
+            return Failure(FailureReason.NOT_FINITE)
+        lu = bordered(jacobian, border, metric.binary)
+        step = _direction(lu, jacobian, residual, rows, metric)
+        if not np.isfinite(step).all():
+            return Failure(FailureReason.NOT_FINITE)
+        step = step * _stretch(metric, known, x, step)
+        if metric.relative(step, x) <= CONVERGED:
+            solved = _is_solved(residual / rows, x / metric.scale)
+            return (
+                (x + step, np.abs(step)[np.newaxis])
+                if solved
+                else Failure(FailureReason.NO_DESCENT)
+            )
+        damped = _line_search(_Merit(system, metric, rows, known), x, step)
+        if damped is None:
+            root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
+            found = _as_good_as_it_gets(root, metric, known)
+            leaps += 1
+            if known or leaps > MOST_LEAPS or not isinstance(found, Failure):
+                return found
+            damped = x + step
+        x = damped
+    return Failure(FailureReason.NO_DESCENT)
+
+
+def _is_solved(scaled: Array, size: Array) -> bool:
+    """Tell whether a residual, divided by its coefficients, fits a correction that is rounding.
+
+    Where the Jacobian is singular the regularised step may vanish where the residual does not.
+    """
+    largest = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
+    return bool(np.abs(scaled).max() <= largest)
+
+
+def _as_good_as_it_gets(
+    root: Root, metric: Metric, known: Sequence[Array]
+) -> tuple[Array, Array] | Failure:
+    """Return a point whose residual no step reduces, if it is a solution within rounding.
+
+    So near a known solution it is that one again.
+    """
+    again = (replace(root, error=np.abs(metric.difference(root.x, other))) for other in known)
+    if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):
+        return Failure(FailureReason.NO_DESCENT)
+    error = uncertainty(root)
+    certain = has_digits(root.x, error, root.scale)
+    return (root.x, error) if certain else Failure(FailureReason.NO_DIGITS)
+
+
+def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
+    """Return the largest scaled coefficient of z in each row."""
+    scaled = abs(jacobian) @ np.append(metric.scale[:-1], 0.0)
+    return np.where(scaled != 0.0, scaled, 1.0)  # what is not finite stays so
+
+
+def _direction(lu: Factor, jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
+    """Return the Newton step (with a zero for alpha), regularised where J is singular."""
+    if not lu.is_singular():
+        return -lu.solve(np.append(residual, 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):  # where H is flat rows are next to nothing
+        scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
+        rest = residual / rows
+        damping = np.sqrt(np.linalg.norm(rest)) * np.eye(len(rows))
+    system = np.vstack([scaled, damping])
+    if not np.isfinite(system).all():
+        return np.full(len(rows) + 1, np.inf)
+    step = np.linalg.lstsq(system, np.append(-rest, np.zeros(len(rows))))[0]
+    return np.append(step * metric.scale[:-1], 0.0)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Merit:
+    """The squared residual, deflated, with rows scaled alike."""
+
+    system: PiecewiseSystem
+    metric: Metric
+    rows: Array
+    known: Sequence[Array]
+
+    def __call__(self, x: Array) -> float:
+        z, alpha = x[:-1], float(x[-1])
+        character = self.system.character(z, alpha)
+        scaled = residual_at(self.system, z, alpha, character) / self.rows
+        return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
+
+
+def _line_search(merit: _Merit, x: Array, step: Array) -> Array | None:
+    """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
+    before, length = merit(x), 1.0
+    for _ in range(MOST_HALVINGS):
+        trial = x + length * step
+        if merit(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
+            return trial
+        length *= 0.5
+    return None
+
+
+def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
+    """Return the product of 1 + 1 / distance^2 over the known solutions."""
+    factor = 1.0
+    for other in known:
+        factor *= 1.0 + 1.0 / max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+    return factor
+
+
+def _stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
+    """Return the factor by which deflation lengthens, shortens or turns the Newton step.
+
+    With M the deflating factor and d the step, the step of M H is d / (1 - (grad M . d) / M)
+    by the formula of Sherman and Morrison (Farrell, Birkisson and Funke 2015).
+    """
+    slope = 0.0
+    for other in known:
+        distance = max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+        inner = float(metric.covector(metric.difference(x, other)).dot(step))
+        slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
+    return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0

@@ -1,1 +1,0 @@
-"""Floor 0: the nouns that everything else is made of."""

@@ -1,0 +1,89 @@
+"""Places of a system that knows which unknowns determine the others.
+
+Of the four unknowns of a contact node its mode fixes two. Only the others are stored.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
+from pwscont.system.reduction import Reduction
+from pwscont.system.system import PiecewiseSystem
+
+
+def place(system: PiecewiseSystem, character: Character, x: Array, error: Array) -> Place:
+    """Return a solution x of a selection, shape (n + 1,), and its error, as little as needed."""
+    essential = system.essential(character)
+    if essential is None:
+        return Stored(x, error)
+    return Packed(system, character, x[essential], float(x[-1]), error[essential], error[-1])
+
+
+@final
+class Packed(Place):
+    """A place of which only the essential unknowns of a cell are stored."""
+
+    __slots__ = ("_alpha", "_character", "_error", "_system", "_values")
+
+    def __init__(
+        self,
+        system: PiecewiseSystem,
+        character: Character,
+        values: Array,
+        alpha: float,
+        error: Array,
+        error_of_alpha: float,
+    ) -> None:
+        self._system, self._character = system, character
+        self._values, self._alpha = values, alpha
+        self._error = first_digits(np.append(error, error_of_alpha))
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return self._alpha
+
+    @property
+    def x(self) -> Array:
+        """The point, a new array."""
+        return np.append(self._completed(self._values), self._alpha)
+
+    @property
+    def error(self) -> Array:
+        """The estimate of its error."""
+        *essential, of_alpha = from_first_digits(self._error)
+        spread = self._completed(np.array(essential)) - self._completed(np.zeros(len(essential)))
+        return np.append(np.abs(spread), of_alpha)
+
+    def _completed(self, values: Array) -> Array:
+        return self._system.completed(values, self._alpha, self._character)
+
+
+@final
+class Lifted(Place):
+    """A place of a reduced system, with all unknowns of the full one."""
+
+    __slots__ = ("_place", "_reduction", "_size")
+
+    def __init__(self, place: Place, reduction: Reduction, size: int) -> None:
+        self._place, self._reduction, self._size = place, reduction, size
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return self._place.alpha
+
+    @property
+    def x(self) -> Array:
+        """The point, a new array."""
+        return self._reduction.points(self._place.x, self._size)
+
+    @property
+    def error(self) -> Array:
+        """The estimate of its error."""
+        return self._reduction.points(self._place.error, self._size)

@@ -1,0 +1,80 @@
+"""Where special points are, stored so that thousands of them are cheap.
+
+A piece begins and ends at special points: all three share one place. What the estimate of an
+error says are its first digits, and only these are kept.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import final
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.arrays import Array
+
+#: Bits of a double that hold sign, exponent and the first four binary digits.
+KEPT, DROPPED = 16, 48
+
+
+class Place(ABC):
+    """A point (z, alpha) with the estimate of its error."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def alpha(self) -> float:
+        """The parameter."""
+
+    @property
+    @abstractmethod
+    def x(self) -> Array:
+        """The point (z, alpha), shape (n + 1,)."""
+
+    @property
+    @abstractmethod
+    def error(self) -> Array:
+        """Estimate of its error, shape (n + 1,)."""
+
+
+@final
+class Stored(Place):
+    """A place stored as it is.
+
+    Parameters
+    ----------
+    x, error : ndarray, shape (n + 1,)
+    """
+
+    __slots__ = ("_error", "_x")
+
+    def __init__(self, x: Array, error: Array) -> None:
+        self._x, self._error = x, first_digits(error)
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return float(self._x[-1])
+
+    @property
+    def x(self) -> Array:
+        """The point, not to be written to."""
+        return self._x
+
+    @property
+    def error(self) -> Array:
+        """The estimate of its error."""
+        return from_first_digits(self._error)
+
+
+def first_digits(error: Array) -> npt.NDArray[np.uint16]:
+    """Return estimates of errors, not negative, in two bytes each; rounded up by up to 6 %."""
+    bits = np.ascontiguousarray(error, dtype=float).view(np.uint64)
+    return ((bits + np.uint64(2**DROPPED - 1)) >> np.uint64(DROPPED)).astype(np.uint16)
+
+
+def from_first_digits(digits: npt.NDArray[np.uint16]) -> Array:
+    """Return the estimates that :func:`first_digits` stored."""
+    return (digits.astype(np.uint64) << np.uint64(DROPPED)).view(np.float64)

@@ -1,0 +1,345 @@
+"""What a branch graph is made of and what it answers with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.kind import Kind
+from pwscont.basics.looks import card, counted, short, state
+from pwscont.basics.quantities import NAMELESS, Quantities
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph.place import Place, Stored
+
+#: With fewer significant digits a result says so wherever it is shown.
+FEW_DIGITS = 6.0
+
+
+def _no_error() -> Array:
+    return np.zeros(0)
+
+
+def significant(error: Array, values: Array, scale: Array) -> float:
+    """Return how many decimal digits of ``values`` are significant, by their estimated error.
+
+    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
+    the number does not depend on units; 16 where the error is rounding.
+    """
+    off = float((error / np.maximum(np.abs(values), scale)).max(initial=0.0))
+    return float(min(16.0, max(0.0, -np.log10(off)))) if off > 0.0 else 16.0
+
+
+def _value_of(state: SpecialPoint | Solution, name: str) -> float:
+    """Return an unknown by the system's name for it, or a recorded quantity.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none of this name; it names close ones.
+    InvalidInputError
+        If the function of a recorded quantity fails, or returns no finite float.
+    """
+    return state.quantities.value(name, state.z, state.alpha)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class SpecialPoint:
+    """A node of the branch graph.
+
+    ``point["u_t"]`` is an unknown by its name, or a recorded quantity.
+
+    Attributes
+    ----------
+    id : int
+        The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
+    kind : str
+        A :class:`~pwscont.basics.kind.Kind`, equal to its plain word, such as ``"transition"``
+        or ``"nonsmooth fold"``; the word of a detector that has kinds of its own.
+    place : Place
+        The point (z, alpha) and the estimate of its error.
+    message : str
+        What happens there when passed in positive orientation, such as
+        ``"contact-slip → contact-stick"``.
+    backward : str
+        The message when passed in negative orientation.
+    piece : int or None
+        For a start in the middle of a piece, the id of that piece.
+    digits : float
+        Number of significant decimal digits, by the estimate of the error.
+    lost : int
+        Number of pieces that leave here and could not be followed.
+    quantities : Quantities
+        What it can be asked for by name.
+    """
+
+    id: int
+    kind: str
+    place: Place
+    message: str
+    backward: str
+    piece: int | None = None
+    digits: float = 16.0
+    lost: int = 0
+    quantities: Quantities = NAMELESS
+
+    __getitem__ = _value_of
+
+    @property
+    def z(self) -> Array:
+        """The state, shape (n,)."""
+        return self.place.x[:-1]
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return self.place.alpha
+
+    @property
+    def error(self) -> Array:
+        """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
+        return self.place.error
+
+    @property
+    def name(self) -> str:
+        """The name of an event, which is its message; empty for all other kinds."""
+        return self.message if self.kind == Kind.EVENT else ""
+
+    def passed(self, orientation: int) -> str:
+        """Return the message for an orientation, +1 or -1."""
+        return self.message if orientation > 0 else self.backward
+
+    def __repr__(self) -> str:
+        what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"
+        return f"SpecialPoint({self.id}: {what}{f', {short(self.message)}' * bool(self.message)})"
+
+    def _repr_html_(self) -> str:
+        rows = [("alpha", f"{self.alpha:.10g}"), ("state", _by_name(self))]
+        more = [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
+        return card(f"SpecialPoint {self.id}: {self.kind}", [*rows, *more])
+
+
+def _by_name(record: SpecialPoint | Solution) -> str:
+    """Return the state of a record with names; a repr does not fail where names do not fit."""
+    z = record.z
+    try:
+        return state(record.quantities.names(len(z)), z)
+    except InvalidSystemError:
+        return state(NAMELESS.names(len(z)), z)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """The points of a piece: both ends, which it shares with special points, and those between.
+
+    Attributes
+    ----------
+    start, end : Place
+    inner : ndarray, shape (k - 2, n + 1)
+    """
+
+    start: Place
+    inner: Array
+    end: Place
+
+    @classmethod
+    def of(cls, points: Array) -> Track:
+        """Return the track through points, shape (k, n + 1)."""
+        zero = np.zeros(points.shape[1])
+        return cls(Stored(points[0], zero), points[1:-1], Stored(points[-1], zero))
+
+    @property
+    def points(self) -> Array:
+        """All points, shape (k, n + 1), a new array."""
+        return np.vstack([self.start.x, self.inner, self.end.x])
+
+    @property
+    def alpha(self) -> Array:
+        """The parameter at all points, shape (k,)."""
+        return np.concatenate([[self.start.alpha], self.inner[:, -1], [self.end.alpha]])
+
+    def reversed(self) -> Track:
+        """Return the points in opposite order."""
+        return Track(self.end, self.inner[::-1], self.start)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """An edge of the branch graph: one smooth piece, on which alpha is monotone.
+
+    Attributes
+    ----------
+    id : int
+        Key of the edge in ``graph.nx``.
+    start, end : int
+        Nodes at both ends, in the direction of positive orientation.
+    character : Character
+        The frozen character of the selection that the piece solves.
+    naming : callable
+        Returns the system's name for a character; names are long where there are many parts.
+    track : Track
+        Points (z, alpha) from start to end; two where the piece is straight.
+    det_sign : int
+        Sign of det(dH/dz) inside the piece, 0 where it is vertical. Along interfaces the index:
+        the sum of the signs of the solutions that a small change of H makes of it, so 0 where two
+        coincide.
+    """
+
+    id: int
+    start: int
+    end: int
+    character: Character
+    naming: Callable[[Character], str]
+    track: Track
+    det_sign: int
+
+    @property
+    def label(self) -> str:
+        """The system's name for the character."""
+        return self.naming(self.character)
+
+    @property
+    def points(self) -> Array:
+        """Points (z, alpha) from start to end, shape (k, n + 1)."""
+        return self.track.points
+
+    @property
+    def z(self) -> Array:
+        """The states along the piece, shape (k, n)."""
+        return self.points[:, :-1]
+
+    @property
+    def alpha(self) -> Array:
+        """The parameter along the piece, shape (k,)."""
+        return self.track.alpha
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The smallest and the largest alpha of the piece."""
+        first, last = self.track.start.alpha, self.track.end.alpha
+        return min(first, last), max(first, last)
+
+    @property
+    def is_vertical(self) -> bool:
+        """Whether all its points have one alpha, so that there are infinitely many solutions."""
+        lo, hi = self.interval
+        return self.det_sign == 0 and hi - lo <= SAME_ALPHA * max(abs(lo), abs(hi), 1e-300)
+
+    @property
+    def _course(self) -> str:
+        return f"{self.track.start.alpha:.8g} → {self.track.end.alpha:.8g}"
+
+    def __repr__(self) -> str:
+        count = len(self.track.inner) + 2
+        where = f"{short(self.label)}, alpha {self._course}"
+        return f"Piece({self.id}: {where}, det {self.det_sign:+d}, {count} points)"
+
+    def _repr_html_(self) -> str:
+        rows = [("mode", short(self.label)), ("alpha", self._course)]
+        more = [("det", f"{self.det_sign:+d}"), ("points", str(len(self.track.inner) + 2))]
+        return card(f"Piece {self.id}", [*rows, *more])
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """One solution at a given alpha.
+
+    ``solution["u_t"]`` is an unknown by its name, or a recorded quantity.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+    alpha : float
+    character : Character
+    label : str
+        The system's name for the character.
+    det_sign : int
+        Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
+    piece : int
+        The id of the piece that it lies on (at a node: of one of them); -1 where there is no
+        graph.
+    kind : str or None
+        The kind of special point that it is, such as a fold; None inside a piece.
+    error : ndarray, shape (n + 1,)
+        Estimate of the error of (z, alpha) from rounding and conditioning.
+    digits : float
+        Number of significant decimal digits, by that estimate.
+    quantities : Quantities
+        What it can be asked for by name.
+    """
+
+    z: Array
+    alpha: float
+    character: Character
+    label: str
+    det_sign: int
+    piece: int
+    kind: str | None = None
+    error: Array = field(default_factory=_no_error)
+    digits: float = 16.0
+    quantities: Quantities = NAMELESS
+
+    __getitem__ = _value_of
+
+    def __repr__(self) -> str:
+        where = f"{short(self.label)}{f', {self.kind}' if self.kind else ''}"
+        what = f"alpha={self.alpha:.10g}, det {self.det_sign:+d}"
+        return f"Solution({where}, {what}, {_by_name(self)})"
+
+    def _repr_html_(self) -> str:
+        rows = [("mode", short(self.label)), ("state", _by_name(self))]
+        more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
+        title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
+        return card(title, [*rows, *more])
+
+
+def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
+    """Return all recorded quantities of a state, in place of one that fails what happened."""
+    if not state.quantities.record:  # the state itself may have to be computed
+        return {}
+    return state.quantities.attempted(state.z, state.alpha)
+
+
+@final
+class Stretch(tuple[float, float, int]):
+    """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).
+
+    Attributes
+    ----------
+    lo_closed, hi_closed : bool
+        Whether the number holds at that end as well. At a fold, where two solutions merge, the
+        number is in between, and neither neighbour includes the end.
+    """
+
+    lo_closed: bool
+    hi_closed: bool
+
+    def __new__(cls, lo: float, hi: float, count: int, lo_closed: bool, hi_closed: bool) -> Stretch:
+        """Return the tuple (lo, hi, count) that knows its ends."""
+        stretch = super().__new__(cls, (lo, hi, count))
+        stretch.lo_closed, stretch.hi_closed = lo_closed, hi_closed
+        return stretch
+
+    def __getnewargs__(self) -> tuple[float, float, int, bool, bool]:
+        return (*self, self.lo_closed, self.hi_closed)
+
+    def __repr__(self) -> str:
+        return f"Stretch({self.ends}: {counted(self[2], 'solution')})"
+
+    def _repr_html_(self) -> str:
+        return card(f"Stretch {self.ends}", [("solutions", self[2])])
+
+    @property
+    def ends(self) -> str:
+        """The stretch in the notation of intervals, such as ``[0, 3)``."""
+        left, right = "[" if self.lo_closed else "(", "]" if self.hi_closed else ")"
+        return f"{left}{self[0]:.8g}, {self[1]:.8g}{right}"

@@ -1,0 +1,1 @@
+"""Floor 2: linear algebra with matrices of every structure."""

@@ -1,0 +1,177 @@
+"""LU factorisations of square matrices that may be singular: what bordered solves are made of.
+
+Failure modes and answers
+-------------------------
+- The matrix is singular, as dH/dz is at every fold: a pivot that vanishes to rounding is moved to
+  the size of a rounding error, which a bordered solve makes up for, see
+  :class:`~pwscont.linear.bordered.BorderedFactor`.
+- SuperLU gives up where a pivot vanishes exactly: there is no core then, and the caller
+  factorises the whole bordered matrix instead.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, final
+
+import numpy as np
+from scipy.linalg import lapack
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.rounding import EPS
+
+#: LAPACK's tridiagonal routines are wrapped for matrices of at least this size.
+SMALLEST_TRIDIAGONAL = 3
+
+
+class Core(ABC):
+    """An LU factorisation of a square matrix that may be singular, with entries up to one."""
+
+    @property
+    @abstractmethod
+    def sign(self) -> int:
+        """Sign of the determinant."""
+
+    @abstractmethod
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side, shape (n,)."""
+
+    @abstractmethod
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n); default one by one."""
+        return np.stack([self.solve(f) for f in rhs])
+
+
+def banded_core(bands: Array, lower: int, upper: int) -> Core:
+    """Factorise a banded matrix stored as in :class:`BandedJacobian`."""
+    if lower == upper == 1 and bands.shape[1] >= SMALLEST_TRIDIAGONAL:
+        return TridiagonalCore(bands)
+    return BandCore(bands, lower, upper)
+
+
+@final
+class TridiagonalCore(Core):
+    """LU of a tridiagonal matrix by LAPACK; a third of the time of :class:`BandCore`."""
+
+    def __init__(self, bands: Array) -> None:
+        *self._lu, _ = lapack.dgttrf(bands[2, :-1], bands[1], bands[0, 1:])
+        regularise(self._lu[1])
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_pivots(self._lu[1], self._lu[4] - 1)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        solution: Array = lapack.dgttrs(*self._lu, rhs)[0]
+        return solution
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        solution: Array = lapack.dgttrs(*self._lu, rhs, trans="T")[0]
+        return solution
+
+
+@final
+class BandCore(Core):
+    """LU with partial pivoting of a banded matrix by LAPACK."""
+
+    def __init__(self, bands: Array, lower: int, upper: int) -> None:
+        self._widths = lower, upper
+        room = np.zeros((2 * lower + upper + 1, bands.shape[1]), order="F")  # for fill-in
+        room[lower:] = bands
+        self._lu, self._pivots, _ = lapack.dgbtrf(room, lower, upper, overwrite_ab=True)
+        regularise(self._lu[lower + upper])
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_pivots(self._lu[sum(self._widths)], self._pivots)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        solution: Array = lapack.dgbtrs(self._lu, *self._widths, rhs, self._pivots)[0]
+        return solution
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        solution: Array = lapack.dgbtrs(self._lu, *self._widths, rhs, self._pivots, trans=1)[0]
+        return solution
+
+
+def regularise(pivots: Array) -> None:
+    """Move pivots off zero by a rounding error."""
+    sizes = np.abs(pivots)
+    if sizes.min() < EPS:
+        tiny = sizes < EPS
+        pivots[tiny] = np.copysign(EPS, pivots[tiny])
+
+
+def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
+    """Return the sign of the determinant."""
+    negative = np.count_nonzero(pivots < 0.0)
+    odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
+    return -1 if (negative + odd) % 2 else 1
+
+
+@final
+class SparseCore(Core):
+    """LU by SuperLU.
+
+    Parameters
+    ----------
+    lu : scipy.sparse.linalg.SuperLU
+    """
+
+    def __init__(self, lu: Any) -> None:
+        self._lu = lu
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_superlu(self._lu)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        solution: Array = self._lu.solve(rhs)
+        return solution
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        solution: Array = self._lu.solve(rhs, trans="T")
+        return solution
+
+
+def superlu(matrix: Any) -> Any | None:
+    """Factorise a sparse square matrix; None where a pivot vanishes exactly."""
+    from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
+
+    try:
+        return splu(matrix)
+    except RuntimeError:  # SuperLU's word for an exactly zero pivot
+        return None
+
+
+def sign_of_superlu(lu: Any) -> int:
+    """Return the sign of the determinant of a matrix factorised by SuperLU."""
+    negative = np.count_nonzero(lu.U.diagonal() < 0.0)
+    odd = _is_odd(lu.perm_r[lu.perm_c].tolist())  # one product has the parity of both
+    return -1 if (negative + odd) % 2 else 1
+
+
+def _is_odd(permutation: list[int]) -> int:
+    """Return 1 for an odd permutation, by counting its cycles."""
+    seen = [False] * len(permutation)
+    cycles = 0
+    for start in range(len(permutation)):
+        if not seen[start]:
+            cycles += 1
+            j = start
+            while not seen[j]:
+                seen[j] = True
+                j = permutation[j]
+    return (len(permutation) - cycles) % 2

@@ -1,0 +1,148 @@
+"""Bordered matrices [J; row]: solutions and the sign of the determinant, never its value.
+
+Failure modes and answers
+-------------------------
+- The determinant of a large matrix overflows: only its sign is formed, from the signs of the
+  pivots and the parity of the permutation (docs/theory, F10).
+- The matrix is singular at a branch point or where the curve is tangent to an interface: the
+  reciprocal condition number says so; a solution is never returned with nan in it.
+- Rows and columns in different units: columns are multiplied by the typical magnitudes of the
+  unknowns and rows divided by their largest entries, both rounded to powers of two, so that
+  scaling itself rounds nothing. Pivoting and condition then do not depend on units.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import lapack
+
+from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.rounding import EPS
+from pwscont.linear.cores import sign_of_superlu, superlu
+from pwscont.linear.factor import Factor, power_of_two
+from pwscont.linear.sparse import bordered_sparse
+from pwscont.linear.structured import StructuredJacobian
+
+__all__ = [
+    "DenseFactor",
+    "Factor",
+    "SparseFactor",
+    "bordered",
+    "factor",
+    "last_unit",
+    "power_of_two",
+]
+
+
+@final
+class DenseFactor(Factor):
+    """LU with partial pivoting by LAPACK.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (k, k)
+        Overwritten.
+    scale : ndarray, shape (k,)
+        Typical magnitudes of the unknowns, powers of two.
+    """
+
+    def __init__(self, matrix: Array, scale: Array) -> None:
+        matrix *= scale
+        self._columns = scale
+        self._rows = power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+        matrix /= self._rows[:, np.newaxis]
+        self._matrix = matrix
+        self._lu, self._pivots, info = lapack.dgetrf(matrix)
+        self.failed = info > 0
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        if self.failed:
+            return 0
+        negative = np.count_nonzero(self._lu.diagonal() < 0.0)
+        exchanged = np.count_nonzero(self._pivots != in_order(len(self._pivots)))
+        return -1 if (negative + exchanged) % 2 else 1
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows)[0]
+        return self._columns * scaled
+
+    def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
+        if self.failed or not np.isfinite(self._lu).all():
+            return True
+        rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
+        return bool(rcond < len(self._lu) * EPS)
+
+
+@final
+class SparseFactor(Factor):
+    """LU by SuperLU; parameters as for :class:`DenseFactor`."""
+
+    def __init__(self, matrix: Any, scale: Array) -> None:
+        scaled = matrix @ sp.diags(scale)
+        self._columns = scale
+        self._rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
+        self._lu = superlu(sp.csc_matrix(sp.diags(1.0 / self._rows) @ scaled))
+        self.failed = self._lu is None
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        return sign_of_superlu(self._lu) if self._lu is not None else 0
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        assert self._lu is not None, "nothing can be solved where the factorisation failed"
+        scaled: Array = self._lu.solve(rhs / self._rows)
+        return self._columns * scaled
+
+    def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
+        if self._lu is None:
+            return True
+        pivots = np.abs(self._lu.U.diagonal())
+        return bool(pivots.min() <= len(pivots) * EPS * pivots.max())
+
+
+def factor(matrix: Matrix, scale: Array) -> Factor:
+    """Factorise a square matrix, dense or sparse; ``scale`` as for :class:`DenseFactor`."""
+    return SparseFactor(matrix, scale) if sp.issparse(matrix) else DenseFactor(+matrix, scale)
+
+
+def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
+    """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`."""
+    row = row.toarray().ravel() if sp.issparse(row) else row
+    if isinstance(jacobian, StructuredJacobian):
+        return jacobian.bordered(row, scale) or DenseFactor(np.vstack([jacobian, row]), scale)
+    if sp.issparse(jacobian):
+        found = bordered_sparse(jacobian, row, scale)
+        return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
+    n = len(jacobian)
+    matrix = np.empty((n + 1, n + 1))
+    matrix[:n] = jacobian
+    matrix[n] = row
+    return DenseFactor(matrix, scale)
+
+
+@lru_cache(maxsize=8)
+def in_order(size: int) -> Indices:
+    """Return 0, 1, ..., size - 1, not to be written to."""
+    order = np.arange(size)
+    order.flags.writeable = False
+    return order
+
+
+@lru_cache(maxsize=8)
+def last_unit(size: int) -> Array:
+    """Return the unit vector e_size, not to be written to."""
+    unit = np.zeros(size)
+    unit[-1] = 1.0
+    unit.flags.writeable = False
+    return unit

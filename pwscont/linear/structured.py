@@ -1,0 +1,62 @@
+"""The seam of Jacobians that know their structure.
+
+Whatever is neither dense nor scipy.sparse fulfils it: banded matrices here, the contact problem's
+in its plug-in. Numerics that find no use for the structure take the dense array instead.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.linear.factor import Factor
+
+
+class StructuredJacobian(ABC):
+    """A Jacobian (n, n + 1) that multiplies and factorises itself.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        (n, n + 1).
+    """
+
+    __array_ufunc__ = None  # array @ jacobian is for this class to compute
+    shape: tuple[int, int]
+
+    @abstractmethod
+    def __matmul__(self, x: Array) -> Array:
+        """Return J x, shape (n,)."""
+
+    @abstractmethod
+    def __rmatmul__(self, y: Array) -> Array:
+        """Return y J, shape (n + 1,)."""
+
+    @abstractmethod
+    def __abs__(self) -> Any:
+        """Return something that multiplies vectors by the magnitudes of the entries."""
+
+    @abstractmethod
+    def toarray(self) -> Array:
+        """Return the same matrix as a dense one."""
+
+    @abstractmethod
+    def bordered(self, row: Array, scale: Array) -> Factor | None:
+        """Factorise [J; row]; None where its part for z has no factorisation.
+
+        Parameters
+        ----------
+        row : ndarray, shape (n + 1,)
+        scale : ndarray, shape (n + 1,)
+            Typical magnitudes of the unknowns, powers of two.
+        """
+
+    def scaled(self, columns: Array) -> Matrix:
+        """Return a new matrix with columns multiplied; default dense."""
+        return self.toarray() * columns
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        return np.asarray(self.toarray(), dtype=dtype)

@@ -1,1 +1,0 @@
-"""Floor 1: the system that a user writes, and the smooth selections it is made of."""

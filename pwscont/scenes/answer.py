@@ -1,0 +1,114 @@
+"""What the command line asks of a scene, and of what it answers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report
+
+if TYPE_CHECKING:
+    from pwscont.scenes.scene import Scene
+
+
+class Answer(ABC):
+    """The result of a scene."""
+
+    @abstractmethod
+    def as_text(self) -> str:
+        """Return what a user reads."""
+
+    @abstractmethod
+    def as_dict(self) -> dict[str, Any]:
+        """Return the same as plain lists and numbers, without the time it took."""
+
+    @abstractmethod
+    def write(self, directory: Path) -> list[Path]:
+        """Write picture and data into an existing directory; return the files."""
+
+
+class Runnable(ABC):
+    """A named problem, ready to run from the command line.
+
+    A package offers one by an entry point of the group ``pwscont.scenes`` whose value is a
+    function without arguments that returns it.
+
+    Attributes
+    ----------
+    name, title : str
+    parameter : str
+        What the progress line calls the parameter.
+    """
+
+    name: str
+    title: str
+    parameter: str
+
+    #: Whether an interrupted run can go on: then there is with_journal.
+    resumable: ClassVar[bool] = False
+
+    def with_journal(self, journal: Journal) -> Runnable:
+        """Return the same scene with a journal of its finished pieces."""
+        raise NotImplementedError
+
+    def curve(self) -> Scene | None:
+        """Return the scene with one parameter that runs, built; None where there is none."""
+        return None
+
+    @abstractmethod
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return the parameter values whose solutions are listed, before any work.
+
+        Parameters
+        ----------
+        wanted : sequence of float or None
+            What the user asked for; None for the scene's own choice.
+
+        Raises
+        ------
+        InvalidInputError
+            If the scene cannot list solutions there.
+        """
+
+    def omissions(self) -> Sequence[Omission]:
+        """Return what the scene leaves out, and why; default nothing."""
+        return ()
+
+    @abstractmethod
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Compute the scene.
+
+        Parameters
+        ----------
+        at : sequence of float
+            From :meth:`values`.
+        report : callable
+            Called with the number of pieces and the parameter value reached.
+        """
+
+
+def values_within(
+    scene: Runnable,
+    interval: tuple[float, float],
+    own: Sequence[float],
+    wanted: Sequence[float] | None,
+) -> tuple[float, ...]:
+    """Return the values of alpha asked for, by default the scene's own; for ``Runnable.values``.
+
+    Raises
+    ------
+    InvalidInputError
+        If one lies outside the interval.
+    """
+    lo, hi = interval
+    for alpha in wanted or ():
+        if not lo <= alpha <= hi:
+            raise InvalidInputError(
+                f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {scene.name}"
+            )
+    return tuple(own if wanted is None else wanted)

@@ -1,0 +1,64 @@
+"""The answer of a scene with one parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+from pwscont.graph import BranchGraph, Solution
+from pwscont.graph.presentation import Attempt, not_recorded, recorded
+from pwscont.graph.records import attempted
+from pwscont.scenes.answer import Answer
+from pwscont.scenes.scene import Scene
+from pwscont.scenes.table import report
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class GraphAnswer(Answer):
+    """A branch graph, and the solutions at some parameter values."""
+
+    scene: Scene
+    graph: BranchGraph
+    at: tuple[float, ...]
+
+    def as_text(self) -> str:
+        """Return branches, transitions, numbers of solutions, and the solutions asked for."""
+        return report(self.scene, self.graph, self.at)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the graph and the solutions asked for."""
+        lo, hi = self.graph.interval
+        parameter = {"name": self.scene.parameter, "lo": lo, "hi": hi}
+        head = {"scene": self.scene.name, "parameter": parameter}
+        found = [solution for alpha in self.at for solution in self.graph.solutions(alpha)]
+        attempts = [attempted(solution) for solution in found]
+        solutions = [_solution(*pair) for pair in zip(found, attempts, strict=True)]
+        graph, failed = self.graph.to_dict(), not_recorded(attempts)
+        for key, failures in failed.items():
+            failed[key] = graph.get(key, []) + failures
+        return head | graph | {"solutions": solutions} | failed
+
+    def write(self, directory: Path) -> list[Path]:
+        """Write the branch diagrams and the branch graph."""
+        from pwscont.scenes.plotting import draw_scene  # noqa: PLC0415  only where asked for
+
+        name = self.scene.name
+        picture, file = directory / f"{name}.png", directory / f"{name}.npz"
+        draw_scene(self.scene, self.graph).savefig(picture, dpi=150)
+        self.graph.save(file)
+        return [picture, file]
+
+
+def _solution(solution: Solution, attempt: Attempt) -> dict[str, Any]:
+    return {
+        "alpha": solution.alpha,
+        "z": solution.z.tolist(),
+        "recorded": recorded(attempt),
+        "label": solution.label,
+        "det_sign": solution.det_sign,
+        "kind": solution.kind and str(solution.kind),
+        "error": solution.error.tolist(),
+        "digits": solution.digits,
+    }

@@ -1,0 +1,110 @@
+"""The scenes that installed packages offer.
+
+Failure modes and answers
+-------------------------
+- A package cannot be imported, or what it offers is no scene: the message names the package, and
+  all other scenes go on working.
+- Two packages offer scenes of one name: neither is taken, and the message names both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from pwscont.basics.errors import BrokenSceneError, PwscontError, SceneNotFoundError
+from pwscont.scenes.answer import Runnable
+from pwscont.scenes.settings import described, settings_of
+
+GROUP = "pwscont.scenes"
+
+
+def scene_names() -> list[str]:
+    """Return the names of all scenes, without importing any."""
+    return sorted({point.name for point in entry_points(group=GROUP)}, key=_natural)
+
+
+def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable:
+    """Build a scene by name; imports only the package that offers it.
+
+    Parameters
+    ----------
+    name : str
+    settings : mapping, optional
+        Values, as text, for parameters of the function that makes the scene.
+
+    Raises
+    ------
+    SceneNotFoundError
+        If no installed package offers it; the message names the nearest ones.
+    BrokenSceneError
+        If the package cannot make it, or if several packages offer one of this name.
+    InvalidInputError
+        If the scene has no such parameter, or the value does not fit it.
+    """
+    point = _entry_point(name)
+    make = _loaded(point)
+    try:
+        scene = make(**settings_of(name, make, settings or {}))
+    except PwscontError:
+        raise
+    except Exception as error:
+        raise _broken(point, error) from error
+    if not _is_scene(scene):
+        raise _broken(point, f"it returns {type(scene).__name__}, not a scene")
+    return scene  # type: ignore[no-any-return]
+
+
+def described_scene(name: str) -> str:
+    """Return a scene's title and its settings, or why there are none, in one line."""
+    try:
+        title, settings = load_scene(name).title, described(_loaded(_entry_point(name)))
+    except PwscontError as error:
+        return f"({error})"
+    return f"{title} [-s {settings.replace(', ', ' ')}]" if settings else title
+
+
+def _is_scene(scene: object) -> bool:
+    words = [getattr(scene, name, None) for name in ("name", "title", "parameter")]
+    return isinstance(scene, Runnable) and all(isinstance(word, str) for word in words)
+
+
+def _entry_point(name: str) -> EntryPoint:
+    found = list(entry_points(group=GROUP, name=name))
+    if len(found) == 1:
+        return found[0]
+    if found:
+        offered = " and ".join(sorted(map(_package, found)))
+        raise BrokenSceneError(f"scene {name} is offered by {offered}; uninstall one of them")
+    near = get_close_matches(name, scene_names(), n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else "see 'pwscont scenes'"
+    raise SceneNotFoundError(f"there is no scene {name!r}; {hint}")
+
+
+def _loaded(point: EntryPoint) -> Callable[..., Any]:
+    """Return the function that makes a scene."""
+    try:
+        make = point.load()
+    except (Exception, SystemExit) as error:
+        raise _broken(point, error) from error
+    if not callable(make):
+        raise _broken(point, f"{point.value} is no function")
+    return make  # type: ignore[no-any-return]
+
+
+def _broken(point: EntryPoint, why: object) -> BrokenSceneError:
+    kind = f"{type(why).__name__}: " if isinstance(why, BaseException) else ""
+    words = " ".join(f"{kind}{why}".split())  # in one line
+    return BrokenSceneError(f"scene {point.name} of {_package(point)} cannot be made: {words}")
+
+
+def _package(point: EntryPoint) -> str:
+    return f"package {point.dist.name}" if point.dist else point.value
+
+
+def _natural(name: str) -> tuple[str, int]:
+    """Sort fig7 before fig10."""
+    word = name.rstrip("0123456789")
+    return word, int(name[len(word) :] or 0)

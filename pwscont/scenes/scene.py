@@ -1,0 +1,144 @@
+"""A scene: a named problem, ready to run, and what of it a user wants to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, final
+
+from pwscont.basics.character import Character
+from pwscont.basics.quantities import Function
+from pwscont.continuation import explore
+from pwscont.continuation.journal import Journal
+from pwscont.continuation.omissions import Omission, omissions
+from pwscont.continuation.plan import Report, silent, uninterrupted
+from pwscont.graph import BranchGraph
+from pwscont.scenes.answer import Answer, Runnable, values_within
+from pwscont.scenes.drawn import What
+from pwscont.search import Search
+from pwscont.stepping import Stepper
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Stop
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One diagram: a quantity against the parameter.
+
+    Attributes
+    ----------
+    component : int, str or callable
+        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
+    mode : callable, optional
+        Character -> the word that chooses the line style; default the system's description.
+    title : str
+    """
+
+    component: What
+    mode: Callable[[Character], str] | None = None
+    title: str = ""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ParameterPath:
+    """A companion picture: two quantities along the parameter, such as a load path.
+
+    Attributes
+    ----------
+    curve : callable
+        alpha -> (horizontal, vertical).
+    labels : tuple of str
+        Names of both axes.
+    title : str
+    """
+
+    curve: Callable[[float], tuple[float, float]]
+    labels: tuple[str, str]
+    title: str = ""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Scene(Runnable):
+    """A system, an interval of its parameter, and what to report and draw.
+
+    A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
+    function without arguments that returns the scene.
+
+    Attributes
+    ----------
+    name, title : str
+    system : PiecewiseSystem
+    interval : tuple of float
+    parameter : str
+        Name of alpha.
+    at : tuple of float
+        Parameter values whose solutions are listed unless the user asks for others.
+    orientations : tuple of int
+        Directions in which transitions are read out: +1, -1 (paper, Definition 1).
+    search, stepper, detectors, events, record : optional
+        As for :func:`pwscont.explore`.
+    panels, paths, styles
+        The pictures, and the line style for each mode.
+    journal : Journal, optional
+        Where every finished piece is kept at once.
+    """
+
+    name: str
+    title: str
+    system: PiecewiseSystem
+    interval: tuple[float, float]
+    parameter: str = "alpha"
+    at: tuple[float, ...] = ()
+    orientations: tuple[int, ...] = (1,)
+    search: Search | None = None
+    stepper: Stepper | None = None
+    detectors: tuple[TransitionDetector, ...] = ()
+    events: Mapping[str, Function | Stop] = field(default_factory=dict)
+    record: Mapping[str, Function] = field(default_factory=dict)
+    panels: tuple[Panel, ...] = (Panel(0),)
+    paths: tuple[ParameterPath, ...] = ()
+    styles: Mapping[str, Any] = field(default_factory=dict)
+    journal: Journal | None = None
+
+    resumable: ClassVar[bool] = True
+
+    def with_journal(self, journal: Journal) -> Scene:
+        """Return the same scene with a journal."""
+        return replace(self, journal=journal)
+
+    def curve(self) -> Scene:
+        """Return the scene itself."""
+        return self
+
+    def run(self, report: Report = silent) -> BranchGraph:
+        """Explore the scene's interval."""
+        return explore(
+            self.system,
+            self.interval,
+            search=self.search,
+            stepper=self.stepper,
+            detectors=self.detectors,
+            events=self.events,
+            record=self.record,
+            parameter=self.parameter,
+            report=report,
+            journal=self.journal,
+        )
+
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return the values of alpha whose solutions are listed, all of the interval."""
+        return values_within(self, self.interval, self.at, wanted)
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what exploring the interval leaves out, and why."""
+        return omissions(self.system, self.interval, self.search, self.stepper)
+
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Explore the interval and list the solutions at some values of alpha."""
+        from pwscont.scenes.graph_answer import GraphAnswer  # noqa: PLC0415  it needs Scene
+
+        return GraphAnswer(self, uninterrupted(self.run(report)), tuple(at))

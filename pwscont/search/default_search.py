@@ -1,0 +1,85 @@
+"""The search that explore uses unless told otherwise: complete where that takes seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from math import prod
+
+from pwscont.basics.arrays import Array
+from pwscont.search import AllTransitions, EndPoints, MultiStart, Search, Slices
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    has_too_many_tests,
+)
+
+#: Cells that can be tried at one alpha in a second or two: ten contact nodes.
+MANY_CELLS = 4**10
+#: The same for all interfaces of all cells together: eight contact nodes.
+MANY_INTERFACES = 2_000_000
+#: Cells of a curved system in which Newton can be tried in a second or two.
+MANY_NEWTONS = 2**11
+#: Slices between the ends at which loops are looked for: as many as have these cells together.
+FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
+
+
+def default_search(
+    system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array] = ()
+) -> Search:
+    """Return the most complete search that takes seconds for a system of this size.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    interval : tuple of float
+    around : sequence of ndarray, shape (n,)
+        States around which Newton is started as well.
+    """
+    from_many = MultiStart(around=tuple(tuple(z.tolist()) for z in around))
+    search = _most_complete(system, interval, from_many)
+    is_costly = isinstance(system, SlicewiseLinearSystem) and search is not from_many
+    return from_many + search if system.unique and is_costly else search
+
+
+def _most_complete(
+    system: PiecewiseSystem, interval: tuple[float, float], from_many: MultiStart
+) -> Search:
+    if not isinstance(system, SlicewiseLinearSystem):
+        cheap = _has_few_cells(system)
+        return _added_up(EndPoints() + from_many if cheap else from_many, system)
+    if _needs_too_many_cells(system):
+        return _added_up(from_many, system)
+    blocks = system.blocks()
+    cells = prod(len(block.modes) for block in blocks)
+    interfaces = cells * sum(len(block.tests) for block in blocks)
+    if isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES:
+        return AllTransitions()
+    if cells <= MANY_CELLS:
+        return _ends_and_slices(cells, interval)
+    return _added_up(from_many, system)
+
+
+def _ends_and_slices(cells: int, interval: tuple[float, float]) -> Search:
+    """Return the search at both ends, and at more slices between where these cost little."""
+    count = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
+    return EndPoints() + Slices.spread(count, interval)
+
+
+def _has_few_cells(system: PiecewiseSystem) -> bool:
+    """Tell whether Newton can be tried in every cell."""
+    if has_too_many_tests(system):
+        return False
+    return sum(1 for _ in islice(system.cells(), MANY_NEWTONS + 1)) <= MANY_NEWTONS
+
+
+def _needs_too_many_cells(system: SlicewiseLinearSystem) -> bool:
+    """Tell whether the blocks would have to be found by trying too many sign patterns."""
+    return type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system)
+
+
+def _added_up(search: Search, system: PiecewiseSystem) -> Search:
+    for special in system.searches():
+        search = special + search
+    return search

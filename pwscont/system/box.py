@@ -1,0 +1,136 @@
+"""Where the unknowns of a system may be: between bounds, and up to whole periods.
+
+Failure modes and answers
+-------------------------
+- A solution on a bound is on either side of it by rounding: it is outside only where it is so by
+  more than its error.
+- Zero may be outside the bounds, or on one of them, where H need not make sense: where a search
+  begins is well inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidSystemError
+
+if TYPE_CHECKING:
+    from pwscont.system.system import PiecewiseSystem
+
+#: A range is narrow up to this many deviations: a normal distribution would leave it too often.
+NARROW = 8.0
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """The bounds and periods of the n unknowns.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (n,)
+        Infinite where there is no bound.
+    period : ndarray, shape (n,)
+        Infinite where an unknown is not periodic.
+    """
+
+    lower: Array
+    upper: Array
+    period: Array
+
+    @classmethod
+    def of(cls, system: PiecewiseSystem) -> Box:
+        """Return the box of a system.
+
+        Raises
+        ------
+        InvalidSystemError
+            If bounds() or periods() do not fit the number of unknowns, or make no sense.
+        """
+        name, size = type(system).__name__, system.size
+        bounds = system.bounds()
+        if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+            raise InvalidSystemError(f"{name}.bounds() must return (lower, upper), got {bounds!r}")
+        lower, upper = (_broadcast(f"{name}.bounds()", end, size) for end in bounds)
+        period = _broadcast(f"{name}.periods()", system.periods(), size)
+        period[period == 0.0] = np.inf
+        if not (lower < upper).all():
+            i = int(np.flatnonzero(~(lower < upper))[0])
+            raise InvalidSystemError(
+                f"{name}.bounds() needs lower < upper, but for {system.names()[i]} they are "
+                f"{lower[i]} and {upper[i]}"
+            )
+        if not (period > 0.0).all():
+            raise InvalidSystemError(
+                f"{name}.periods() must return positive numbers, infinite where an unknown is not "
+                f"periodic, got {period[~(period > 0.0)][0]}"
+            )
+        return cls(lower, upper, period)
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether there is any bound."""
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether any unknown is periodic."""
+        return bool(np.isfinite(self.period).any())
+
+    def contains(self, z: Array, error: Array) -> bool:
+        """Tell whether z is inside, or outside by no more than ``error``, both shape (n,)."""
+        return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
+
+    def centre(self, scale: Array) -> Array:
+        """Return a point inside: zero, or else the nearest one that is a magnitude inside.
+
+        The middle where the bounds are closer than that.
+        """
+        depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
+        return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)
+
+    def guess(
+        self, normal: Array, even: Array, deviation: Array, near: Array | None = None
+    ) -> Array:
+        """Return a point inside, from random numbers, normal and evenly within (-1/2, 1/2).
+
+        Normally distributed with this deviation around ``near``, or else around the centre; then
+        evenly over a period, or from bound to bound, where that is not much wider.
+        """
+        if near is not None:
+            return self.inside(near + deviation * normal)
+        width = np.minimum(self.upper - self.lower, self.period)
+        narrow = width <= NARROW * deviation
+        away = np.where(narrow, np.where(narrow, width, 0.0) * even, deviation * normal)
+        return self.inside(self.centre(deviation) + away)
+
+    def inside(self, z: Array) -> Array:
+        """Return z, mirrored at a bound that it is beyond, and moved onto one if still beyond."""
+        z = np.where(z < self.lower, 2.0 * self.lower - z, z)
+        z = np.where(z > self.upper, 2.0 * self.upper - z, z)
+        return np.clip(z, self.lower, self.upper)
+
+    def wrapped(self, z: Array) -> Array:
+        """Return z moved by whole periods to within half a period from the centre."""
+        turning = np.isfinite(self.period)
+        period, moved = self.period[turning], z.copy()
+        apart = z[turning] - self.centre(np.zeros_like(z))[turning]
+        moved[turning] -= period * np.round(apart / period)
+        return moved
+
+
+def _broadcast(what: str, values: Any, size: int) -> Array:
+    """Return values as numbers of shape (size,), infinite ones included."""
+    try:
+        array = np.array(np.broadcast_to(np.asarray(values, dtype=float), (size,)))
+    except (TypeError, ValueError) as error:
+        raise InvalidSystemError(
+            f"{what} must return numbers that can be broadcast to shape ({size},), got {values!r}"
+        ) from error
+    if np.isnan(array).any():
+        raise InvalidSystemError(f"{what} must return numbers, got {values!r}")
+    return array

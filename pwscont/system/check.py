@@ -1,0 +1,198 @@
+"""Does a new system keep its promises? For authors of plug-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, dense, finite_array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.generic import generic
+from pwscont.basics.rounding import EPS
+from pwscont.system.contract import check_contract, checked_size
+from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
+from pwscont.system.system import PiecewiseSystem
+
+#: Newton steps to the interface of a test function.
+STEPS_TO_INTERFACE = 20
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The outcome of :func:`check_system`; it is true when there are no defects."""
+
+    defects: tuple[Defect, ...]
+    points: int
+
+    def __bool__(self) -> bool:
+        return not self.defects
+
+    def __str__(self) -> str:
+        if not self.defects:
+            return f"no defects found at {self.points} points"
+        return "\n".join([f"{len(self.defects)} defects:", *(f"- {d}" for d in self.defects)])
+
+
+def check_system(
+    system: PiecewiseSystem, points: Iterable[tuple[Any, float]], radius: float = 0.1
+) -> Report:
+    """Check what a system promises, at and near some points.
+
+    - Jacobians agree with differences.
+    - From every point each test function is followed to its zero set; there the selections of
+      both sides must agree (H is continuous), and their Jacobians may differ only by a rank-one
+      matrix c grad(kappa_i)^T (F1): otherwise tracing would turn the wrong way at a kink.
+    - Within ``radius`` of every point selections and tests are smooth: a kink that no test
+      announces, such as a maximum in a residual, is found by steps of different lengths.
+    - Signs of tests that :meth:`~PiecewiseSystem.bounding_tests` leaves out change nothing.
+    - What is promised to be affine is affine; blocks own what depends on their modes.
+    - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and where
+      the system says ``unique`` there are no two at one alpha.
+    - At the alphas of the points, of a slicewise linear system of up to some thousand cells: the
+      signs of all solutions sum to ``degree``, and there is one only if ``unique`` says so. For
+      other systems every run says it: the graph is not balanced, or the promise is refused.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    points : iterable of (array_like, shape (n,)) and float
+        Pairs (z, alpha), on the curve or not; a handful of random ones does. Give some solutions
+        too, such as ``(s.z, s.alpha)`` of a graph: what holds for solutions only is checked there.
+    radius : float
+        How far from the points is looked, relative to typical magnitudes.
+
+    Returns
+    -------
+    Report
+        ``bool(report)`` is True where nothing is wrong; ``print(report)`` names the defects.
+
+    Raises
+    ------
+    InvalidSystemError
+        If a method returns an array of the wrong shape.
+    InvalidInputError
+        If the radius is not positive.
+    """
+    size = checked_size(system)
+    if not 0.0 < finite_array("radius", radius, ()) < np.inf:
+        raise InvalidInputError(f"radius must be positive, got {radius}")
+    defects: list[Defect] = []
+    solutions: list[Array] = []
+    count = 0
+    for values, alpha in points:
+        z = finite_array("z of a point", values, (size,))
+        check_contract(system, z, float(alpha))
+        x = np.append(z, float(alpha))
+        defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
+        defects += closer_look(system, x, float(radius))
+        solutions += [x] if is_solution(system, x) else []
+        count += 1
+    defects += _not_unique(system, solutions)
+    return Report(tuple(defects), count)
+
+
+def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:
+    """Compare solutions at one alpha, where the system promises that there is one only."""
+    if not getattr(system, "unique", False):
+        return
+    for x, y in combinations(solutions, 2):
+        apart = np.abs((x - y) / system.differences(float(x[-1])).scale).max()
+        if x[-1] == y[-1] and apart > TOLERANCE:
+            what = "unique is True, but there is another solution at this alpha"
+            yield Defect(what, x[:-1], float(x[-1]), float(apart))
+
+
+def _wrong_jacobians(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
+    z, alpha = x[:-1], float(x[-1])
+    character, differences = system.character(z, alpha), system.differences(alpha)
+    compared = {
+        f"jacobian in {system.describe(character)}": (
+            system.jacobian(z, alpha, character),
+            differences.jacobian(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
+        ),
+        "test_jacobian": (
+            system.test_jacobian(z, alpha),
+            differences.jacobian(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
+        ),
+    }
+    for what, (given, expected) in compared.items():
+        size = relative(dense(given) - expected, expected)
+        if not size <= TOLERANCE:
+            yield Defect(f"{what} does not match differences", z, alpha, size)
+
+
+def _wrong_interfaces(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
+    for test in range(len(system.test_functions(x[:-1], float(x[-1])))):
+        y = _on_interface(system, x, test)
+        if y is not None:
+            yield from _wrong_interface(system, y, test)
+
+
+def _on_interface(system: PiecewiseSystem, x: Array, test: int) -> Array | None:
+    """Return a point near x with kappa_test = 0, None where Newton finds none."""
+    for _ in range(STEPS_TO_INTERFACE):
+        value = float(system.test_functions(x[:-1], float(x[-1]))[test])
+        gradient = dense(system.test_jacobian(x[:-1], float(x[-1])))[test]
+        slope = float(gradient @ gradient)
+        if slope == 0.0 or not np.isfinite(value):
+            return None
+        step = value / slope * gradient
+        x = x - step
+        if np.linalg.norm(step) <= EPS * (1.0 + np.linalg.norm(x)) * 8.0:
+            return x
+    return None
+
+
+def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[Defect]:
+    z, alpha = x[:-1], float(x[-1])
+    here = system.character(z, alpha)
+    if not system.domain[0] <= alpha <= system.domain[1] or _many_vanish(system, x, test):
+        return
+    sides = [here.with_sign(test, sign) for sign in (True, False)]
+    if not any(test in system.bounding_tests(side) for side in sides):
+        yield from _wrong_bounds(system, x, test, sides)
+        return
+    if any(system.end(side, frozenset({test})) for side in sides):
+        return  # nothing is promised beyond
+    one, other = (system.residual(z, alpha, side) for side in sides)
+    if not (jump := relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
+        yield Defect(
+            f"H jumps across test function {test} ({_names(system, sides)})", z, alpha, jump
+        )
+    J, K = (dense(system.jacobian(z, alpha, side)) for side in sides)
+    gradient = dense(system.test_jacobian(z, alpha))[test]
+    c = (K - J) @ gradient / (gradient @ gradient)
+    if not (rest := relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
+        what = f"F1: the Jacobians across test function {test} ({_names(system, sides)}) differ by"
+        yield Defect(f"{what} more than c grad(kappa)^T", z, alpha, rest)
+
+
+def _wrong_bounds(
+    system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
+) -> Iterator[Defect]:
+    """Compare selections between which there is no interface, aside of where they meet."""
+    scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
+    z = x[:-1] + scale[:-1] * generic(len(x) - 1)
+    one, other = (system.residual(z, alpha, side).copy() for side in sides)
+    if not (size := relative(one - other, np.append(np.abs(one), EPS))) <= TOLERANCE:
+        what = f"bounding_tests leaves out {system.test_name(test)}, whose sign changes H"
+        yield Defect(f"{what} ({_names(system, sides)})", z, alpha, size)
+
+
+def _many_vanish(system: PiecewiseSystem, x: Array, test: int) -> bool:
+    """Tell whether another test vanishes too: then four or more cells meet, not two."""
+    gradients = np.abs(dense(system.test_jacobian(x[:-1], float(x[-1]))))
+    near = np.abs(system.test_functions(x[:-1], float(x[-1])))
+    zero = near <= TOLERANCE * (gradients @ (np.abs(x) + EPS))
+    zero[test] = False
+    return bool(zero.any())
+
+
+def _names(system: PiecewiseSystem, sides: list[Character]) -> str:
+    return " | ".join(system.describe(side) for side in sides)

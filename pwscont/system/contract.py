@@ -1,0 +1,101 @@
+"""Shapes that a system's methods must return: all before any work, those of values always."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.system.shapes import expect, own_array
+from pwscont.system.system import PiecewiseSystem
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """What a system returned at one point.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    character : Character
+    tests, residual : ndarray, shapes (m,) and (n,)
+    gradients, jacobian : ndarray or sparse matrix, shapes (m, n + 1) and (n, n + 1)
+    """
+
+    x: Array
+    character: Character
+    tests: Array
+    gradients: Matrix
+    residual: Array
+    jacobian: Matrix
+
+
+def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
+    """Call every method of a system at a point and check the shapes of what it returns.
+
+    Returns
+    -------
+    Sample
+
+    Raises
+    ------
+    InvalidSystemError
+        Naming the method, what it returned and what it should return.
+    """
+    given, tests = z.copy(), system.test_functions(z, alpha)
+    tests = own_array(system, "test_functions", tests, (np.size(tests),))
+    character, m = Character.of(tests), len(tests)
+    residual = residual_at(system, z, alpha, character)
+    jacobian = jacobian_at(system, z, alpha, character)
+    gradients = system.test_jacobian(z, alpha)
+    expect(system, "test_jacobian", gradients, (m, system.size + 1))
+    beyond = [i for i in system.bounding_tests(character) if not 0 <= i < m]
+    if beyond:
+        raise InvalidSystemError(
+            f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
+        )
+    if not np.array_equal(z, given):
+        raise InvalidSystemError(
+            f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
+        )
+    return Sample(np.append(z, alpha), character, tests, gradients, residual, jacobian)
+
+
+def checked_size(system: PiecewiseSystem) -> int:
+    """Return the number of unknowns, or say that the system has none."""
+    size = getattr(system, "size", None)
+    if not isinstance(size, int | np.integer) or size < 1:
+        raise InvalidSystemError(
+            f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
+        )
+    return int(size)
+
+
+def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
+    """Return H_chi(z, alpha), shape (n,), in an array of its own.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it has another shape, which it need not have had before.
+    """
+    value = system.residual(z, alpha, character)
+    return own_array(system, "residual", value, (system.size,))
+
+
+def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
+    """Return dH_chi / d(z, alpha), shape (n, n + 1).
+
+    Raises
+    ------
+    InvalidSystemError
+        If it has another shape, which it need not have had before.
+    """
+    jacobian = system.jacobian(z, alpha, character)
+    expect(system, "jacobian", jacobian, (system.size, system.size + 1))
+    return jacobian

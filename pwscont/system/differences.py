@@ -1,0 +1,156 @@
+"""Derivatives of functions that bring none, by differences in the units of the problem.
+
+Failure modes and answers
+-------------------------
+- Steps in other units than the unknowns are rounding or miss the function: they are taken from
+  typical magnitudes of the unknowns, and from the length of the interval of alpha.
+- A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
+  end differences are one-sided, of the same order of accuracy.
+- The step is not what was asked for (alpha between 1e6 and 1e6 + 1): it is divided by the
+  difference of the two arguments, which is exact.
+- A function may return one array again and again: what it returns is copied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.rounding import EPS
+
+#: Balances truncation (h^2) against cancellation (EPS / h) for differences of second order.
+STEP = EPS ** (1.0 / 3.0)
+#: The same for differences of fourth order.
+FINE_STEP = EPS**0.2
+#: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
+CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
+ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
+
+Function: TypeAlias = Callable[[Array], Array]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Differences:
+    """Differences for functions of x = (z, alpha).
+
+    Attributes
+    ----------
+    scale : ndarray, shape (n + 1,)
+        Typical magnitudes of z, and the length of the interval.
+    lo, hi : float
+        The interval of alpha outside of which nothing is evaluated; may be infinite.
+    """
+
+    scale: Array
+    lo: float = -np.inf
+    hi: float = np.inf
+
+    @property
+    def base(self) -> float:
+        """A value of alpha in the interval: its lower end, or the finite one nearest to zero."""
+        return self.lo if np.isfinite(self.lo) else min(0.0, self.hi)
+
+    @property
+    def far(self) -> float:
+        """Another value of alpha in the interval, as far from the first as it may be."""
+        return self.hi if np.isfinite(self.hi - self.lo) else self.base + self._towards_far()
+
+    def _towards_far(self) -> float:
+        return 1.0 if self.base + 1.0 <= self.hi else -1.0
+
+    def contains(self, alpha: float) -> bool:
+        """Tell whether a value of alpha lies in the interval."""
+        return self.lo <= alpha <= self.hi
+
+    def jacobian(self, function: Function, x: Array) -> Array:
+        """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 10 digits right."""
+        with np.errstate(invalid="ignore"):  # inf - inf is what the caller sees to be not finite
+            columns = [_central(function, x, j, self._step(x, j)) for j in range(len(x) - 1)]
+            return np.stack([*columns, self._by_alpha(function, x)], axis=1)
+
+    def by_parameter(self, function: Callable[[float], Array], alpha: float) -> Array:
+        """Return the derivative at ``alpha`` of a function of the parameter alone."""
+        along = np.zeros_like(self.scale)
+        along[-1] = alpha
+        return self._by_alpha(lambda x: function(float(x[-1])), along)
+
+    def exact(self, function: Function) -> Array:
+        """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
+        x = np.zeros_like(self.scale)
+        x[-1] = self.base
+        origin, columns = _value(function, x), []
+        ends = np.append(_power_of_two(self.scale[:-1]), self.far)  # divided by without rounding
+        for j, end in enumerate(ends):
+            other = x.copy()
+            other[j] = end
+            columns.append((_value(function, other) - origin) / (end - x[j]))
+        return np.stack(columns, axis=1)
+
+    def along(self, function: Function, x: Array, direction: Array) -> Array:
+        """Return the derivative of ``function`` along a direction, to fourth order.
+
+        Parameters
+        ----------
+        function : callable
+        x, direction : ndarray, shape (n + 1,)
+            The direction has about the length of typical magnitudes.
+        """
+        step = FINE_STEP * direction
+        reach = 2.0 * abs(float(step[-1]))
+        weights, sign = CENTRAL, 1.0
+        if not (self.contains(x[-1] - reach) and self.contains(x[-1] + reach)):
+            weights = ONE_SIDED
+            sign = np.copysign(1.0, step[-1]) * self._inward(x, reach)
+        terms = [w * _value(function, x + sign * k * step) for k, w in weights.items()]
+        derivative: Array = np.sum(terms, axis=0) / (sign * FINE_STEP)
+        return derivative
+
+    def _inward(self, x: Array, reach: float) -> float:
+        """Return the sign of the way that leads inside from next to an end of the interval."""
+        return 1.0 if x[-1] - reach < self.lo else -1.0
+
+    def _step(self, x: Array, j: int) -> float:
+        """Return the step: terms that a large x makes large cancel with EPS times their size."""
+        scale = float(self.scale[j])
+        larger = max(abs(float(x[j])) / scale, 1.0)
+        return float(STEP * scale * np.cbrt(larger))
+
+    def _by_alpha(self, function: Function, x: Array) -> Array:
+        """Return the last column, one-sided where central differences would leave the interval."""
+        h = min(self._step(x, -1), 0.5 * (self.hi - self.lo))
+        if self.contains(x[-1] - h) and self.contains(x[-1] + h):
+            return _central(function, x, -1, h)
+        h *= self._inward(x, h)
+        near, far = x.copy(), x.copy()
+        near[-1] += h
+        far[-1] = min(max(x[-1] + 2.0 * h, self.lo), self.hi)
+        a, b, here = near[-1] - x[-1], far[-1] - x[-1], _value(function, x)
+        # the slope at x of the parabola through three points
+        first, second = (_value(function, other) - here for other in (near, far))
+        column: Array = (first * (b / a) - second * (a / b)) / (b - a)
+        return column
+
+
+def _central(function: Function, x: Array, j: int, h: float) -> Array:
+    """Return the derivative by x_j, by central differences."""
+    forward, backward = x.copy(), x.copy()
+    forward[j] += h
+    backward[j] -= h
+    change = _value(function, forward) - _value(function, backward)
+    column: Array = change / (forward[j] - backward[j])  # not 2 h, for rounding
+    return column
+
+
+def _value(function: Function, x: Array) -> Array:
+    """Return a value of its own, also where the function returns one buffer again and again."""
+    return np.array(function(x), dtype=float)
+
+
+def _power_of_two(numbers: Array) -> Array:
+    """Return the powers of two next above positive numbers."""
+    return np.ldexp(1.0, np.frexp(numbers)[1])

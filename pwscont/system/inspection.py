@@ -1,0 +1,213 @@
+"""Promises that only a closer look sees broken: what check_system does besides Jacobians and F1.
+
+Failure modes and answers
+-------------------------
+- A kink between samples: second differences show it, for they shrink like the step, not like its
+  square; a bump as narrow as a step shrinks in the end, so three lengths of steps are compared.
+- Rounding looks like a kink: differences below a part of the values are left alone.
+- What holds for solutions only is checked only where H is zero to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, dense
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.generic import generic
+from pwscont.basics.rounding import EPS
+from pwscont.system.all_cells import signs_of_solutions
+from pwscont.system.contract import check_contract, residual_at
+from pwscont.system.promises import check_blocks, check_promises
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+
+#: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
+TOLERANCE = EPS**0.4
+#: Directions along which kinks are looked for, and samples along each.
+DIRECTIONS, SAMPLES = 4, 33
+#: By how much steps are shortened, twice, and by how much second differences of a smooth function
+#: then shrink at least: half way between that of a kink and that of a parabola, on a log scale.
+FINER = 8
+SHRINK = float(FINER) ** 1.5
+#: A solution larger than its typical magnitude by this factor has another one.
+FAR = 1e3
+#: Modes of a block that are compared.
+MOST_MODES = 64
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Defect:
+    """One broken promise.
+
+    Attributes
+    ----------
+    what : str
+        Which promise, and which method or test function broke it.
+    z, alpha
+        Where.
+    size : float
+        How far off, relative to the size of what was compared.
+    """
+
+    what: str
+    z: Array
+    alpha: float
+    size: float
+
+    def __str__(self) -> str:
+        z = np.array2string(self.z, precision=6)
+        return (
+            f"{self.what} at z = {z}, alpha = {self.alpha:.6g}: off by {self.size:.1e} (relative)"
+        )
+
+
+def closer_look(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
+    """Yield the defects at and around a point."""
+    yield from _kinks(system, x, radius)
+    if isinstance(system, SlicewiseLinearSystem):
+        yield from _wrong_classes(system, x)
+    if is_solution(system, x):
+        yield from _wrong_scale(system, x)
+        if isinstance(system, SlicewiseLinearSystem):
+            yield from _wrong_necessary(system, x)
+
+
+def relative(difference: Array, reference: Array) -> float:
+    """Return the largest entry of the difference relative to the largest of the reference."""
+    size = float(np.abs(reference).max(initial=0.0)) or 1.0
+    return float(np.abs(difference).max(initial=0.0)) / size
+
+
+def is_solution(system: PiecewiseSystem, x: Array) -> bool:
+    """Tell whether H is zero to rounding of its terms."""
+    z, alpha = x[:-1], float(x[-1])
+    character, scale = system.character(z, alpha), system.differences(alpha).scale
+    terms = np.abs(dense(system.jacobian(z, alpha, character))) @ (np.abs(x) + scale)
+    return bool((np.abs(system.residual(z, alpha, character)) <= TOLERANCE**2 * terms).all())
+
+
+def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
+    """Look for kinks of the selection and of the tests along some lines through a point."""
+    z, alpha = x[:-1], float(x[-1])
+    character, differences = system.character(z, alpha), system.differences(alpha)
+    functions: dict[str, Callable[[Array], Array]] = {
+        f"residual in {system.describe(character)} has": lambda y: np.array(
+            system.residual(y[:-1], float(y[-1]), character)
+        ),
+        "test_functions have": lambda y: np.array(system.test_functions(y[:-1], float(y[-1]))),
+    }
+    for what, function in functions.items():
+        for shift in range(DIRECTIONS):
+            step = radius * differences.scale * generic(len(x), float(shift))
+            if not all(differences.contains(alpha + sign * step[-1]) for sign in (-1.0, 1.0)):
+                step[-1] = 0.0
+            at = _kink(lambda t, f=function, d=step: f(x + t * d))  # type: ignore[misc]
+            if at is not None:
+                y = x + at * step
+                yield Defect(
+                    f"{what} a kink or jump that no test function announces",
+                    y[:-1],
+                    float(y[-1]),
+                    abs(at) * radius,
+                )
+                break
+
+
+def _kink(function: Callable[[float], Array]) -> float | None:
+    """Return where in (-1, 1) a function has a kink, None where it is smooth or not finite."""
+    lo, hi, before = -1.0, 1.0, None
+    for _ in range(3):
+        t = np.linspace(lo, hi, SAMPLES)
+        with np.errstate(all="ignore"):
+            values = np.array([function(float(s)) for s in t])
+        if not np.isfinite(values).all():
+            return None
+        seconds = np.abs(np.diff(values, 2, axis=0)).max(axis=1, initial=0.0)
+        i, size = int(np.argmax(seconds)), float(np.abs(values).max(initial=0.0))
+        if seconds[i] <= EPS**0.75 * size or (before and seconds[i] * SHRINK < before):
+            return None
+        step, before = t[1] - t[0], seconds[i]
+        lo, hi = t[i + 1] - 2.0 * step, t[i + 1] + 2.0 * step
+    return float(t[i + 1])
+
+
+def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
+    """Compare affine models, and look at what the blocks own."""
+    z, alpha = x[:-1], float(x[-1])
+    differences = system.differences(alpha)
+    interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
+    try:
+        check_promises(system, interval, check_contract(system, z, alpha))
+        check_blocks(system, len(system.test_functions(z, alpha)))
+    except InvalidSystemError as error:
+        yield Defect(str(error), z, alpha, 1.0)
+        return
+    yield from _wrong_number(system, x)
+    character = system.character(z, alpha)
+    for number, block in enumerate(system.blocks()):
+        others = np.setdiff1d(np.arange(system.size), block.rows)
+        for changed in islice(_with_each_mode(character, block), MOST_MODES):
+            first, second = (residual_at(system, z, alpha, c) for c in changed)
+            size = relative((second - first)[others], np.append(np.abs(first), EPS))
+            if not size <= TOLERANCE:
+                what = f"blocks(): a mode of block {number} changes rows that it does not own"
+                yield Defect(what, z, alpha, size)
+                break
+
+
+def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
+    """Compare all solutions at one alpha with what is said of their number and signs."""
+    alpha = float(x[-1])
+    if system.degree is None and not system.unique:
+        return
+    signs = signs_of_solutions(system, alpha)
+    if signs is None:
+        return
+    if system.degree is not None and sum(signs) != system.degree:
+        what = f"degree is {system.degree}, but the signs of all solutions sum to {sum(signs)}"
+        yield Defect(what, x[:-1], alpha, float(abs(sum(signs) - system.degree)))
+    if system.unique and len(signs) > 1:
+        what = f"unique is True, but there are {len(signs)} solutions at this alpha"
+        yield Defect(what, x[:-1], alpha, float(len(signs) - 1))
+
+
+def _with_each_mode(character: Character, block: Block) -> Iterator[tuple[Character, Character]]:
+    """Yield the character with the first mode of a block, and with each of the others."""
+    first = _with_mode(character, block.tests, block.modes[0])
+    for mode in block.modes[1:]:
+        yield first, _with_mode(character, block.tests, mode)
+
+
+def _with_mode(character: Character, tests: Sequence[int], mode: Sequence[bool]) -> Character:
+    for test, sign in zip(tests, mode, strict=True):
+        character = character.with_sign(test, sign)
+    return character
+
+
+def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
+    """Compare a solution with what is said to be typical."""
+    scale = system.differences(float(x[-1])).scale[:-1]
+    ratios = np.abs(x[:-1]) / scale
+    j = int(np.argmax(ratios))
+    if system.gives_scale and ratios[j] > FAR:
+        what = f"scale() says {scale[j]:.3g} for {system.names()[j]}, which is {x[j]:.3g}"
+        yield Defect(what, x[:-1], float(x[-1]), float(ratios[j]))
+
+
+def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
+    """Look whether a solution in its cell satisfies what is said to hold for every solution."""
+    z, alpha = x[:-1], float(x[-1])
+    A, b = system.necessary(alpha)
+    rows, scale = dense(A), system.differences(alpha).scale[:-1]
+    terms = np.abs(rows) @ (np.abs(z) + scale) + np.abs(b)
+    short = -(rows @ z + b) / np.where(terms > 0.0, terms, 1.0)
+    for row in np.flatnonzero(short > TOLERANCE):
+        what = f"necessary(): a solution breaks inequality {row}"
+        yield Defect(what, z, alpha, float(short[row]))

@@ -1,0 +1,252 @@
+"""Promises of a user's system that are tested while it is used, each at the cost of one residual.
+
+Failure modes and answers
+-------------------------
+- A residual or test function that is promised to be affine and is not: it is compared with its
+  affine model, one evaluation away from where the matrix came from. What is left is compared with
+  the terms, so that neither units nor conditioning raise an alarm.
+- H jumps at an interface: the residuals of both selections there differ by more than rounding of
+  their terms, and by more than the error of the point can change them.
+- H is not finite wherever solutions are looked for: nothing is found, which is no answer.
+- Blocks claim the same rows, so that one switch decides what belongs to another.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.generic import generic
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.system.contract import Sample, residual_at
+from pwscont.system.selection import Selection
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
+
+#: What is promised to be affine may differ from its affine model by this part of its terms: far
+#: more than rounding, far less than a curved function does over typical magnitudes.
+BENT = EPS**0.5
+#: Tests below this part of their terms may vanish at the same corner.
+NEAR = EPS**0.5
+#: Points at which H is evaluated where a search found nothing.
+PROBES = 8
+
+
+def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
+    """Test what a system promises by its class, before any work, away from one point.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+        Fitted to the interval.
+    interval : tuple of float
+    sample : Sample
+        What it returned at a point of the interval.
+
+    Raises
+    ------
+    InvalidSystemError
+        If selections or tests are promised to be affine, and are not.
+    """
+    if not isinstance(system, SlicewiseLinearSystem):
+        return
+    x = sample.x
+    dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
+    straight = isinstance(system, PiecewiseLinearSystem)
+    dx[-1] *= straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / np.diff(interval)[0]
+    refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
+    refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
+
+
+def refuse_bent(
+    system: PiecewiseSystem,
+    character: Character,
+    x: Array,
+    dx: Array,
+    residual: Array,
+    jacobian: Matrix,
+) -> None:
+    """Refuse a selection whose value at ``x + dx`` is not what value and Jacobian at ``x`` say.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    z, alpha = (x + dx)[:-1], float(x[-1] + dx[-1])
+    if is_bent(residual_at(system, z, alpha, character), residual, jacobian, dx):
+        raise InvalidSystemError(_bent(system, f"residual in {system.label(character)}", dx))
+
+
+def refuse_bent_tests(
+    system: PiecewiseSystem, x: Array, dx: Array, tests: Array, gradients: Matrix
+) -> None:
+    """Refuse test functions that are not affine, as :func:`refuse_bent` refuses a selection."""
+    if is_bent(system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1])), tests, gradients, dx):
+        raise InvalidSystemError(_bent(system, "test_functions", dx))
+
+
+def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
+    """Tell whether ``value`` is not ``origin + matrix @ dx``, by more than a part of the terms."""
+    terms = np.abs(value) + np.abs(origin) + abs(matrix) @ np.abs(dx)
+    return bool((np.abs(value - origin - matrix @ dx) > BENT * terms).any())
+
+
+def _bent(system: PiecewiseSystem, what: str, dx: Array) -> str:
+    promise = next(b for b in type(system).__mro__ if b.__module__ == PiecewiseSystem.__module__)
+    where = "(z, alpha)" if dx[-1] else "z at fixed alpha"
+    return (
+        f"{type(system).__name__} is a {promise.__name__}, but {what} is not affine in {where}, or "
+        "its Jacobian is wrong: derive from PiecewiseSystem, or run check_system"
+    )
+
+
+def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
+    """Refuse a selection that is not affine along the ray from ``x`` to ``x + dx``.
+
+    Only its second difference is looked at, which an error of the direction does not change.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
+    sizes = abs(selection.jacobian(x))
+    terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
+    rounding = GUARD * EPS * (sizes @ scale)
+    if (np.abs(start - 2.0 * middle + end) > BENT * terms + rounding).any():
+        raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
+
+
+def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale: Array) -> None:
+    """Refuse selections that differ at a common point by more than rounding.
+
+    Parameters
+    ----------
+    one, other : Selection
+    x : ndarray, shape (n + 1,)
+        A point of both closed cells, but for its error.
+    error : ndarray, shape (n + 1,)
+        Estimate of the error of each component.
+    scale : ndarray, shape (n + 1,)
+        Typical magnitudes.
+
+    Raises
+    ------
+    InvalidSystemError
+        Naming the cells, the point and the size of the jump.
+    """
+    jump = np.abs(other.residual(x) - one.residual(x))
+    uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
+    jacobians = one.jacobian(x), other.jacobian(x)
+    excess = jump - sum(abs(jacobian) @ uncertain for jacobian in jacobians)
+    if (excess > 0.0).any() and _is_corner((one, other), x, scale):
+        excess -= NEAR * (jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians))
+    row = int(np.argmax(excess))
+    if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
+        name, size = type(one.system).__name__, float(jump[row])
+        raise InvalidSystemError(
+            f"{name}.residual jumps by {size:.3g} in row {row} where {one.label} and {other.label} "
+            f"meet, at alpha = {x[-1]:.10g}, z = {np.array2string(x[:-1], threshold=6)}: H must be "
+            "continuous, so both selections must agree there; run check_system"
+        )
+
+
+def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bool:
+    """Tell whether several tests are next to zero at a point.
+
+    Their signs there are rounding, and may name a cell whose selection agrees with the other one at
+    the corner only. Rows with different gradients differ there as far as the corner is away.
+    """
+    near: set[int] = set()
+    for side in sides:
+        sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
+        near |= set(side.bounding[np.abs(side.tests(x)) <= NEAR * sizes].tolist())
+    return len(near) > 1
+
+
+def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
+    """Tell whether a point lies in the closed cells of both selections, as far as tests can tell.
+
+    A test tells nothing where rounding of one of its terms hides another one: with friction
+    coefficients of 1e13 the cell that it names may be any.
+    """
+    for side in sides:
+        gradients = np.abs(dense(side.test_gradients(x)))
+        terms = gradients * (np.abs(x) + scale)
+        least = np.where(terms > 0.0, terms, np.inf).min(axis=1, initial=np.inf)
+        if (GUARD * EPS * terms.sum(axis=1) > least).any():
+            return False
+        if (side.tests(x) < -(gradients @ uncertain)).any():
+            return False
+    return True
+
+
+def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
+    """Refuse a system that is finite at none of some points around zero, at the ends or between.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    lo, hi = interval
+    probes = list(_probes(system.differences(lo).scale[:-1], (lo, 0.5 * (lo + hi), hi)))
+    if not any(_is_finite(system, z, alpha) for z, alpha in probes):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.residual or test_functions is finite at none of "
+            f"{len(probes)} points of typical magnitudes, such as z = 0 at alpha = "
+            f"{probes[0][1]:.6g}: no solution can be searched; trace() from a point where H is "
+            "defined"
+        )
+
+
+def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, float]]:
+    for alpha in alphas:
+        yield np.zeros(len(scale)), alpha
+        for shift in range(1, PROBES):
+            yield scale * generic(len(scale), shift), alpha
+
+
+def _is_finite(system: PiecewiseSystem, z: Array, alpha: float) -> bool:
+    with np.errstate(all="ignore"):
+        tests = system.test_functions(z, alpha)
+        residual = system.residual(z, alpha, Character.of(tests))
+    return bool(np.isfinite(tests).all() and np.isfinite(residual).all())
+
+
+def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:
+    """Refuse blocks that do not fit the system, or claim the same rows or tests.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    blocks, name = system.blocks(), f"{type(system).__name__}.blocks()"
+    _check_owners(name, "row", system.size, [block.rows for block in blocks])
+    _check_owners(name, "test function", tests, [block.tests for block in blocks])
+    for number, block in enumerate(blocks):
+        if not block.modes or any(len(mode) != len(block.tests) for mode in block.modes):
+            raise InvalidSystemError(
+                f"{name}: every mode of block {number} needs {len(block.tests)} signs, one for "
+                "each of its tests"
+            )
+
+
+def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
+    """Refuse rows or tests that do not exist, or that several blocks claim."""
+    for index, times in Counter(index for claim in claims for index in claim).items():
+        if not 0 <= index < limit:
+            raise InvalidSystemError(f"{name}: there is no {what} {index}, only 0 to {limit - 1}")
+        if times > 1:
+            raise InvalidSystemError(
+                f"{name}: {what} {index} is claimed {times} times, but blocks choose their modes "
+                "independently; join these blocks, or make each switch an unknown of its own: "
+                "y = max(a, b) with the row y - a or y - b"
+            )

@@ -1,0 +1,58 @@
+"""A smaller system with the same solutions, and the way back from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.character import Character
+
+if TYPE_CHECKING:
+    from pwscont.system.system import PiecewiseSystem
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduction:
+    """What remains of a system when parts that provably stay in one mode are left out.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+        The smaller system.
+    kept : ndarray of int
+        Where its unknowns stand among those of the full system; the others are zero.
+    tests : ndarray of int
+        Where its test functions stand among those of the full system.
+    idle : Character
+        A character of the full system with the signs of the parts left out.
+    reasons : tuple of str
+        For every part left out, the proof in words.
+    """
+
+    system: PiecewiseSystem
+    kept: Indices
+    tests: Indices
+    idle: Character
+    reasons: tuple[str, ...]
+
+    def points(self, points: Array, size: int) -> Array:
+        """Return points (..., z, alpha) with the unknowns left out put back as zeros."""
+        full = np.zeros((*points.shape[:-1], size + 1))
+        full[..., self.kept], full[..., -1] = points[..., :-1], points[..., -1]
+        return full
+
+    def state(self, z: Array) -> Array:
+        """Return the unknowns that remain of a state of the full system."""
+        kept: Array = z[self.kept]
+        return kept
+
+    def character(self, character: Character) -> Character:
+        """Return the character of the full system."""
+        signs = list(self.idle.signs)
+        for test, sign in zip(self.tests, character.signs, strict=True):
+            signs[test] = sign
+        return Character(tuple(signs))

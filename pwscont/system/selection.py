@@ -1,0 +1,93 @@
+"""One smooth selection as classical continuation sees it: a map of x = (z, alpha)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.character import Character
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.system import PiecewiseSystem
+
+
+@final
+class Selection:
+    """The selection H_chi of a system together with the tests that bound its cell.
+
+    Test values are signed so that they are positive inside the cell.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    character : Character
+        The frozen character chi.
+    beside : tuple of Character
+        For a curve along an interface, all cells that it belongs to: their tests end it as well.
+    """
+
+    def __init__(
+        self, system: PiecewiseSystem, character: Character, beside: tuple[Character, ...] = ()
+    ) -> None:
+        self.system = system
+        self.character = character
+        self.beside = beside
+        signs: dict[int, bool] = {}
+        for cell in (character, *beside):
+            known = cell.signs
+            for test in system.bounding_tests(cell):
+                signs.setdefault(int(test), known[test])
+        self.bounding: Indices = np.array(list(signs), dtype=np.intp)
+        self._side = np.where(list(signs.values()), 1.0, -1.0)
+
+    @cached_property
+    def cell(self) -> bytes:
+        """The signs that name this selection."""
+        return self.system.cell(self.character)
+
+    @cached_property
+    def cells_beside(self) -> tuple[bytes, ...]:
+        """The signs that name each of the cells that a curve along an interface belongs to."""
+        return tuple(self.system.cell(character) for character in self.beside)
+
+    @cached_property
+    def label(self) -> str:
+        """The name of the cell in the user's words."""
+        return self.system.label(self.character)
+
+    def residual(self, x: Array) -> Array:
+        """Return H_chi(x), shape (n,), in an array of its own."""
+        return residual_at(self.system, x[:-1], float(x[-1]), self.character)
+
+    def jacobian(self, x: Array) -> Matrix:
+        """Return dH_chi/dx, shape (n, n + 1)."""
+        return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
+
+    def tests(self, x: Array) -> Array:
+        """Return the bounding tests, positive inside, shape (len(bounding),)."""
+        return self._side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
+
+    def test(self, x: Array, index: int) -> float:
+        """Return one of :meth:`tests`."""
+        which = self.bounding[index : index + 1]
+        values = self.system.some_tests(x[:-1], float(x[-1]), which)
+        return float(self._side[index] * values[0])
+
+    def test_gradients(self, x: Array) -> Matrix:
+        """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        return _signed(rows, self._side)
+
+    def test_gradient(self, x: Array, index: int) -> Matrix:
+        """Return the gradient of one of :meth:`tests`, shape (1, n + 1)."""
+        which = slice(index, index + 1)
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding[which])
+        return _signed(rows, self._side[which])
+
+
+def _signed(rows: Matrix, side: Array) -> Matrix:
+    if isinstance(rows, np.ndarray):
+        return side[:, np.newaxis] * rows
+    return rows.multiply(side[:, np.newaxis]).tocsr()

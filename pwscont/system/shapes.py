@@ -1,0 +1,44 @@
+"""What a user's method returned, as an array of its own and of the right shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidSystemError
+
+#: Kinds of numbers that are real: floats, integers, booleans.
+REAL = "fiub"
+FLOAT = np.dtype(float)
+
+
+def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return a copy of a value: its owner may use the same array for the next one.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no array of that shape, which it may have been before.
+    """
+    if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
+        return value.copy()  # nearly always
+    expect(system, method, value, shape)
+    if value.dtype.kind not in REAL:
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{method} returned numbers of type {value.dtype} where real "
+            "ones are expected"
+        )
+    return np.array(value, dtype=float)
+
+
+def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Refuse a value of another shape."""
+    got = getattr(value, "shape", None)
+    if got != shape:
+        what = f"shape {got}" if got is not None else f"{type(value).__name__}"
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
+            "is expected"
+        )

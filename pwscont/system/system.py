@@ -1,0 +1,367 @@
+"""The seam that a new problem plugs into."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Self, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.looks import card, counted, short
+from pwscont.system.differences import Differences
+from pwscont.system.reduction import Reduction
+from pwscont.system.shapes import own_array
+
+#: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
+MANY_TESTS = 16
+#: Slots that a system does not share with the same system within an interval.
+OWN = ("__weakref__", "_differences")
+
+
+class PiecewiseSystem(ABC):
+    """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
+
+    The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
+    each named by its :class:`~pwscont.Character`. On a cell, H equals one smooth *selection*.
+    Selections of neighbouring cells must agree on the interface between them, and each must
+    stay evaluable a little beyond its own cell: Newton freezes the character.
+
+    A subclass sets ``size`` and writes :meth:`test_functions` and :meth:`residual`;
+    everything else has a default. Try it with :func:`pwscont.check_system`.
+
+    Attributes
+    ----------
+    size : int
+        n, the number of equations and of unknowns z.
+    domain : tuple of float
+        Values of the parameter for which the system makes sense; default all.
+    degree : int or None
+        The sum of the signs of det(dH/dz) over all solutions at any regular alpha, where it is
+        known to be one and the same; default None, not known.
+    unique : bool
+        The promise that there is never more than one solution at one alpha (a P-matrix, a convex
+        problem); default False. One found is then all, and two are an error in the promise.
+    """
+
+    __slots__ = ("__dict__", "__weakref__", "_differences")
+
+    size: int
+    domain: tuple[float, float] = (-np.inf, np.inf)
+    degree: int | None = None
+    _differences: Differences
+    unique: bool = False
+
+    @abstractmethod
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return kappa(z, alpha), shape (m,)."""
+
+    @abstractmethod
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the selection H_chi(z, alpha), shape (n,), also outside the cell of chi."""
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse.
+
+        Default: by :meth:`differences`.
+        """
+        return self.differences(alpha).jacobian(
+            lambda x: self._residual(x, character), np.append(z, alpha)
+        )
+
+    def _residual(self, x: Array, character: Character) -> Array:
+        """Return H_chi(x) for differences, which a wrong shape would not stop."""
+        value = self.residual(x[:-1], float(x[-1]), character)
+        return own_array(self, "residual", value, (self.size,))
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return d kappa / d(z, alpha), shape (m, n + 1); default by :meth:`differences`."""
+        return self.differences(alpha).jacobian(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
+        )
+
+    def differences(self, alpha: float) -> Differences:
+        """Return what takes derivatives of functions of (z, alpha), in steps that fit.
+
+        In a run they fit its interval, which they do not leave. Elsewhere they fit
+        :meth:`scale` at this alpha, do not leave :attr:`domain`, and take one, or alpha if it is
+        larger, for a typical change of alpha.
+        """
+        if self._is_fitted:
+            return self._differences
+        scale = np.append(self.scale(alpha, alpha), max(1.0, abs(alpha)))
+        return Differences(scale, *self.domain)
+
+    def within(self, lo: float, hi: float, magnitudes: Array | None = None) -> Self:
+        """Return the same system for work on an interval of alpha.
+
+        It shares all attributes with this one, but has :meth:`differences` of its own.
+
+        Parameters
+        ----------
+        lo, hi : float
+        magnitudes : ndarray, shape (n,), optional
+            Typical magnitudes of z, for a system that does not know any; default :meth:`scale`.
+        """
+        twin: Self = object.__new__(type(self))
+        for name in _slots(type(self)):
+            if name not in OWN and hasattr(self, name):
+                object.__setattr__(twin, name, getattr(self, name))
+        scale = self.scale(lo, hi) if magnitudes is None else magnitudes
+        differences = Differences(np.append(scale, hi - lo), lo, hi)
+        object.__setattr__(twin, "_differences", differences)
+        return twin
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether typical magnitudes are given, or were found."""
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
+        return own or (self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any()))
+
+    @property
+    def _is_fitted(self) -> bool:
+        return hasattr(self, "_differences")
+
+    def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
+        """Return only some of the test functions, shape (len(which),).
+
+        Along a piece only the tests that bound its cell are asked for. Default: all are
+        evaluated, and some taken; override it, and :meth:`some_test_gradients`, where each test
+        costs something of its own.
+        """
+        taken: Array = self._some(self.test_functions(z, alpha), alpha, which)
+        return taken
+
+    def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
+        """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
+        taken: Matrix = self._some(self.test_jacobian(z, alpha), alpha, which)
+        return taken
+
+    def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
+        """Return some rows; that there are as many everywhere is checked where it costs nothing."""
+        try:
+            return rows[which]
+        except IndexError as error:
+            raise InvalidSystemError(
+                f"{type(self).__name__} has {rows.shape[0]} test functions at alpha = "
+                f"{alpha:.10g}, and more elsewhere: their number must not change"
+            ) from error
+
+    def bounding_tests(self, character: Character) -> Sequence[int]:
+        """Return the indices of the tests whose zero sets bound this cell; default all.
+
+        All characters that agree with this one on these tests must name the same selection.
+        """
+        return range(len(character.signs))
+
+    def describe(self, character: Character) -> str:
+        """Return all that a user may want to know of a cell, in words."""
+        return f"cell {character}"
+
+    def label(self, character: Character) -> str:
+        """Return the short name of a cell for tables and pictures; default the description."""
+        return self.describe(character)
+
+    def describe_transition(self, before: Character, after: Character) -> str:
+        """Return what a user reads at the transition from one cell to another."""
+        return f"{self.label(before)} → {self.label(after)}"
+
+    def end(self, character: Character, tests: frozenset[int]) -> str | None:
+        """Return why a curve in this cell ends where all of ``tests`` vanish.
+
+        Default None: it goes on in another cell. A system that means nothing beyond some of its
+        tests, such as the locus of a transition, says so here.
+        """
+        return None
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return typical magnitudes of z over the interval, shape (n,).
+
+        They make arc length, and with it every result, independent of units. Default: ones, and
+        in a run that finds solutions of other magnitudes, those.
+        """
+        return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
+
+    def bounds(self) -> tuple[Any, Any]:
+        """Return between which values z makes sense, each broadcastable to (n,); default all.
+
+        Solutions outside are no starts, and a branch that leaves the bounds ends there: a
+        negative voltage, a concentration above one.
+        """
+        return -np.inf, np.inf
+
+    def periods(self) -> Any:
+        """Return after what each unknown repeats itself, broadcastable to (n,); default infinite.
+
+        A promise about H and the tests, such as 2 pi for an angle: solutions that differ by
+        whole periods are one. Infinite, or zero, is not periodic.
+        """
+        return np.inf
+
+    def names(self) -> tuple[str, ...]:
+        """Return a label for each component of z, for tables and axes."""
+        return tuple(f"z[{i}]" for i in range(self.size))
+
+    def __repr__(self) -> str:
+        size = getattr(self, "size", None)  # a repr does not fail, not even of half a system
+        return f"{type(self).__name__}({counted(size, 'unknown') if isinstance(size, int) else ''})"
+
+    def _repr_html_(self) -> str:
+        return card(type(self).__name__, [("system", short(repr(self)))])
+
+    def cells(self) -> Iterator[Character]:
+        """Yield one character for each selection; default by trying all sign patterns.
+
+        Raises
+        ------
+        InvalidSystemError
+            If there are too many tests to try all patterns: override this method.
+        """
+        m = _number_of_tests(self)
+        if has_too_many_tests(self):
+            raise InvalidSystemError(
+                f"{type(self).__name__} has {m} test functions, too many to try all 2^{m} sign "
+                "patterns; override cells() to yield one character for each selection"
+            )
+        seen = set()
+        for signs in product((True, False), repeat=m):
+            character = Character(signs)
+            if (key := self.cell(character)) not in seen:
+                seen.add(key)
+                yield character
+
+    def essential(self, character: Character) -> Indices | None:
+        """Return which components of z determine the others on this selection, None for all.
+
+        Only these are stored of special points; default None.
+        """
+        return None
+
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z, shape (n,), from the components that :meth:`essential` names.
+
+        Affine in them, each other component a multiple of one of them and a constant.
+        """
+        return values
+
+    def reduction(self, lo: float, hi: float) -> Reduction | None:
+        """Return a smaller system with the same solutions for alpha in [lo, hi], if there is one.
+
+        Only what provably stays in one mode on the whole interval may be left out; default
+        None.
+        """
+        return None
+
+    def test_name(self, test: int) -> str:
+        """Return what a user calls a test function."""
+        return f"test function {test}"
+
+    def searches(self) -> tuple[Any, ...]:
+        """Return searches (:class:`~pwscont.search.Search`) made for this kind of system.
+
+        They are added to the default of :func:`pwscont.explore` where trying every cell would
+        take too long; default none.
+        """
+        return ()
+
+    @property
+    def somewhere(self) -> float:
+        """A value of alpha for which the system is defined: in a run, one of its interval."""
+        anywhere = Differences(np.ones(1), *self.domain)
+        return (self._differences if self._is_fitted else anywhere).base
+
+    def character(self, z: Array, alpha: float) -> Character:
+        """Return the character of the point."""
+        return Character.of(self.test_functions(z, alpha))
+
+    def cell(self, character: Character) -> bytes:
+        """Return the signs that matter: characters with equal cells name one selection.
+
+        One byte per test function: 0 for a test that does not bound the cell, else its sign.
+        """
+        signs = character.signs
+        cell = bytearray(len(signs))
+        for i in self.bounding_tests(character):
+            cell[i] = 2 if signs[i] else 1
+        return bytes(cell)
+
+
+def _number_of_tests(system: PiecewiseSystem) -> int:
+    return len(system.test_functions(np.zeros(system.size), system.somewhere))
+
+
+def has_too_many_tests(system: PiecewiseSystem) -> bool:
+    """Tell whether a system without cells of its own has too many sign patterns to try all."""
+    is_default = type(system).cells is PiecewiseSystem.cells
+    return is_default and _number_of_tests(system) > MANY_TESTS
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A part of a system that is in one of several modes, whatever the others do.
+
+    Attributes
+    ----------
+    tests : tuple of int
+        The test functions whose signs choose the mode.
+    rows : tuple of int
+        The rows of H that depend on the mode.
+    modes : tuple of tuple of bool
+        For every mode the signs of these tests in some character that has it.
+    """
+
+    tests: tuple[int, ...]
+    rows: tuple[int, ...]
+    modes: tuple[tuple[bool, ...], ...]
+
+
+class SlicewiseLinearSystem(PiecewiseSystem):
+    """A system whose selections and test functions are affine in z at every fixed alpha.
+
+    The promise lets pwscont list all solutions at one alpha by solving one linear system per
+    cell. A system whose cells are all combinations of the modes of independent parts (contact
+    nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
+    """
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the parts whose modes combine freely; default one part with all cells."""
+        modes = tuple(character.signs for character in self.cells())
+        return (Block(tuple(range(len(modes[0]))), tuple(range(self.size)), modes),)
+
+    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
+        """Return A, shape (k, n), and b, shape (k,): every solution has A z + b >= 0.
+
+        The sharper these inequalities, the sooner hopeless combinations of modes are cut off;
+        default none.
+        """
+        return np.zeros((0, self.size)), np.zeros(0)
+
+
+class PiecewiseLinearSystem(SlicewiseLinearSystem):
+    """A system whose selections and test functions are affine in (z, alpha) together.
+
+    Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
+    to corner without a step size. The default Jacobians are exact here, because differences
+    of affine functions are.
+    """
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
+        return self.differences(alpha).exact(lambda x: self._residual(x, character))
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
+        return self.differences(alpha).exact(lambda x: self.test_functions(x[:-1], float(x[-1])))
+
+
+def _slots(owner: type) -> Iterator[str]:
+    """Yield the names of all slots of a class, that of its ``__dict__`` included."""
+    for base in owner.__mro__:
+        names = vars(base).get("__slots__", ())
+        yield from (names,) if isinstance(names, str) else names

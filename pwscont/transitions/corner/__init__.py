@@ -1,0 +1,1 @@
+"""Corners: where several interfaces meet, every way on."""

@@ -1,0 +1,137 @@
+"""The equations near a point where test functions vanish, to first order: H'(x; d) = e.
+
+They are piecewise linear in the direction d. With e = 0 their solutions are the rays that leave the
+point (:mod:`pwscont.transitions.corner.cone`); with a small generic e they tell how the solution
+behaves under small changes of H (:mod:`pwscont.transitions.corner.index`).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import prod
+from typing import final
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.character import Character
+from pwscont.basics.generic import generic
+from pwscont.curve.metric import Metric
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.transitions.corner.simple import Admits
+
+#: All cells at a corner are tried up to this number: eight contact nodes.
+MANY_CELLS = 4**8
+#: The same for systems that do not name their blocks, whose cells are gone through one by one.
+MANY_TESTS = 12
+
+
+@final
+class Linearised(SlicewiseLinearSystem):
+    """H'(x; d) = e together with c . d = alpha, for the unknown direction d.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+    x : ndarray, shape (n + 1,)
+    zero : frozenset of int
+        The tests that vanish; their signs along d choose the cell.
+    signs : ndarray of bool
+        The signs of the others.
+    row : ndarray, shape (n + 1,), optional
+        c; default a generic one.
+    right : ndarray, shape (n,), optional
+        e; default zero.
+    """
+
+    def __init__(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        x: Array,
+        zero: frozenset[int],
+        signs: npt.NDArray[np.bool_],
+        row: Array | None = None,
+        right: Array | None = None,
+    ) -> None:
+        self.size = len(x)
+        self._system, self._x, self._zero = system, x, zero
+        self._row = generic(len(x)) / metric.scale if row is None else row
+        self._right = np.zeros(len(x) - 1) if right is None else right
+        self._scale = metric.scale
+        self._constant = np.where(signs, 1.0, -1.0)
+        self._constant[list(zero)] = 0.0
+
+    @cached_property
+    def _gradients(self) -> Array:
+        rows = self._system.test_jacobian(self._x[:-1], float(self._x[-1]))
+        gradients = +dense(rows)
+        gradients[self._constant != 0.0] = 0.0
+        return gradients
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return grad(kappa_i) . d for the tests that vanish, their sign for the others."""
+        values: Array = self._gradients @ z + self._constant
+        return values
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the gradients by (d, alpha)."""
+        return np.column_stack([self._gradients, np.zeros(len(self._gradients))])
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return (J_chi d - e, c . d - alpha)."""
+        return np.append(self._rows(character) @ z - self._right, self._row @ z - alpha)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant Jacobian."""
+        rows = self._rows(character)
+        matrix = np.zeros((self.size, self.size + 1))
+        matrix[:-1, :-1] = dense(rows)
+        matrix[-1, :-1], matrix[-1, -1] = self._row, -1.0
+        return matrix
+
+    def _rows(self, character: Character) -> Matrix:
+        return self._system.jacobian(self._x[:-1], float(self._x[-1]), character)
+
+    def bounding_tests(self, character: Character) -> list[int]:
+        """Return the bounding tests of the cell that vanish at the corner."""
+        return [i for i in self._system.bounding_tests(character) if i in self._zero]
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the metric's scale."""
+        return self._scale
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all cells that meet here can be tried."""
+        if not isinstance(self._system, SlicewiseLinearSystem):
+            return len(self._zero) <= MANY_TESTS
+        return prod(len(block.modes) for block in self.blocks()) <= MANY_CELLS
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the system's blocks, with only the modes of the cells that meet here."""
+        if not isinstance(self._system, SlicewiseLinearSystem):
+            return (self._one_block(),)
+        return tuple(
+            Block(block.tests, block.rows, tuple(filter(self._admits(block), block.modes)))
+            for block in self._system.blocks()
+        )
+
+    def _admits(self, block: Block) -> Admits:
+        signs = self._constant >= 0.0
+        return Admits(self._system, block, signs.tolist(), self._zero)
+
+    def _one_block(self) -> Block:
+        """Return all cells that meet here as the modes of one block."""
+        zero = sorted(self._zero)
+        signs = Character(tuple((self._constant >= 0.0).tolist()))
+        cells: dict[bytes, tuple[bool, ...]] = {}
+        for pattern in range(2 ** len(zero)):
+            character = signs
+            for k, test in enumerate(zero):
+                character = character.with_sign(test, bool(pattern >> k & 1))
+            cells.setdefault(self._system.cell(character), character.signs)
+        rows = tuple(range(self.size - 1))
+        return Block(tuple(range(len(signs.signs))), rows, tuple(cells.values()))

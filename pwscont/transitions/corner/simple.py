@@ -1,0 +1,126 @@
+"""Corners at which every cell has one ray at most: cell by cell, by a solve and some signs.
+
+Most corners are like this, above all those of symmetric bodies, where two nodes change their modes
+together: few cells meet, and J_chi d = 0 has one solution d but for its length in each. It is a ray
+if the tests that vanish grow along it into the cell (docs/theory, F8). The matrices are those of
+the paths themselves, so that structure and updates of factorisations serve here as well.
+
+Failure modes and answers
+-------------------------
+- A cell has more than one null vector, or a test stays zero along one: the corner may be
+  degenerate, and is left to the cone problem, :mod:`pwscont.transitions.corner.cone`.
+- A slope is nothing but rounding: the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import TypeAlias, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.generic import generic
+from pwscont.basics.rounding import EPS
+from pwscont.curve.metric import Metric
+from pwscont.linear.factorise import bordered, last_unit
+from pwscont.system.selection import Selection
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+
+#: A direction d of length one in the metric, and the cells that it belongs to.
+Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
+
+#: Corners with up to this many cells are tried cell by cell at first.
+FEW_CELLS = 64
+#: A test whose slope is below this part of its terms may as well stay zero.
+SLANT = EPS**0.5
+
+
+def simple_corner(
+    system: PiecewiseSystem, metric: Metric, x: Array, zero: frozenset[int]
+) -> list[Direction] | None:
+    """Return the directions of all rays, cell by cell, or None where that is not simple.
+
+    In each cell J_chi d = 0 has one solution but for its length, and the signs of the slopes of
+    the tests that vanish say whether d, or -d, or neither is a ray. It is not simple where a cell
+    has more solutions, where a slope vanishes, or where there are many cells.
+    """
+    cells = _few_cells(system, x, zero)
+    if cells is None:
+        return None
+    found: list[Direction] = []
+    for character in cells:
+        selection = Selection(system, character)
+        direction = _only_direction(selection, metric, x)
+        slopes = None if direction is None else _slopes(selection, metric, x, direction, zero)
+        if direction is None or slopes is None:
+            return None
+        if (slopes > 0.0).all() or (slopes < 0.0).all():
+            found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
+    return found
+
+
+def _few_cells(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> list[Character] | None:
+    """Return a character for each cell that meets at ``x``; None for many, or where unknown."""
+    if not isinstance(system, SlicewiseLinearSystem) or not zero:
+        return None
+    here = Character.of(system.test_functions(x[:-1], float(x[-1])))
+    signs = here.signs
+    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
+    choices = [
+        [mode for mode in block.modes if Admits(system, block, list(signs), zero)(mode)]
+        for block in blocks
+    ]
+    if prod(map(len, choices)) > FEW_CELLS:
+        return None
+    return [_with_modes(signs, blocks, modes) for modes in product(*choices)]
+
+
+def _with_modes(
+    signs: tuple[bool, ...], blocks: list[Block], modes: tuple[tuple[bool, ...], ...]
+) -> Character:
+    """Return a character with the signs of some blocks replaced."""
+    changed = list(signs)
+    for block, mode in zip(blocks, modes, strict=True):
+        for test, sign in zip(block.tests, mode, strict=True):
+            changed[test] = sign
+    return Character(tuple(changed))
+
+
+def _only_direction(selection: Selection, metric: Metric, x: Array) -> Array | None:
+    """Return the null vector of J_chi, None where there are several to rounding."""
+    factor = bordered(selection.jacobian(x), generic(len(x)) / metric.scale, metric.binary)
+    return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
+
+
+def _slopes(
+    selection: Selection, metric: Metric, x: Array, direction: Array, zero: frozenset[int]
+) -> Array | None:
+    """Return how the bounding tests that vanish grow into the cell, None if not all clearly do."""
+    vanish = [int(test) in zero for test in selection.bounding]
+    rows = selection.test_gradients(x)[np.flatnonzero(vanish)]
+    slopes: Array = rows @ direction
+    least = SLANT * (abs(rows) @ (np.abs(direction) + SLANT * metric.scale))
+    return slopes if any(vanish) and (np.abs(slopes) > least).all() else None
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Admits:
+    """Tells whether a mode of a block belongs to a cell that meets at the corner."""
+
+    system: PiecewiseSystem
+    block: Block
+    signs: list[bool]
+    zero: frozenset[int]
+
+    def __call__(self, mode: tuple[bool, ...]) -> bool:
+        """Tell whether the signs at the corner are those of the mode, but for what vanishes."""
+        signs = list(self.signs)
+        for test, sign in zip(self.block.tests, mode, strict=True):
+            signs[test] = sign
+        bounding = set(self.system.bounding_tests(Character(tuple(signs)))) & set(self.block.tests)
+        return all(signs[i] == self.signs[i] for i in bounding - self.zero)

@@ -1,0 +1,307 @@
+"""All transitions of a family of systems, followed while the second parameter moves.
+
+In the plane of alpha and mu their loci are curves. Between two loci nothing changes but numbers;
+the number of solutions changes at those loci only that are folds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.kind import Kind
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.continuation.explore import explore
+from pwscont.continuation.plan import Report, silent, uninterrupted
+from pwscont.continuation.trace import trace
+from pwscont.curve.curve import Curve
+from pwscont.curve.metric import Metric
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.rays import Ray, inward_ray
+from pwscont.two_parameters.family import MakeSystem
+from pwscont.two_parameters.transition_locus import TransitionLocus
+
+#: Loci that come closer than this (relative) at one mu are one.
+SAME_LOCUS = EPS**0.5
+#: Points of a part are so dense that it leaves its chords by less than this part of the range
+#: of alpha.
+FLAT = 1e-4
+
+
+@final
+class Crossing(StrEnum):
+    """What alpha does where a curve passes a transition."""
+
+    FOLD = "fold"
+    TRANSITION = "transition"
+    VERTICAL = "vertical"
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Locus:
+    """One transition while mu moves.
+
+    Attributes
+    ----------
+    system : TransitionLocus
+    graph : BranchGraph
+        Its curve: unknowns (z, alpha), parameter mu.
+    """
+
+    system: TransitionLocus
+    graph: BranchGraph
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class LocusPart:
+    """A part of a locus that is all fold, or all none.
+
+    Attributes
+    ----------
+    crossing : Crossing
+        A fold; a transition that alpha passes; or one with a vertical piece on one side, where
+        one alpha has infinitely many solutions.
+    label : str
+        The cells on both sides.
+    points : ndarray, shape (k, n + 2)
+        Points (z, alpha, mu), mu monotone.
+    """
+
+    crossing: Crossing
+    label: str
+    points: Array
+
+    @property
+    def plane(self) -> Array:
+        """The points (alpha, mu), shape (k, 2), mu increasing."""
+        plane = self.points[:, -2:]
+        return plane if plane[-1, 1] >= plane[0, 1] else plane[::-1]
+
+    @property
+    def lowest(self) -> Array:
+        """The point (z, alpha, mu) with the smallest mu."""
+        lowest: Array = self.points[int(np.argmin(self.points[:, -1]))]
+        return lowest
+
+
+def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -> float:
+    """Tell whether a transition is a fold: positive where alpha turns, negative where not.
+
+    It is the product of the slopes of alpha along the curves that leave to both sides, each of
+    length one. They are proportional to det(dH/dz) (docs/theory, F3), with one sign for both
+    sides (F2), so it vanishes where one of the determinants does: there the transition stops
+    being a fold.
+
+    Parameters
+    ----------
+    locus : TransitionLocus
+    y : ndarray, shape (n + 1,)
+        A point (z, alpha) of the locus.
+    mu : float
+    character : Character
+        Its character as a point of the locus.
+    """
+    one, other = (_ray(locus, y, mu, side) for side in locus.sides(character))
+    if one is None or other is None:  # the locus itself turns here, tangent to alpha
+        return 0.0
+    return one.curve.slope(one.state) * other.curve.slope(other.state)
+
+
+def _ray(locus: TransitionLocus, y: Array, mu: float, side: Character) -> Ray | None:
+    """Return the ray from the transition into the cell of one side."""
+    scale = np.append(locus.family.scale((mu, mu)), locus.limits.width)
+    curve = Curve(Selection(locus.at(mu), side), Metric(scale))
+    return inward_ray(curve, y, np.zeros((1, len(y))), locus.test)
+
+
+def follow_transitions(
+    family: MakeSystem,
+    alphas: tuple[float, float],
+    mus: tuple[float, float],
+    levels: Sequence[float],
+    *,
+    known: Sequence[Locus] = (),
+    parameter: str = "mu",
+    report: Report = silent,
+) -> list[Locus]:
+    """Follow every transition that there is at some values of mu.
+
+    Parameters
+    ----------
+    family : callable
+        mu -> :class:`~pwscont.PiecewiseSystem`.
+    alphas, mus : tuple of float
+        The ranges to stay in.
+    levels : sequence of float
+        Values of mu. At each, all transitions between ``alphas`` are found by
+        :func:`pwscont.explore`; a locus that meets none of the levels is not found.
+    known : sequence of Locus, optional
+        Loci that need not be followed again.
+    parameter : str, optional
+        Name of mu.
+    report : callable, optional
+        As for :func:`pwscont.trace`.
+
+    Returns
+    -------
+    list of Locus
+        Those known and those found, each once, however many levels it meets.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is a smooth fold at a level, or several loci meet there.
+    InvalidInputError, InvalidSystemError
+        As for :func:`pwscont.explore`.
+    """
+    found = list(known)
+    for mu in levels:
+        for point, test in _transitions(family, alphas, mu):
+            locus = TransitionLocus(family, test, mu, alphas)
+            y = np.append(point.z, point.alpha)
+            if not any(_passes(other, locus, y, mu) for other in found):
+                done = sum(len(other.graph.pieces) for other in found)
+                counted = partial(_after, report, done)
+                graph = trace(locus, (y, mu), mus, parameter=parameter, report=counted)
+                found.append(Locus(locus, uninterrupted(graph)))
+    return found
+
+
+def _after(report: Report, done: int, pieces: int, mu: float) -> None:
+    """Report the pieces of one locus after those of the others."""
+    report(done + pieces, mu)
+
+
+def _transitions(
+    family: MakeSystem, alphas: tuple[float, float], mu: float
+) -> Iterator[tuple[SpecialPoint, int]]:
+    """Yield the transitions at one mu, each with the test that vanishes there."""
+    system = family(mu)
+    scale = Metric.of(system, alphas).scale
+    for point in uninterrupted(explore(system, alphas)).special_points():
+        if point.kind == Kind.FOLD:
+            raise InvalidInputError(
+                f"there is a smooth fold at alpha = {point.alpha:.8g} for the level {mu:g}, and "
+                "only transitions are followed here; trace a FoldLocus from it"
+            )
+        if point.kind in (Kind.START, Kind.END):
+            continue
+        zero = _vanishing(system, point, scale)
+        if len(zero) != 1:
+            raise InvalidInputError(
+                f"there is a {point.kind} at alpha = {point.alpha:.8g} for the level {mu:g}, "
+                f"where {len(zero)} test functions vanish, so loci meet; choose another level"
+            )
+        yield point, int(zero[0])
+
+
+def _vanishing(system: PiecewiseSystem, point: SpecialPoint, scale: Array) -> Indices:
+    """Return the tests that are zero at a special point."""
+    gradients = abs(system.test_jacobian(point.z, point.alpha))
+    tests = system.test_functions(point.z, point.alpha)
+    return np.flatnonzero(np.abs(tests) <= gradients @ (CONVERGED * scale))
+
+
+def _passes(known: Locus, locus: TransitionLocus, y: Array, mu: float) -> bool:
+    """Tell whether a known locus passes through a point."""
+    lo, hi = known.graph.interval
+    if known.system.test != locus.test or not lo <= mu <= hi:
+        return False
+    scale = locus.scale(mu, mu)
+    distances = [np.abs((s.z - y) / scale).max() for s in known.graph.solutions(mu)]
+    return bool(min(distances, default=np.inf) <= SAME_LOCUS)
+
+
+def parts_of(locus: Locus) -> list[LocusPart]:
+    """Cut a locus where it starts or stops being a fold.
+
+    Parameters
+    ----------
+    locus : Locus
+
+    Returns
+    -------
+    list of LocusPart
+        In the order of its pieces.
+    """
+    return [part for piece in locus.graph.pieces for part in _parts(locus, piece)]
+
+
+def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
+    """Yield the parts of one piece."""
+    inside = _inner(locus, piece)
+    values = [turning(locus.system, x[:-1], float(x[-1]), piece.character) for x in inside]
+    first = [piece.points[0]]
+    for (x, before), (y, after) in pairwise(zip(inside, values, strict=True)):
+        first.append(x)
+        if before * after < 0.0:
+            cut = _cut(locus, piece, (float(x[-1]), float(y[-1])))
+            yield LocusPart(_crossing(before), piece.label, np.array([*first, cut]))
+            first = [cut]
+    last = np.array([*first, inside[-1], piece.points[-1]])
+    yield LocusPart(_crossing(values[-1]), piece.label, last)
+
+
+def _inner(locus: Locus, piece: Piece) -> list[Array]:
+    """Return points within a piece, dense where it bends.
+
+    Not its ends, where several transitions may meet.
+    """
+    flat = FLAT * locus.system.limits.width
+    inner: list[Array] = []
+    for ends in pairwise(piece.points):
+        inner += [*_between(locus.graph, piece, ends, flat), ends[1]]
+    return inner[:-1]
+
+
+def _between(
+    graph: BranchGraph, piece: Piece, ends: tuple[Array, Array], flat: float
+) -> list[Array]:
+    """Return points of a piece between two of its points; their chords are as flat as asked."""
+    a, b = ends
+    middle = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
+    if abs(middle[-2] - 0.5 * (a[-2] + b[-2])) <= flat:
+        return [middle]
+    first, second = ((a, middle), (middle, b))
+    return [
+        *_between(graph, piece, first, flat),
+        middle,
+        *_between(graph, piece, second, flat),
+    ]
+
+
+def _on(graph: BranchGraph, piece: Piece, mu: float) -> Array:
+    """Return the point (z, alpha, mu) of a piece at one mu."""
+    (found,) = (s.z for s in graph.solutions(mu) if s.piece == piece.id)
+    return np.append(found, mu)
+
+
+def _crossing(value: float) -> Crossing:
+    if value == 0.0:
+        return Crossing.VERTICAL
+    return Crossing.FOLD if value > 0.0 else Crossing.TRANSITION
+
+
+def _cut(locus: Locus, piece: Piece, bracket: tuple[float, float]) -> Array:
+    """Return the point (z, alpha, mu) of a piece where ``turning`` changes its sign."""
+
+    def value(mu: float) -> float:
+        x = _on(locus.graph, piece, mu)
+        return turning(locus.system, x[:-1], mu, piece.character)
+
+    mu = float(brentq(value, *bracket, xtol=4.0 * EPS * max(map(abs, bracket)), rtol=4.0 * EPS))
+    return _on(locus.graph, piece, mu)

@@ -1,0 +1,199 @@
+"""Pictures of the plane of two parameters, in the manner of Figs. 4 to 6 of the paper.
+
+Shades tell the number of solutions. Thick lines are folds, across which it changes; thin ones
+transitions that alpha passes; on double ones infinitely many solutions share one point.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.graph.presentation import number
+from pwscont.scenes.plotting import symbol
+from pwscont.two_parameters.loci import Crossing
+from pwscont.two_parameters.plane import Plane, Sector
+from pwscont.two_parameters.regions import area_and_centre
+from pwscont.two_parameters.scene import PlaneScene
+from pwscont.two_parameters.table import how_many
+
+SHADES = {0: "#f4e3d7", 1: "#ffffff", 2: "#e6eef5", 3: "#cfe0ee", 4: "#b5d0e6", 5: "#94bcdb"}
+DARKEST = "#6fa3cc"
+LINES: dict[Crossing, dict[str, Any]] = {
+    Crossing.FOLD: {"color": "C3", "linewidth": 2.2, "zorder": 4},
+    Crossing.TRANSITION: {"color": "0.25", "linewidth": 1.0, "zorder": 3},
+    Crossing.VERTICAL: {
+        "color": "white",
+        "linewidth": 1.2,
+        "zorder": 4,
+        "path_effects": [Stroke(linewidth=3.4, foreground="C3"), Normal()],
+    },
+}
+NAMES = {
+    Crossing.FOLD: "fold",
+    Crossing.TRANSITION: "transition",
+    Crossing.VERTICAL: "infinitely many solutions",
+}
+#: Points of loci without a mark, if they are not where loci meet.
+UNMARKED = (Kind.START,)
+#: Labels go on the largest regions only, those above this part of the window.
+ROOM = 0.003
+#: Sectors with names below this part of the window have them beside them, so far to the side.
+NARROW, ASIDE = 0.08, 0.22
+MARGIN = 0.12
+
+
+def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
+    """Draw the sectors with their numbers of solutions, and the loci between them."""
+    figure = Figure(figsize=(6.0, 5.6) if scene.axes.equal else (6.8, 5.0), layout="constrained")
+    ax = figure.subplots()
+    window = (plane.alphas if scene.axes.equal else _view(plane)), plane.mus
+    for sector in plane.sectors:
+        for region in sector.regions:
+            # the edge hides the seam to the next region of the same shade
+            ax.fill(*region.polygon.T, color=_shade(sector), linewidth=0.8, zorder=1)
+    for part in (s for some in plane.parts for s in some):
+        ax.plot(*part.plane.T, **LINES[part.crossing])
+    _mark_meetings(ax, plane)
+    _write_names(ax, scene, plane, window)
+    _mark_lowest_fold(ax, scene, plane)
+    _set_axes(ax, scene, window)
+    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small")
+    figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
+    figure.legend(
+        handles=_legend(plane), loc="outside lower center", ncols=5, fontsize="small", frameon=False
+    )
+    return figure
+
+
+def _view(plane: Plane) -> tuple[float, float]:
+    """Return the range of alpha in which there are loci, with a margin."""
+    if not plane.loci:
+        return plane.alphas
+    points = np.vstack([s.plane for some in plane.parts for s in some])
+    lo, hi = points[:, 0].min(), points[:, 0].max()
+    margin = MARGIN * (hi - lo)
+    return max(lo - margin, plane.alphas[0]), min(hi + margin, plane.alphas[1])
+
+
+def _shade(sector: Sector) -> str:
+    return SHADES.get(int(sector.count), DARKEST) if np.isfinite(sector.count) else DARKEST
+
+
+def _mark_meetings(ax: Axes, plane: Plane) -> None:
+    """Draw a dot where the loci of several transitions meet, a ring at a kink of one."""
+    (a, b), (c, d) = plane.alphas, plane.mus
+    for locus in plane.loci:
+        for point in locus.graph.special_points():
+            within = c < point.alpha < d and a < point.z[-1] < b
+            if not within or point.kind in UNMARKED:
+                continue
+            kink = point.kind == Kind.TRANSITION
+            ax.plot(
+                point.z[-1],
+                point.alpha,
+                "o",
+                color="black",
+                markerfacecolor="white" if kink else "black",
+                markersize=4,
+                zorder=5,
+            )
+
+
+def _write_names(
+    ax: Axes, scene: PlaneScene, plane: Plane, window: tuple[tuple[float, float], ...]
+) -> None:
+    """Write name, cells and number of solutions into each sector, beside it if it is narrow."""
+    width, height = np.ptp(window, axis=1)
+    for sector in plane.sectors:
+        polygons = [_clipped(region.polygon, window[0]) for region in sector.regions]
+        sizes = [area_and_centre(polygon) for polygon in polygons]
+        if max(area for area, _ in sizes) < ROOM * width * height:
+            continue
+        at = _centre(sizes) if scene.sectors else max(sizes, key=lambda size: size[0])[1]
+        narrow = scene.sectors and sum(area for area, _ in sizes) < NARROW * width * height
+        _write(ax, _caption(scene, sector), at, ASIDE * width if narrow else 0.0)
+
+
+def _write(ax: Axes, text: str, at: Array, aside: float) -> None:
+    """Write a text at a point, or beside it with a line to it."""
+    line = {"arrowstyle": "-", "linewidth": 0.7, "shrinkA": 2, "shrinkB": 0}
+    ax.annotate(
+        text,
+        (at[0], at[1]),
+        (at[0] + aside, at[1]),
+        arrowprops=line if aside else None,
+        ha="center",
+        va="center",
+        fontsize="small",
+        zorder=6,
+    )
+
+
+def _clipped(polygon: Array, alphas: tuple[float, float]) -> Array:
+    """Return a polygon pushed into the view; its sides are curves, so this is exact enough."""
+    return np.column_stack([polygon[:, 0].clip(*alphas), polygon[:, 1]])
+
+
+def _centre(sizes: list[tuple[float, Array]]) -> Array:
+    """Return the common centre of several polygons."""
+    areas = np.array([area for area, _ in sizes])
+    centres = np.array([centre for _, centre in sizes])
+    middle: Array = areas @ centres / areas.sum()
+    return middle
+
+
+def _caption(scene: PlaneScene, sector: Sector) -> str:
+    name = scene.sector_name(sector)
+    if not name:
+        return number(sector.count)
+    return f"{name}\n{' / '.join(sector.labels)}\n{how_many(sector)}"
+
+
+def _mark_lowest_fold(ax: Axes, scene: PlaneScene, plane: Plane) -> None:
+    """Draw a line at the smallest mu on all folds, and a dot where they begin."""
+    if not scene.lowest_fold or not plane.lowest_folds:
+        return
+    mu = float(plane.lowest_folds[0][-1])
+    ax.axhline(mu, color="0.25", linestyle=(0, (4, 3)), linewidth=0.8, zorder=2)
+    for tip in plane.lowest_folds:
+        ax.plot(*tip[-2:], "o", color="C3", markersize=6, zorder=5)
+    ax.annotate(
+        f"{scene.lowest_fold} = {number(mu)}",
+        (0.985, mu),
+        (0, 4),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="right",
+        fontsize="small",
+    )
+
+
+def _set_axes(ax: Axes, scene: PlaneScene, window: tuple[tuple[float, float], ...]) -> None:
+    axes = scene.axes
+    ax.set_xlim(*(window[0][::-1] if axes.to_the_left else window[0]))
+    ax.set_ylim(*window[1])
+    ax.set_xlabel(symbol(axes.alpha))
+    ax.set_ylabel(symbol(axes.mu), rotation=0 if len(axes.mu) < 4 else 90)
+    if axes.equal:
+        ax.set_aspect("equal")
+
+
+def _legend(plane: Plane) -> list[Any]:
+    """Return a handle for every kind of line and every number of solutions that occurs."""
+    crossings = {s.crossing for some in plane.parts for s in some}
+    lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Crossing if c in crossings]
+    shades = {sector.count: sector for sector in plane.sectors}
+    patches = [
+        Patch(facecolor=_shade(shades[n]), edgecolor="0.6", label=how_many(shades[n]))
+        for n in sorted(shades)
+    ]
+    return [*lines, *patches]

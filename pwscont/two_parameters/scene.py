@@ -1,0 +1,113 @@
+"""Scenes with two parameters: the plane of both, cut into regions by the loci of transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report, silent
+from pwscont.scenes.answer import Answer, Runnable
+from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.two_parameters.plane import Plane, Sector
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """How the plane of alpha and mu is drawn.
+
+    Attributes
+    ----------
+    alpha, mu : str
+        Names of both parameters; alpha is drawn to the right, mu upwards.
+    to_the_left : bool
+        Whether alpha grows to the left, as in Figs. 4 to 6 of the paper.
+    equal : bool
+        Whether both have one unit.
+    """
+
+    alpha: str = "alpha"
+    mu: str = "mu"
+    to_the_left: bool = False
+    equal: bool = False
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PlaneScene(Runnable):
+    """A family of systems, and the window of the plane of its two parameters to look at.
+
+    Offered by an entry point of the group ``pwscont.scenes``, as a :class:`~pwscont.Scene` is.
+
+    Attributes
+    ----------
+    name, title : str
+    family : callable
+        mu -> :class:`~pwscont.SlicewiseLinearSystem`, all of one size and with the same tests.
+    alphas, mus : tuple of float
+        The window.
+    levels : tuple of float
+        Values of mu; the loci that meet them are followed.
+    axes : Axes
+    sectors : callable, optional
+        Labels of the solutions in a region -> its name; default none.
+    lowest_fold : str
+        What the smallest mu on all folds is called; default not asked for.
+    """
+
+    name: str
+    title: str
+    family: Callable[[float], SlicewiseLinearSystem]
+    alphas: tuple[float, float]
+    mus: tuple[float, float]
+    levels: tuple[float, ...]
+    axes: Axes = Axes()
+    sectors: Callable[[tuple[str, ...]], str] | None = None
+    lowest_fold: str = ""
+
+    parameter: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameter", self.axes.mu)
+
+    def run(self, report: Report = silent) -> Plane:
+        """Follow the loci and list the solutions of every region between them."""
+        return Plane.between(
+            self.family, self.alphas, self.mus, self.levels, parameter=self.axes.mu, report=report
+        )
+
+    def sector_name(self, sector: Sector) -> str:
+        """Return the scene's name of a sector, empty where it gives none."""
+        return self.sectors(sector.labels) if self.sectors else ""
+
+    def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
+        """Return nothing: solutions are listed for every region.
+
+        Raises
+        ------
+        InvalidInputError
+            If values were asked for: one number is no point of the plane.
+        """
+        if wanted is not None:
+            raise InvalidInputError(
+                f"--at needs a scene with one parameter, and {self.name} has two "
+                f"({self.axes.alpha} and {self.axes.mu}); run it without --at: it lists the "
+                "solutions of every region"
+            )
+        return ()
+
+    def omissions(self) -> tuple[Omission, ...]:
+        """Return what following the loci leaves out, and why."""
+        return (
+            Omission("branches between the loci", "modes stay what they are within a region"),
+            Omission("solutions but for one point per region", "so does their number"),
+        )
+
+    def solve(self, at: Sequence[float], report: Report) -> Answer:
+        """Run the scene."""
+        from pwscont.two_parameters.answer import PlaneAnswer  # noqa: PLC0415  it needs the scene
+
+        return PlaneAnswer(self, self.run(report))

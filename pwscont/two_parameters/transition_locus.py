@@ -1,0 +1,208 @@
+"""Where a transition moves when a second parameter does.
+
+The transition at which test i vanishes is the point {H(z, alpha) = 0, kappa_i(z, alpha) = 0} of
+the curve. While a second parameter mu moves it draws a curve of its own, the *locus* of the
+transition, in one more unknown. That curve is piecewise smooth again: where another test
+vanishes, H changes its selection and the locus has a kink.
+
+Failure modes and answers
+-------------------------
+- On the locus the sign of kappa_i is rounding: both selections agree there, so one is taken,
+  always the same, and kappa_i itself is no test of the locus.
+- Beyond some tests kappa_i bounds no cell (friction bounds mean nothing once contact is lost).
+  There the locus ends, and says so, although the equations have solutions beyond.
+- alpha may run off to infinity while mu stays finite: the locus ends where alpha leaves a range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.system.system import PiecewiseSystem
+from pwscont.two_parameters.alpha_range import ALL, AlphaRange
+from pwscont.two_parameters.family import Family, MakeSystem
+
+#: The side of kappa_i = 0 whose selection is solved.
+SIDE = True
+
+
+@final
+class TransitionLocus(PiecewiseSystem):
+    """The locus of one transition while a second parameter moves.
+
+    Its unknowns are (z, alpha), its parameter is mu:
+
+        H_chi(z, alpha; mu) = 0,   kappa_test(z, alpha; mu) = 0.
+
+    Facts F1 and F2 hold for it because they hold for H: across another test j the first n rows
+    change by c grad(kappa_j)^T, and the last row does not change.
+
+    Parameters
+    ----------
+    family : callable
+        mu -> :class:`~pwscont.PiecewiseSystem`, all of one size and with the same tests.
+    test : int
+        The test function that vanishes at the transition.
+    mu : float, optional
+        A value for which the family is defined; sizes and names are read off there.
+    alphas : tuple of float, optional
+        The range (lo, hi) of alpha; the locus ends where it leaves it. Default no limit.
+
+    Attributes
+    ----------
+    test : int
+    limits : AlphaRange
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such test, or the range is empty.
+    InvalidSystemError
+        If the family does not return systems.
+    """
+
+    def __init__(
+        self,
+        family: MakeSystem,
+        test: int,
+        mu: float = 1.0,
+        alphas: tuple[float, float] = ALL,
+    ) -> None:
+        self.limits = AlphaRange(alphas)
+        self.family = Family(family, mu, self.limits)
+        sample = self.family.sample
+        self.size = sample.size + 1
+        somewhere = self.limits.lo if self.limits.are_finite else 0.0
+        self._tests = len(sample.test_functions(np.zeros(sample.size), somewhere))
+        if not 0 <= test < self._tests:
+            raise InvalidInputError(f"test must be one of 0 to {self._tests - 1}, got {test}")
+        self.test = int(test)
+
+    def at(self, mu: float) -> PiecewiseSystem:
+        """Return the system whose transition is followed, at one mu."""
+        return self.family.at(float(mu))
+
+    def sides(self, character: Character) -> tuple[Character, Character]:
+        """Return the two characters, of the original system, that meet at the transition."""
+        original = Character(character.signs[: self._tests])
+        return original.with_sign(self.test, False), original.with_sign(self.test, True)
+
+    def is_transition(self, character: Character) -> bool:
+        """Tell whether the selections of both sides differ."""
+        below, above = self.sides(character)
+        return self.family.sample.cell(below) != self.family.sample.cell(above)
+
+    # -- the contract --------------------------------------------------------------------
+
+    def test_functions(self, y: Array, mu: float) -> Array:
+        """Return the tests of the system, 1 in the place of ``test``, and the limits of alpha."""
+        alpha = float(y[-1])
+        tests = self.at(mu).test_functions(y[:-1], alpha)
+        values = np.concatenate([tests, self.limits.tests(alpha)])
+        values[self.test] = 1.0
+        return values
+
+    def test_jacobian(self, y: Array, mu: float) -> Matrix:
+        """Return the gradients of the tests by (z, alpha, mu)."""
+        z, alpha = y[:-1], float(y[-1])
+        rows = self.at(mu).test_jacobian(z, alpha)
+        column = self.differences(mu).by_parameter(
+            lambda other: self.at(other).test_functions(z, alpha), mu
+        )
+        mask = np.ones(self._tests)
+        mask[self.test] = 0.0
+        limits = self.limits.gradients(self.size)
+        if sp.issparse(rows):
+            gradients = sp.diags(mask) @ with_column(rows, column)
+            return sp.vstack([gradients, sp.csr_matrix(limits)]).tocsr()
+        return np.vstack([mask[:, np.newaxis] * with_column(rows, column), limits])
+
+    def residual(self, y: Array, mu: float, character: Character) -> Array:
+        """Return (H_chi, kappa_test), shape (n + 1,)."""
+        return self._equations(self.at(mu), y, self._selection(character))
+
+    def _equations(self, system: PiecewiseSystem, y: Array, selection: Character) -> Array:
+        z, alpha = y[:-1], float(y[-1])
+        test = system.test_functions(z, alpha)[self.test]
+        return np.append(system.residual(z, alpha, selection), test)
+
+    def jacobian(self, y: Array, mu: float, character: Character) -> Matrix:
+        """Return the Jacobian by (z, alpha, mu); the last column by differences."""
+        z, alpha, selection = y[:-1], float(y[-1]), self._selection(character)
+        system = self.at(mu)
+        rows = system.jacobian(z, alpha, selection)
+        row = system.test_jacobian(z, alpha)[[self.test]]
+        column = self.differences(mu).by_parameter(
+            lambda other: self._equations(self.at(other), y, selection), mu
+        )
+        if sp.issparse(rows):
+            return with_column(sp.vstack([rows, row]), column)
+        return with_column(np.vstack([dense(rows), dense(row)]), column)
+
+    def bounding_tests(self, character: Character) -> Sequence[int]:
+        """Return the tests that bound the cell of either side, and the limits of alpha."""
+        sample = self.family.sample
+        found = {int(i) for side in self.sides(character) for i in sample.bounding_tests(side)}
+        limits = range(self._tests, self._tests + len(self.limits))
+        return [*sorted(found - {self.test}), *limits]
+
+    def end(self, character: Character, tests: frozenset[int]) -> str | None:
+        """Return why the locus ends where ``tests`` vanish, None where it goes on."""
+        if any(i >= self._tests for i in tests):
+            return str(self.limits)
+        if not all(self.is_transition(character.flip(i)) for i in tests):
+            return (
+                f"the loci of several transitions meet: test functions "
+                f"{', '.join(map(str, sorted({*tests, self.test})))} vanish"
+            )
+        return None
+
+    def _selection(self, character: Character) -> Character:
+        return self.sides(character)[SIDE]
+
+    # -- in words ------------------------------------------------------------------------
+
+    def describe(self, character: Character) -> str:
+        """Return the cells of both sides in the words of the system."""
+        return self._words(*(self.family.sample.describe(side) for side in self.sides(character)))
+
+    def label(self, character: Character) -> str:
+        """Return the short names of both sides, such as ``slip- | no contact``."""
+        return self._words(*(self.family.sample.label(side) for side in self.sides(character)))
+
+    def _words(self, below: str, above: str) -> str:
+        return f"{below} | {above}" if below != above else f"{below} (no transition)"
+
+    def describe_transition(self, before: Character, after: Character) -> str:
+        """Return what changes at a kink of the locus, in the words of the system."""
+        changes = [
+            self.family.sample.describe_transition(old, new)
+            for old, new in zip(self.sides(before), self.sides(after), strict=True)
+        ]
+        return ", ".join(filter(None, dict.fromkeys(changes)))
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return typical magnitudes of (z, alpha) for mu between ``lo`` and ``hi``."""
+        return np.append(self.family.scale((lo, hi)), self.limits.width)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of z, and alpha."""
+        return (*self.family.sample.names(), "alpha")
+
+    def cells(self) -> Iterator[Character]:
+        """Yield the pairs of cells between which there is a transition."""
+        return filter(self.is_transition, super().cells())
+
+
+def with_column(rows: Matrix, column: Array) -> Matrix:
+    """Return [rows | column], dense or sparse as the rows are."""
+    if sp.issparse(rows):
+        return sp.hstack([rows, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
+    return np.column_stack([rows, column])
