@@ -16,6 +16,8 @@ from pwscont.system.system import PiecewiseSystem
 
 #: Squares and products of magnitudes up to this one stay far from overflow.
 LARGEST = 1e120
+#: What of the size of alpha counts where a correction is compared with CONVERGED.
+ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
 EVERYWHERE = (-math.inf, math.inf)
 _NONE = np.zeros(0, dtype=np.intp)
 
@@ -50,9 +52,6 @@ class Metric:
         self._period = period[self._turning] if period is not None else _NONE
         self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
-        #: What of the size of each component adds to its scale: of alpha no more than rounding.
-        self._share = np.ones(len(scale))
-        self._share[-1] = GUARD * EPS / CONVERGED
 
     @classmethod
     def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
@@ -118,7 +117,10 @@ class Metric:
 
         Alpha is relative to the interval, wherever that lies; rounding of alpha is converged.
         """
-        return float(np.maximum.reduce(np.abs(dx) / (self.scale + self._share * np.abs(x))))
+        size = np.abs(x)
+        size[-1] *= ROUNDING_OF_ALPHA
+        size += self.scale
+        return float(np.maximum.reduce(np.abs(dx) / size))
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.

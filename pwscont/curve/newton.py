@@ -71,10 +71,11 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             stale = before == 0.0 or ratio > TURNED
             x, dx = _chords(curve, border, factor, x, sizes)
             size = sizes[-1]
-        last, quotient = np.abs(dx), first_quotient(sizes)
-        root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
-        if size <= CONVERGED or (size > STALLED * before > 0.0 and is_rounding(root)):
-            return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
+        if size <= CONVERGED or size > STALLED * before > 0.0:
+            last, quotient = np.abs(dx), first_quotient(sizes)
+            root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
+            if size <= CONVERGED or is_rounding(root):
+                return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
 

@@ -111,8 +111,9 @@ class Joined:
     @classmethod
     def of(cls, parts: Sequence[Reading]) -> Joined:
         """Join readings."""
-        values = np.concatenate([part.values for part in parts])
-        return cls(parts, values, np.concatenate([part.slopes for part in parts]))
+        both = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        half = len(both) // 2
+        return cls(parts, both[:half], both[half:])
 
 
 def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
