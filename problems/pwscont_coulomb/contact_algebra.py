@@ -35,12 +35,21 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix
-from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.cores import Core
-from pwscont.linear.factor import Factor, power_of_two
-from pwscont.linear.structured import StructuredJacobian
-from pwscont.linear.updates import RowMatrix, RowSolver, drifted
+from pwscont.extending import (
+    Array,
+    BorderedFactor,
+    Core,
+    Factor,
+    Indices,
+    Interior,
+    Matrix,
+    RowMatrix,
+    RowSolver,
+    StructuredJacobian,
+    drifted,
+    power_of_two,
+    row_scale,
+)
 from pwscont_coulomb.modes import Mode
 
 if TYPE_CHECKING:

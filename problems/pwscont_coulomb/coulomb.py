@@ -21,6 +21,7 @@ constant.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import product
@@ -29,13 +30,20 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Block, Character, SlicewiseLinearSystem
-from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
-from pwscont.linear.updates import Updating
-from pwscont.search import Search
-from pwscont.system.reduction import Reduction
+from pwscont import Block, Character, InvalidInputError, Search, SlicewiseLinearSystem
+from pwscont.extending import (
+    Array,
+    BringsSearches,
+    Compact,
+    Indices,
+    Matrix,
+    Reducible,
+    Reduction,
+    Updating,
+    counted,
+    dense,
+    finite_array,
+)
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
@@ -54,7 +62,7 @@ MANY_NODES = 32
 REACH_MARGIN = 1e-6
 
 
-class Coulomb(SlicewiseLinearSystem):
+class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -114,13 +122,17 @@ class Coulomb(SlicewiseLinearSystem):
 
     # -- what a subclass adds ------------------------------------------------------------
 
+    @abstractmethod
     def load_at(self, alpha: float) -> Array:
         """Return f, shape (n,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def friction_at(self, alpha: float) -> Array:
         """Return F per node, shape (p,)."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def with_nodes(self, kept: Indices) -> Coulomb:
+        """Return the same problem with only some of its contact nodes."""
 
     # -- the contract --------------------------------------------------------------------
 
@@ -244,15 +256,11 @@ class Coulomb(SlicewiseLinearSystem):
         """Return f.A^-1 f of the loads whose convex hull holds all loads, None if unknown."""
         return None
 
-    def _with_nodes(self, kept: Indices) -> Coulomb:
-        """Return the same problem with only some of its contact nodes."""
-        raise NotImplementedError
-
     def _without(self, idle: Indices, reach: Array) -> Reduction:
         n, p, gap, numbers = self.body.n, self.body.p, self.body.gap, self.body.numbers
         kept = np.setdiff1d(np.arange(p), idle)
         return Reduction(
-            system=self._with_nodes(kept),
+            system=self.with_nodes(kept),
             kept=np.concatenate([np.arange(n), n + kept, n + p + kept]),
             tests=(3 * kept[:, np.newaxis] + np.arange(3)).ravel(),
             idle=Character(SIGNS[contact.Mode.NO_CONTACT] * p),

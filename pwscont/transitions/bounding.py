@@ -14,6 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
@@ -92,7 +93,7 @@ class BoundingTests(TransitionDetector):
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
         back = Ray(curve, state).reversed()
-        if end := system.end(curve.selection.character, zero):
+        if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:

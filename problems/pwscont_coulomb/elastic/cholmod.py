@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.basics.arrays import Array, Indices, Matrix
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
 from pwscont_coulomb.elastic.superlu import SolvedInterior
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 
 
 def loaded(name: str) -> Any:
