@@ -10,7 +10,8 @@ from pwscont import Character
 from pwscont.extending import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import SLIPS, Coulomb, not_negative
+from pwscont_coulomb.coulomb import SLIPS, Coulomb
+from pwscont_coulomb.per_node import not_negative
 
 
 @final

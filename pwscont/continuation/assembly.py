@@ -14,7 +14,8 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.discovery import Discovery, Edge, Node
+from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.packing import Lifted
