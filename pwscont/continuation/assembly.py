@@ -104,7 +104,7 @@ class _Directed:
         self.track = lift.track(edge.track if forward else edge.track.reversed())
         self.character = lift.character(trail.character)
         self.naming = lift.system.label
-        self.det_sign = trail.index if trail.is_shared else self._direction(width)
+        self.det_sign = trail.index if trail.along_interface else self._direction(width)
 
     def _direction(self, width: float) -> int:
         """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""

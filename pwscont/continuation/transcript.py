@@ -70,8 +70,8 @@ def _ray(ray: Ray, rows: _JournalRows) -> dict[str, Any]:
     state, selection = ray.state, ray.curve.selection
     return {
         "signs": str(selection.character),
-        "beside": [str(cell) for cell in selection.beside],
-        "shared": [str(cell) for cell in ray.shared],
+        "beside": [str(cell) for cell in selection.adjacent_cells],
+        "shared": [str(cell) for cell in ray.interface_cells],
         "index": int(ray.index),
         "state": rows.add(np.stack([state.x, state.tangent])),
         "error": rows.add(state.error),
