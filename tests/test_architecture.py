@@ -202,3 +202,16 @@ def test_import_of_the_plug_in_loads_no_plotting(module):
 def test_everything_in_all_can_be_imported(module):
     for public in module.__all__:
         assert getattr(module, public) is not None
+
+
+REFERENCE = ROOT.parent / "docs" / "reference" / "index.rst"
+#: Explained there in a sentence: types that are other names, and numbers.
+IN_A_SENTENCE = {"Array", "Indices", "Matrix", "EPS", "GUARD", "CONVERGED"}
+
+
+@pytest.mark.parametrize("module", [pwscont, pwscont.extending, pwscont_coulomb])
+def test_every_public_name_is_in_the_reference(module):
+    text = REFERENCE.read_text(encoding="utf-8")
+    listed = {line.split(".")[-1].strip() for line in text.splitlines() if "." in line}
+    assert not set(module.__all__) - listed - IN_A_SENTENCE
+    assert not [n for n in IN_A_SENTENCE & set(module.__all__) if f"``{n}``" not in text]
