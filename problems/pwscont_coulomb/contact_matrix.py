@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import numpy as np
 
@@ -18,12 +18,8 @@ from pwscont.extending import (
     power_of_two,
     row_scale,
 )
-from pwscont_coulomb.modes import Mode
-
-if TYPE_CHECKING:
-    pass
-
 from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
+from pwscont_coulomb.modes import Mode
 
 
 @final
