@@ -192,21 +192,23 @@ class ContactJacobian(StructuredJacobian):
         columns = [self.matrix @ unit for unit in np.eye(size)]
         return np.column_stack([*columns, self.column])
 
-    def bordered(self, row: Array, scale: Array) -> Factor:
+    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
         """Factorise [J; row] by the elimination of the module."""
-        rows, interior = self._split(scale)
+        rows, interior = self._split(scale, beside)
         scaled = row * scale
         whole = row_scale(rows, scaled)
         whole[:-1] = rows
         return BorderedFactor(interior, scaled / whole[-1], whole, scale)
 
-    def _split(self, scale: Array) -> tuple[Array, Interior]:
+    def _split(self, scale: Array, beside: Array | None) -> tuple[Array, Interior]:
         """Return what the rows are divided by, and the part for z; remembered for one scale."""
         if self._interior is None or self._interior[0] is not scale:
             largest = self.matrix.largest_in_rows(scale[:-1])
             rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
             core = _ScaledCore(self.matrix, rows, scale[:-1])
-            self._interior = scale, rows, Interior.at_once(core, self.column * scale[-1] / rows)
+            first = None if beside is None else beside[:-1] / rows
+            interior = Interior.at_once(core, self.column * scale[-1] / rows, first)
+            self._interior = scale, rows, interior
         return self._interior[1], self._interior[2]
 
 

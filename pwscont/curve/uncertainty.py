@@ -21,9 +21,11 @@ from functools import lru_cache
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
+from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root, joined
+from pwscont.linear.factorise import bordered
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
 SMALL = 16
@@ -41,8 +43,45 @@ def uncertainty(root: Root) -> Array:
     """
     # the last correction was solved with errors of its largest parts everywhere
     size = np.abs(root.x) + (root.error / root.scale).max() * root.scale
-    terms = joined(abs(root.jacobian) @ size, float((abs(root.row) @ size).sum()))
-    return root.factor.solve_all(EPS * terms * _samples(len(size)))
+    return root.factor.solve_all(_rounding(root.jacobian, root.row, size))
+
+
+def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
+    """Correct a point that is nearly exact, and estimate its error, by one solve for both.
+
+    Parameters
+    ----------
+    curve : Curve
+        Of an affine selection.
+    x : ndarray, shape (n + 1,)
+    value, row
+        The border there and its gradient, as for :func:`~pwscont.curve.newton.newton`.
+
+    Returns
+    -------
+    Root and ndarray, or None
+        The error is that of :func:`uncertainty`; None where the correction is more than rounding,
+        or cannot be computed.
+    """
+    metric = curve.metric
+    if not metric.admits(x):
+        return None
+    jacobian, rest = curve.selection.jacobian(x), joined(curve.selection.residual(x), value)
+    factor = bordered(jacobian, row, metric.binary)
+    if factor.failed:
+        return None
+    samples = _rounding(jacobian, row, np.abs(x) + CONVERGED * metric.scale)
+    dx, *error = factor.solve_all(np.vstack([rest, samples]))
+    if not metric.relative(dx, x - dx) <= CONVERGED or not metric.admits(x := x - dx):
+        return None
+    return Root(x, np.abs(dx), jacobian, row, factor, metric.scale, 1), np.array(error)
+
+
+def _rounding(jacobian: Matrix, row: Matrix, size: Array) -> Array:
+    """Return samples of the rounding of all rows, for unknowns of a size."""
+    terms = joined(abs(jacobian) @ size, float((abs(row) @ size).sum()))
+    samples: Array = EPS * terms * _samples(len(size))
+    return samples
 
 
 def is_rounding(root: Root) -> bool:

@@ -72,7 +72,7 @@ class BandedJacobian(StructuredJacobian):
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
-    def bordered(self, row: Array, scale: Array) -> Factor:
+    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
         """Factorise [J; row] by an LU of the part for z."""
         scaled, row = self.scaled(scale), row * scale
         rows = row_scale(scaled.largest_in_rows(), row)

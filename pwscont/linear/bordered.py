@@ -44,14 +44,28 @@ class Interior:
 
     def __init__(self, core: Core, column: Array) -> None:
         self.core, self.column = core, column
+        #: Vectors f that B^-1 f is known of.
+        self.beside: tuple[tuple[Array, Array], ...] = ()
+
+    def solve(self, f: Array) -> Array:
+        """Return B^-1 f."""
+        for known, solution in self.beside:
+            if np.array_equal(known, f):
+                return solution
+        return self.core.solve(f)
 
     @classmethod
-    def at_once(cls, core: Core, column: Array) -> Interior:
-        """Return one that solves for everything together, where that costs as much as one."""
+    def at_once(cls, core: Core, column: Array, beside: Array | None = None) -> Interior:
+        """Return one that solves for everything together, where that costs as much as one.
+
+        Also for f, shape (n,), if it is given ``beside``.
+        """
         interior, vectors = cls(core, column), _generic(len(column) + 1)
-        right, *solved = core.solve_all(np.vstack([column, vectors[:, :-1]]))
+        more = [] if beside is None else [beside]
+        right, one, other, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
         interior.right = right
-        interior.generic = tuple(zip(vectors, solved, strict=True))
+        interior.generic = tuple(zip(vectors, (one, other), strict=True))
+        interior.beside = tuple(zip(more, solved, strict=True))
         return interior
 
     @cached_property
@@ -114,7 +128,7 @@ class BorderedFactor(Factor, Core):
         guess = self._guess(f, g) if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
-        inner = self._core.solve(f) if f.any() else f  # zero for a tangent
+        inner = self._interior.solve(f) if f.any() else f  # zero for a tangent
         return self._completed(inner, g, guess)
 
     def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:

@@ -116,11 +116,15 @@ def factor(matrix: Matrix, scale: Array) -> Factor:
     return SparseFactor(matrix, scale) if sp.issparse(matrix) else DenseFactor(+matrix, scale)
 
 
-def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
-    """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`."""
+def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:
+    """Factorise the (n + 1, n + 1) matrix [J; row]; ``scale`` as for :class:`DenseFactor`.
+
+    A right-hand side that will be solved for next may be given ``beside``.
+    """
     row = row.toarray().ravel() if sp.issparse(row) else row
     if isinstance(jacobian, StructuredJacobian):
-        return jacobian.bordered(row, scale) or DenseFactor(np.vstack([jacobian, row]), scale)
+        structured = jacobian.bordered(row, scale, beside)
+        return structured or DenseFactor(np.vstack([jacobian, row]), scale)
     if sp.issparse(jacobian):
         found = bordered_sparse(jacobian, row, scale)
         return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)

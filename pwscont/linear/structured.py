@@ -44,7 +44,7 @@ class StructuredJacobian(ABC):
         """Return the same matrix as a dense one."""
 
     @abstractmethod
-    def bordered(self, row: Array, scale: Array) -> Factor | None:
+    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor | None:
         """Factorise [J; row]; None where its part for z has no factorisation.
 
         Parameters
@@ -52,6 +52,8 @@ class StructuredJacobian(ABC):
         row : ndarray, shape (n + 1,)
         scale : ndarray, shape (n + 1,)
             Typical magnitudes of the unknowns, powers of two.
+        beside : ndarray, shape (n + 1,), optional
+            A right-hand side that will be asked for next: solved at once where that costs little.
         """
 
     def scaled(self, columns: Array) -> Matrix:

@@ -26,7 +26,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border, newton
 from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import is_within, uncertainty
+from pwscont.curve.uncertainty import corrected, is_within, uncertainty
 from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.system import PiecewiseLinearSystem
@@ -83,16 +83,27 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
 
     Its tangent is the one along which the border falls.
     """
-    root = newton(segment.curve, border, segment.near(guess), MOST_NEWTON)
+    found = _root(segment, border, segment.near(guess))
+    if isinstance(found, Failure):
+        return found
+    root, error = found
+    tangent = -root.factor.solve(last_unit(len(root.x)))
+    along = segment.curve.metric.normalised(tangent)
+    return State(root.x, along, error, -root.factor.sign)
+
+
+def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Failure:
+    """Return the zero and samples of its error, where it is regular."""
+    curve = segment.curve
+    straight = isinstance(curve.selection.system, PiecewiseLinearSystem)
+    if straight and (found := corrected(curve, x, *border(x))):
+        return Failure(FailureReason.SINGULAR) if found[0].factor.is_singular() else found
+    root = newton(curve, border, x, MOST_NEWTON)
     if isinstance(root, Failure):
         return root
     if root.factor.is_singular():
         return Failure(FailureReason.SINGULAR)
-    straight = isinstance(segment.curve.selection.system, PiecewiseLinearSystem)
-    root, error = (root, uncertainty(root)) if straight else _polished(segment.curve, border, root)
-    tangent = -root.factor.solve(last_unit(len(root.x)))
-    along = segment.curve.metric.normalised(tangent)
-    return State(root.x, along, error, -root.factor.sign)
+    return (root, uncertainty(root)) if straight else _polished(curve, border, root)
 
 
 def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:

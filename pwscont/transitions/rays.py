@@ -31,6 +31,7 @@ from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.root import joined
 from pwscont.curve.uncertainty import magnitude, magnitude_of_values
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
@@ -115,10 +116,11 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     selection, metric = curve.selection, curve.metric
     if test not in selection.bounding:
         return None
-    factor = bordered(selection.jacobian(x), gradient_of(selection, x, test), metric.binary)
+    jacobian, rest = selection.jacobian(x), joined(selection.residual(x), 0.0)
+    factor = bordered(jacobian, gradient_of(selection, x, test), metric.binary, rest)
     if factor.is_singular():
         return None
-    defect = factor.solve(np.append(selection.residual(x), 0.0))
+    defect = factor.solve(rest)
     if not metric.norm(defect) <= metric.slack(x, DISAGREE):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
