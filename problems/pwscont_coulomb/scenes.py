@@ -12,16 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from pwscont import Character, Scene
+from pwscont import Scene
 from pwscont.basics.arrays import Array
 from pwscont.scenes.scene import Panel, ParameterPath
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
-from pwscont_coulomb.modes import Mode, modes
-
-#: Line styles of the paper.
-STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
+from pwscont_coulomb.modes import word
 
 
 def one_node() -> ContactBody:
@@ -61,17 +58,12 @@ def periodic_path(phi: float) -> Array:
     )
 
 
-def _word(node: int, character: Character) -> str:
-    """Return the mode of one node as the line styles know it."""
-    return Mode(modes(character)[node]).word.rstrip("+-")
-
-
 def _panels(body: ContactBody) -> tuple[Panel, ...]:
     """Return tangential displacement and normal multiplier of each node."""
     u_t = [int(np.flatnonzero(row)[0]) for row in body.T]
     titles = [f"node {node + 1}" if body.p > 1 else "" for node in range(body.p)]
     return tuple(
-        Panel(component, partial(_word, node), titles[node])
+        Panel(component, partial(word, node), titles[node])
         for node in range(body.p)
         for component in (body.n + node, u_t[node])
     )
@@ -113,7 +105,6 @@ def _along_load(
         interval,
         panels=_panels(body),
         paths=_load_paths(body, load),
-        styles=STYLES,
         **more,
     )
 
@@ -127,7 +118,6 @@ def _along_friction(name: str, title: str, body: ContactBody, force: Any) -> Sce
         parameter="F",
         at=(4.0,),
         panels=_panels(body),
-        styles=STYLES,
     )
 
 

@@ -10,6 +10,7 @@ from pwscont.graph import BranchGraph, Solution
 from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.graph.records import attempted
 from pwscont.scenes.answer import Answer
+from pwscont.scenes.look import DEFAULT, Look
 from pwscont.scenes.scene import Scene
 from pwscont.scenes.table import report
 
@@ -40,13 +41,13 @@ class GraphAnswer(Answer):
             failed[key] = graph.get(key, []) + failures
         return head | graph | {"solutions": solutions} | failed
 
-    def write(self, directory: Path) -> list[Path]:
+    def write(self, directory: Path, look: Look = DEFAULT) -> list[Path]:
         """Write the branch diagrams and the branch graph."""
         from pwscont.scenes.plotting import draw_scene  # noqa: PLC0415  only where asked for
 
         name = self.scene.name
-        picture, file = directory / f"{name}.png", directory / f"{name}.npz"
-        draw_scene(self.scene, self.graph).savefig(picture, dpi=150)
+        picture = look.save(draw_scene(self.scene, self.graph), directory, name)
+        file = directory / f"{name}.npz"
         self.graph.save(file)
         return [picture, file]
 

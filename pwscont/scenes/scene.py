@@ -14,7 +14,7 @@ from pwscont.continuation.omissions import Omission, omissions
 from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.drawn import What
+from pwscont.scenes.drawn import What, quantity_named
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
@@ -109,6 +109,22 @@ class Scene(Runnable):
     def with_journal(self, journal: Journal) -> Scene:
         """Return the same scene with a journal."""
         return replace(self, journal=journal)
+
+    def with_panels(self, names: Sequence[str]) -> Scene:
+        """Return the same scene, which draws these unknowns or recorded quantities instead.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of a name; names that are close are told.
+        """
+        unknowns = self.system.names()
+        own = {
+            unknowns[p.component] if isinstance(p.component, int) else p.component: p
+            for p in self.panels
+        }
+        asked = [quantity_named(name, unknowns, self.record) for name in names]
+        return replace(self, panels=tuple(own.get(name, Panel(name)) for name in asked))
 
     def curve(self) -> Scene:
         """Return the scene itself."""

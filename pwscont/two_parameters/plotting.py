@@ -18,7 +18,7 @@ from matplotlib.patheffects import Normal, Stroke
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
 from pwscont.graph.presentation import number
-from pwscont.scenes.plotting import symbol
+from pwscont.scenes.symbols import symbol
 from pwscont.two_parameters.loci import Crossing
 from pwscont.two_parameters.plane import Plane, Sector
 from pwscont.two_parameters.regions import area_and_centre

@@ -1,0 +1,115 @@
+"""Where a body and its obstacle are drawn when displacements are magnified.
+
+Distances to the obstacle are magnified like displacements, so that closed nodes lie on the drawn
+obstacle. An obstacle that is straight stays where it is, and the body is moved away from it, less
+and less towards its inside; any other one is drawn at its magnified distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont_coulomb.elastic.contact_boundary import ContactNodes
+from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.recovery import BodyState
+
+#: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
+DRAWN, DRAWN_GAP = 0.08, 0.25
+#: Obstacles are straight that leave a line by less than this part of their length.
+STRAIGHT = 1e-6
+#: How far into the body it is moved away from an obstacle, as a part of its size.
+DEPTH = 0.5
+
+
+def magnification(body: ElasticBody, states: Sequence[BodyState]) -> float:
+    """Return the factor by which displacements are drawn: 1, 2 or 5 times a power of ten.
+
+    Large gaps, which are magnified as well, keep it down to one.
+    """
+    size, gap = _size(body), float(body.contact.gap.max(initial=0.0))
+    largest = max(float(np.abs(state.displacements).max()) for state in states)
+    if largest == 0.0:
+        return 1.0
+    wanted = DRAWN * size / largest
+    if gap > 0.0:
+        wanted = min(wanted, max(1.0, DRAWN_GAP * size / gap))
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+
+
+def _size(body: ElasticBody) -> float:
+    return float(np.ptp(body.positions, axis=1).max())
+
+
+def parts_of(contact: ContactNodes) -> list[Indices]:
+    """Return the nodes of each connected part of the contact boundary."""
+    return [np.flatnonzero(contact.part == part) for part in np.unique(contact.part)]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Positions in a picture.
+
+    Attributes
+    ----------
+    body : ElasticBody
+    factor : float
+        By which displacements and gaps are magnified.
+    rest : ndarray, shape (2, nodes)
+        Where the body is drawn without displacements.
+    obstacle : ndarray, shape (2, p)
+        Where the obstacle of each contact node is drawn.
+    """
+
+    body: ElasticBody
+    factor: float
+    rest: Array
+    obstacle: Array
+
+    @classmethod
+    def of(cls, body: ElasticBody, factor: float) -> Placement:
+        """Return the positions for a factor."""
+        contact = body.contact
+        gaps = contact.gap * contact.normals
+        obstacle, away = contact.positions + factor * gaps, np.zeros_like(gaps)
+        for nodes in parts_of(contact):
+            surface = contact.positions[:, nodes] + gaps[:, nodes]
+            if _is_straight(surface):
+                obstacle[:, nodes] = surface
+                away[:, nodes] = (1.0 - factor) * gaps[:, nodes]
+        return cls(body, factor, body.positions + _faded(body, away), obstacle)
+
+    def moved(self, state: BodyState) -> Array:
+        """Return where the nodes are drawn, shape (2, nodes)."""
+        moved: Array = self.rest + self.factor * state.displacements.T
+        return moved
+
+    def words(self) -> str:
+        """Return what is magnified, and by how much."""
+        if self.factor == 1.0:
+            return "displacements true to scale"
+        gaps = " and gaps" if self.body.contact.gap.any() else ""
+        return f"displacements{gaps} magnified {self.factor:.3g} times"
+
+
+def _is_straight(line: Array) -> bool:
+    if line.shape[1] < 3:
+        return True
+    sizes = np.linalg.svd(line - line.mean(axis=1, keepdims=True), compute_uv=False)
+    return bool(sizes[1] <= STRAIGHT * sizes[0])
+
+
+def _faded(body: ElasticBody, away: Array) -> Array:
+    """Return shifts of all nodes: those of the nearest contact node, less with the distance."""
+    if not away.any():
+        return np.zeros_like(body.positions)
+    distance, nearest = KDTree(body.contact.positions.T).query(body.positions.T)
+    shifts: Array = away[:, nearest] * np.maximum(0.0, 1.0 - distance / (DEPTH * _size(body)))
+    return shifts

@@ -1,0 +1,204 @@
+"""Marks of special points, and what is written beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, TypeAlias, final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.scenes.room import Box, Room
+from pwscont.scenes.styles import color_of
+from pwscont.scenes.symbols import number_of
+
+#: Limits of the parameter and of the quantity.
+Window: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+
+#: How each kind of special point is drawn; the ends of the interval need no mark.
+MARKERS: dict[str, dict[str, Any]] = {
+    Kind.START: {"marker": (6, 2, 0), "markersize": 11},
+    Kind.TRANSITION: {"marker": "o", "markerfacecolor": "white", "markersize": 6},
+    Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
+    Kind.FOLD: {"marker": "D", "markersize": 6},
+    Kind.BRANCH_POINT: {"marker": "P", "markersize": 8},
+    Kind.CORNER: {"marker": "s", "markersize": 7},
+    Kind.PARTIAL_CORNER: {"marker": "s", "markersize": 7, "markerfacecolor": "white"},
+    Kind.NONSMOOTH_BRANCH_POINT: {"marker": "^", "markersize": 8},
+    Kind.DEGENERATE: {"marker": "v", "markersize": 8},
+    Kind.ISOLATED: {"marker": ".", "markersize": 8},
+    Kind.EVENT: {"marker": "*", "markersize": 9},
+    Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
+}
+#: How kinds of a user's own detectors are drawn.
+OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
+#: Kinds without a label: there are many of them, or the mark says all. Others have alpha beside
+#: them, and events their name.
+UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
+#: Labels in one diagram at most, and transitions whose marks have their full size.
+MOST_LABELS, FEW = 8, 12
+#: Size of the smallest marks, and of letters, in points.
+SMALLEST, LETTERS = 1.5, 7.0
+#: Starts closer to the ends of the interval than this part of it lie on them.
+AT_END = 1e-9
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """A special point in a diagram.
+
+    Attributes
+    ----------
+    kind, label : str
+        The label is empty where the mark says enough.
+    at : ndarray, shape (2,)
+    branch : int
+    side : int
+        Where its pieces are not: to the right (1), to the left (-1), or neither (0).
+    """
+
+    kind: str
+    label: str
+    at: Array
+    branch: int
+    side: int
+
+    def is_within(self, window: Window | None) -> bool:
+        """Tell whether a mark lies in a part of the diagram."""
+        if window is None:
+            return False
+        return all(lo <= value <= hi for value, (lo, hi) in zip(self.at, window, strict=True))
+
+
+def marker_of(kind: str) -> dict[str, Any]:
+    """Return how a kind of special point is drawn."""
+    return MARKERS.get(kind, OWN_MARKER)
+
+
+def marked(graph: BranchGraph) -> dict[int, list[SpecialPoint]]:
+    """Return the special points that are marked, by branch.
+
+    A branch that leaves the interval is not marked there, whichever end it was followed from.
+    """
+    found = {}
+    for branch, pieces in enumerate(graph.components()):
+        nodes = {node for piece in pieces for node in (piece.start, piece.end)}
+        ids = {piece.id for piece in pieces}
+        inner = [start for start in graph.starts if start.piece in ids]
+        points = [*(graph.point(node) for node in sorted(nodes)), *inner]
+        found[branch] = [point for point in points if not _leaves(graph, point)]
+    return found
+
+
+def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
+    lo, hi = graph.interval
+    near = min(abs(point.alpha - lo), abs(point.alpha - hi)) <= AT_END * (hi - lo)
+    return point.kind == Kind.END or (point.kind == Kind.START and near)
+
+
+def marks_of(graph: BranchGraph, along: Callable[[Array], Array]) -> list[Mark]:
+    """Return the marks of a diagram."""
+    sides = _sides(graph)
+    return [
+        Mark(
+            point.kind,
+            _label(graph, point),
+            np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
+            branch,
+            sides.get(point.id, 0),
+        )
+        for branch, points in marked(graph).items()
+        for point in points
+    ]
+
+
+def _label(graph: BranchGraph, point: SpecialPoint) -> str:
+    if point.kind in UNLABELLED:
+        return ""
+    return point.name or number_of(point.alpha)
+
+
+def _sides(graph: BranchGraph) -> dict[int, int]:
+    """Return on which side of each node no piece lies."""
+    seen: dict[int, set[int]] = {}
+    for piece in graph.pieces:
+        for node in {piece.start, piece.end}:
+            seen.setdefault(node, set()).add(_side(graph.point(node), piece))
+    return {node: -ways.pop() for node, ways in seen.items() if len(ways) == 1}
+
+
+def _side(point: SpecialPoint, piece: Piece) -> int:
+    """Return on which side of a node one of its pieces lies."""
+    return int(np.sign(0.5 * sum(piece.interval) - point.alpha))
+
+
+def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
+    """Draw marks, those of one kind and branch together."""
+    small = _small(sum(mark.kind == Kind.TRANSITION for mark in marks))
+    for (kind, branch), some in groupby(sorted(marks, key=_group), key=_group):
+        look = marker_of(kind) | (small if kind == Kind.TRANSITION else {})
+        x, y = np.array([mark.at for mark in some]).T
+        order = 3.0 if kind in (Kind.TRANSITION, Kind.START) else 4.0
+        ax.plot(x, y, color=color_of(branch), linestyle="none", zorder=order, **look)
+
+
+def _small(count: int) -> dict[str, float]:
+    """Return the size of the marks of so many transitions."""
+    size = MARKERS[Kind.TRANSITION]["markersize"] * min(1.0, (FEW / max(count, 1)) ** 0.5)
+    return {"markersize": max(SMALLEST, size), "markeredgewidth": 1.0 if count <= FEW else 0.7}
+
+
+def _group(mark: Mark) -> tuple[str, int]:
+    return mark.kind, mark.branch
+
+
+def label_marks(ax: Axes, marks: Iterable[Mark], room: Room) -> None:
+    """Write labels beside the marks where there is room for them, a few at most."""
+    box = ax.get_window_extent().transformed(ax.figure.dpi_scale_trans.inverted())
+    letter = np.array([0.62, 1.35]) * LETTERS / 72.0 / np.array([box.width, box.height])
+    written = 0
+    for mark in marks:
+        if not mark.label or written == MOST_LABELS:
+            continue
+        length = len(mark.label.replace("$", ""))
+        for way in _ways(mark.side):
+            spot = _spot(room.part(mark.at), way, letter * np.array([length, 1.0]), letter[1])
+            if room.is_free(spot):
+                room.take(spot)
+                _write(ax, mark, spot)
+                written += 1
+                break
+
+
+def _ways(side: int) -> list[tuple[int, int]]:
+    """Return directions from a mark, the best first."""
+    first = [(side, 0)] if side else []
+    return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
+
+
+def _spot(at: Array, way: tuple[int, int], size: Array, gap: float) -> Box:
+    """Return the box of a text beside a mark."""
+    middle = at + np.array(way) * (0.5 * size + np.array([0.5, 0.7]) * gap)
+    left, bottom = middle - 0.5 * size
+    return float(left), float(bottom), float(size[0]), float(size[1])
+
+
+def _write(ax: Axes, mark: Mark, spot: Box) -> None:
+    left, bottom, width, height = spot
+    ax.text(
+        left + 0.5 * width,
+        bottom + 0.5 * height,
+        mark.label,
+        transform=ax.transAxes,
+        color="0.2",
+        fontsize=LETTERS,
+        ha="center",
+        va="center",
+        zorder=6,
+    )
