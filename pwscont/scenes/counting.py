@@ -16,7 +16,7 @@ from pwscont.graph import BranchGraph
 #: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
 BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
 #: Where the legend stands: above the axes, clear of the data.
-ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "borderpad": 0.1}
+ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}
 
 
 def is_one_number(graph: BranchGraph) -> bool:
@@ -46,10 +46,11 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     ax.plot(single, [graph.count(alpha) for alpha in single], "o", color="black", markersize=4)
     breaks = graph.breaks()
     ax.stairs(graph.balances(), breaks, baseline=None, label="balance (sum of signs)", **BALANCE)
-    for alpha in {piece.interval[0] for piece in graph.pieces if piece.is_vertical}:
-        ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0)
+    vertical = {piece.interval[0] for piece in graph.pieces if piece.is_vertical}
+    for alpha, words in zip(vertical, ["∞ solutions", *["_"] * len(vertical)], strict=False):
+        ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0, label=words)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_ylabel("number")
-    ax.legend(fontsize="small", frameon=False, ncols=2, **ABOVE)
+    ax.legend(fontsize="small", frameon=False, columnspacing=1.0, handlelength=1.5, **ABOVE)
     ax.grid(alpha=0.25)
     return ax

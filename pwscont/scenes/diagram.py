@@ -55,9 +55,9 @@ class Diagram:
     @classmethod
     def of(cls, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> Diagram:
         """Return the lines and marks of a panel."""
-        quantity = Drawn.of(graph, panel.component)
-        strokes = strokes_of(graph, mode_of(graph, panel), quantity.along, styles)
-        marks = marks_of(graph, quantity.along)
+        quantity, mode = Drawn.of(graph, panel.component), mode_of(graph, panel)
+        strokes = strokes_of(graph, mode, quantity.along, styles)
+        marks = marks_of(graph, mode, quantity.along)
         return cls(quantity, joined(strokes), rails_of(strokes), marks)
 
     def draw(self, ax: Axes) -> None:

@@ -21,6 +21,8 @@ MARGIN = 0.25
 SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4))
 NUMBERS = 0.13, 0.11
 POINTS = 101
+#: The colour of the inset's frame, and of the frame around what it enlarges.
+FRAME = "0.55"
 
 
 def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
@@ -44,7 +46,9 @@ def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
     inset.tick_params(labelsize=LETTERS - 1.0, length=2.0, pad=1.5)
     inset.locator_params(nbins=4)
     inset.grid(alpha=0.25)
-    ax.indicate_inset_zoom(inset, edgecolor="0.5", linewidth=0.6)
+    inset.spines[:].set_color(FRAME)
+    (lo, hi), (bottom, top) = window
+    ax.indicate_inset((lo, bottom, hi - lo, top - bottom), edgecolor=FRAME, alpha=1.0)
     enlarged = [mark for mark in diagram.marks if mark.is_within(window)]
     label_marks(inset, enlarged, diagram.room(inset))
     return window

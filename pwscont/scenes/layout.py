@@ -53,9 +53,9 @@ def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
 
 def title_of(scene: Scene, graph: BranchGraph, width: float) -> str:
     """Return the title of a scene, and in words what is not drawn."""
-    said = [*_constants(scene, graph), *_number(graph)]
-    first = wrap(scene.title.replace("alpha", "α"), int(width * LETTERS))
-    return "\n".join([*first, *said])
+    said = "; ".join([*_constants(scene, graph), *_number(graph)])
+    lines = wrap(scene.title.replace("alpha", "α"), int(width * LETTERS))
+    return "\n".join([*lines, *([said] if said else [])])
 
 
 def _constants(scene: Scene, graph: BranchGraph) -> Iterator[str]:

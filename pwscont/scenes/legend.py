@@ -14,7 +14,7 @@ from pwscont.scenes.styles import COLORS, THIN, WIDTH, are_told_apart, color_of
 from pwscont.scenes.symbols import symbol
 
 #: Letters of a name, and branches, that a legend holds.
-MOST_LETTERS, MOST_BRANCHES = 34, len(COLORS)
+MOST_LETTERS, MOST_BRANCHES = 40, len(COLORS)
 
 
 def legend_of(graph: BranchGraph, styles: Mapping[str, Any]) -> list[Line2D]:

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.scenes.room import Box, Room
@@ -44,6 +45,8 @@ UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
 MOST_LABELS, FEW = 8, 12
 #: Size of the smallest marks, and of letters, in points.
 SMALLEST, LETTERS = 1.5, 7.0
+#: From a mark to its label, as parts of the axes.
+BESIDE = np.array([0.035, 0.04])
 #: Starts closer to the ends of the interval than this part of it lie on them.
 AT_END = 1e-9
 
@@ -102,23 +105,36 @@ def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
     return point.kind == Kind.END or (point.kind == Kind.START and near)
 
 
-def marks_of(graph: BranchGraph, along: Callable[[Array], Array]) -> list[Mark]:
-    """Return the marks of a diagram."""
-    sides = _sides(graph)
+def marks_of(
+    graph: BranchGraph, mode: Callable[[Character], str], along: Callable[[Array], Array]
+) -> list[Mark]:
+    """Return the marks of a diagram: not those of transitions that its mode does not see."""
+    sides, unseen = _sides(graph), _unseen(graph, mode)
     return [
         Mark(
             point.kind,
-            _label(graph, point),
+            _label(point),
             np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
             branch,
             sides.get(point.id, 0),
         )
         for branch, points in marked(graph).items()
         for point in points
+        if point.id not in unseen
     ]
 
 
-def _label(graph: BranchGraph, point: SpecialPoint) -> str:
+def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
+    """Return the transitions at which a mode stays what it is: another part of the system moves."""
+    words: dict[int, set[str]] = {}
+    for piece in graph.pieces:
+        for node in (piece.start, piece.end):
+            words.setdefault(node, set()).add(mode(piece.character))
+    transitions = {point.id for point in graph.special_points(Kind.TRANSITION)}
+    return {node for node in transitions if len(words.get(node, ())) == 1}
+
+
+def _label(point: SpecialPoint) -> str:
     if point.kind in UNLABELLED:
         return ""
     return point.name or number_of(point.alpha)
@@ -161,19 +177,19 @@ def _group(mark: Mark) -> tuple[str, int]:
 def label_marks(ax: Axes, marks: Iterable[Mark], room: Room) -> None:
     """Write labels beside the marks where there is room for them, a few at most."""
     box = ax.get_window_extent().transformed(ax.figure.dpi_scale_trans.inverted())
-    letter = np.array([0.62, 1.35]) * LETTERS / 72.0 / np.array([box.width, box.height])
+    extent = 72.0 * np.array([box.width, box.height])
     written = 0
     for mark in marks:
         if not mark.label or written == MOST_LABELS:
             continue
-        length = len(mark.label.replace("$", ""))
-        for way in _ways(mark.side):
-            spot = _spot(room.part(mark.at), way, letter * np.array([length, 1.0]), letter[1])
-            if room.is_free(spot):
-                room.take(spot)
-                _write(ax, mark, spot)
-                written += 1
-                break
+        size = LETTERS * np.array([0.62 * len(mark.label), 1.2]) / extent
+        at = room.part(mark.at)
+        spots = [at + np.array(way) * (0.5 * size + BESIDE) for way in _ways(mark.side)]
+        free = (middle for middle in spots if room.is_free(_box(middle, size)))
+        if (middle := next(free, None)) is not None:
+            room.take(_box(middle, size))
+            _write(ax, mark, (middle - at) * extent)
+            written += 1
 
 
 def _ways(side: int) -> list[tuple[int, int]]:
@@ -182,20 +198,18 @@ def _ways(side: int) -> list[tuple[int, int]]:
     return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
 
 
-def _spot(at: Array, way: tuple[int, int], size: Array, gap: float) -> Box:
-    """Return the box of a text beside a mark."""
-    middle = at + np.array(way) * (0.5 * size + np.array([0.5, 0.7]) * gap)
+def _box(middle: Array, size: Array) -> Box:
     left, bottom = middle - 0.5 * size
     return float(left), float(bottom), float(size[0]), float(size[1])
 
 
-def _write(ax: Axes, mark: Mark, spot: Box) -> None:
-    left, bottom, width, height = spot
-    ax.text(
-        left + 0.5 * width,
-        bottom + 0.5 * height,
+def _write(ax: Axes, mark: Mark, off: Array) -> None:
+    """Write a label so many points off its mark."""
+    ax.annotate(
         mark.label,
-        transform=ax.transAxes,
+        (mark.at[0], mark.at[1]),
+        (off[0], off[1]),
+        textcoords="offset points",
         color="0.2",
         fontsize=LETTERS,
         ha="center",

@@ -37,7 +37,16 @@ def draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
     ax.annotate("", middle[1], middle[0], arrowprops=arrow)
     for at, words in _ends(graph, points):
         ax.plot(*at, "o", color="black", markersize=4)
-        ax.annotate(words, at, (6, 0), textcoords="offset points", fontsize=LETTERS, va="center")
+        inward = -1 if at[0] > points[:, 0].mean() + 1e-9 * np.ptp(points) else 1
+        ax.annotate(
+            words,
+            at,
+            (6 * inward, 0),
+            textcoords="offset points",
+            fontsize=LETTERS,
+            ha="left" if inward > 0 else "right",
+            va="center",
+        )
     ax.set(xlabel=path.labels[0], ylabel=path.labels[1])
     ax.set_title(path.title, fontsize="medium")
     ax.set_aspect("equal", adjustable="datalim")

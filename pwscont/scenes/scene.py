@@ -33,6 +33,7 @@ class Panel:
         Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
     mode : callable, optional
         Character -> the word that chooses the line style; default the system's description.
+        Transitions that do not change it, of other parts of the system, are not marked.
     title : str
     """
 

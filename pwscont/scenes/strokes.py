@@ -23,7 +23,7 @@ from pwscont.graph import BranchGraph, Piece
 LEAST_POINTS, FINER = 4, 8
 #: Points closer than this part of a piece are one in its curve.
 APART = 1e-6
-#: Lines closer than this part of their size are one in a picture.
+#: Lines closer than this part of what is drawn are one in a picture.
 SAME = 1e-9
 #: Lines of two branches closer than this part of the picture's height look like one.
 NEAR = 3e-3
@@ -115,10 +115,11 @@ def _visible(strokes: Sequence[Stroke]) -> list[Stroke]:
     boxes, kept = _boxes(strokes), np.zeros(len(strokes), dtype=bool)
     looks = {look: i for i, look in enumerate(dict.fromkeys(s.kind[:2] for s in strokes))}
     look = np.array([looks[stroke.kind[:2]] for stroke in strokes])
-    for i in sorted(range(len(strokes)), key=lambda i: strokes[i].is_thin):
+    extent, near = boxes[:, 1] - boxes[:, 0], SAME * np.abs(boxes[:, 2:]).max(initial=0.0)
+    for i in sorted(range(len(strokes)), key=lambda i: (strokes[i].is_thin, -extent[i])):
         within = (boxes[:, 0] <= boxes[i, 0]) & (boxes[i, 1] <= boxes[:, 1])
         rivals = np.flatnonzero(kept & (look == look[i]) & within)
-        kept[i] = not any(_hides(strokes[int(j)], strokes[i]) for j in rivals)
+        kept[i] = not any(_hides(strokes[int(j)], strokes[i], near) for j in rivals)
     return [stroke for stroke, is_kept in zip(strokes, kept, strict=True) if is_kept]
 
 
@@ -128,9 +129,9 @@ def _boxes(strokes: Sequence[Stroke]) -> Array:
     return np.array(rows).reshape(-1, 4)
 
 
-def _hides(upper: Stroke, lower: Stroke) -> bool:
+def _hides(upper: Stroke, lower: Stroke, near: float) -> bool:
     alpha, values = lower.points.T
-    return bool(np.abs(upper.at(alpha) - values).max() <= SAME * np.abs(upper.points[:, 1]).max())
+    return bool(np.abs(upper.at(alpha) - values).max() <= near)
 
 
 def joined(strokes: Sequence[Stroke]) -> list[Stroke]:

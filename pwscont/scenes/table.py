@@ -105,8 +105,8 @@ def _balance(graph: BranchGraph) -> str:
     """Return the sum of signs, which is necessary for completeness but not sufficient."""
     values = graph.sums()
     if len(values) == 1:
-        return f"the signs of det(dH/dz) sum to {values[0]:+d} throughout"
-    return f"the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
+        return f"balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout"
+    return f"no balance: the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
 
 
 def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:

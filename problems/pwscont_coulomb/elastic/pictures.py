@@ -127,7 +127,7 @@ def draw_body(ax: Axes, placement: Placement, state: BodyState, norm: Normalize)
     ax.add_collection(elements)
     for nodes in parts_of(contact):
         depth = 0.02 * float(np.ptp(body.positions))
-        _draw_obstacle(ax, placement.obstacle[:, nodes], contact.normals[:, nodes], depth)
+        _draw_obstacle(ax, placement.obstacle[:, nodes], placement.into[:, nodes], depth)
     held = body.held // 2
     clamped = np.intersect1d(held[body.held % 2 == 0], held[body.held % 2 == 1])
     ax.plot(*moved[:, clamped], "s", color="0.35", markersize=2.5)
@@ -191,7 +191,7 @@ def legend() -> list[Line2D]:
     return [
         _mark("stick", marker="o", color=BLACK, markersize=5),
         _mark("slip", marker="$→$", color=SLIP, markersize=10),
-        _mark("open", marker="o", color=BLACK, markersize=5, markerfacecolor="white"),
+        _mark(Mode.NO_CONTACT.word, marker="o", color=BLACK, markersize=5, markerfacecolor="white"),
         _mark("clamped", marker="s", color="0.35", markersize=3),
         Line2D([], [], color=PRESSURE, marker="o", markersize=3, label=CURVES[0]),
         Line2D([], [], color=SHEAR, marker="s", markersize=3, label=CURVES[1]),

@@ -1,8 +1,9 @@
 """Where a body and its obstacle are drawn when displacements are magnified.
 
 Distances to the obstacle are magnified like displacements, so that closed nodes lie on the drawn
-obstacle. An obstacle that is straight stays where it is, and the body is moved away from it, less
-and less towards its inside; any other one is drawn at its magnified distance.
+obstacle. Where that is straighter than the boundary of the body, as the ground below a round body,
+it stays where it is, and the body is moved away from it, less and less towards its inside; any
+other obstacle is drawn at its magnified distance.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ from pwscont_coulomb.elastic.recovery import BodyState
 
 #: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
 DRAWN, DRAWN_GAP = 0.08, 0.25
-#: Obstacles are straight that leave a line by less than this part of their length.
-STRAIGHT = 1e-6
 #: How far into the body it is moved away from an obstacle, as a part of its size.
 DEPTH = 0.5
 
@@ -66,25 +65,31 @@ class Placement:
         Where the body is drawn without displacements.
     obstacle : ndarray, shape (2, p)
         Where the obstacle of each contact node is drawn.
+    into : ndarray, shape (2, p)
+        Unit normals into the obstacle, as drawn.
     """
 
     body: ElasticBody
     factor: float
     rest: Array
     obstacle: Array
+    into: Array
 
     @classmethod
     def of(cls, body: ElasticBody, factor: float) -> Placement:
         """Return the positions for a factor."""
         contact = body.contact
         gaps = contact.gap * contact.normals
-        obstacle, away = contact.positions + factor * gaps, np.zeros_like(gaps)
+        obstacle, into = contact.positions + factor * gaps, contact.normals.copy()
+        away = np.zeros_like(gaps)
         for nodes in parts_of(contact):
             surface = contact.positions[:, nodes] + gaps[:, nodes]
-            if _is_straight(surface):
+            across, bend = _straightened(surface)
+            if bend < _straightened(contact.positions[:, nodes])[1]:
                 obstacle[:, nodes] = surface
-                away[:, nodes] = (1.0 - factor) * gaps[:, nodes]
-        return cls(body, factor, body.positions + _faded(body, away), obstacle)
+                away[:, nodes] = (1.0 - factor) * np.outer(across, across @ gaps[:, nodes])
+                into[:, nodes] = (across * np.sign(across @ into[:, nodes].sum(axis=1)))[:, None]
+        return cls(body, factor, body.positions + _faded(body, away), obstacle, into)
 
     def moved(self, state: BodyState) -> Array:
         """Return where the nodes are drawn, shape (2, nodes)."""
@@ -99,11 +104,11 @@ class Placement:
         return f"displacements{gaps} magnified {self.factor:.3g} times"
 
 
-def _is_straight(line: Array) -> bool:
-    if line.shape[1] < 3:
-        return True
-    sizes = np.linalg.svd(line - line.mean(axis=1, keepdims=True), compute_uv=False)
-    return bool(sizes[1] <= STRAIGHT * sizes[0])
+def _straightened(line: Array) -> tuple[Array, float]:
+    """Return the normal of the line closest to points, shape (2, k), and how far off they are."""
+    centred = line - line.mean(axis=1, keepdims=True)
+    axes, sizes, _ = np.linalg.svd(centred, full_matrices=False)
+    return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0
 
 
 def _faded(body: ElasticBody, away: Array) -> Array:
