@@ -47,7 +47,7 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     breaks = graph.breaks()
     ax.stairs(graph.balances(), breaks, baseline=None, label="balance (sum of signs)", **BALANCE)
     vertical = {piece.interval[0] for piece in graph.pieces if piece.is_vertical}
-    for alpha, words in zip(vertical, ["∞ solutions", *["_"] * len(vertical)], strict=False):
+    for alpha, words in zip(vertical, ["∞", *["_"] * len(vertical)], strict=False):
         ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0, label=words)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_ylabel("number")

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, final
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph
 from pwscont.scenes.drawn import Drawn
-from pwscont.scenes.marks import Mark, draw_marks, marks_of
+from pwscont.scenes.marks import RADIUS, Mark, draw_marks, marks_of
 from pwscont.scenes.room import Room
 from pwscont.scenes.scene import Panel
 from pwscont.scenes.strokes import Rail, Stroke, alike, joined, rails_of, strokes_of
@@ -22,8 +23,6 @@ from pwscont.scenes.symbols import symbol
 
 #: Width of the white between rails, and of each rail, in points.
 CORE, RAIL = 3.4, 1.6
-#: Room that a mark takes, in parts of the axes.
-MARK = 0.02
 
 
 def mode_of(graph: BranchGraph, panel: Panel) -> Callable[[Character], str]:
@@ -100,6 +99,6 @@ class Diagram:
         room = Room(ax)
         room.draw(stroke.points for stroke in self.strokes)
         for mark in self.marks:
-            left, bottom = room.part(mark.at) - MARK
-            room.take((left, bottom, 2.0 * MARK, 2.0 * MARK))
+            middle = room.part(mark.at) * room.extent
+            room.take(room.box(middle, np.full(2, 2.0 * RADIUS)))
         return room

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -43,10 +43,8 @@ OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
 #: Labels in one diagram at most, and transitions whose marks have their full size.
 MOST_LABELS, FEW = 8, 12
-#: Size of the smallest marks, and of letters, in points.
-SMALLEST, LETTERS = 1.5, 7.0
-#: From a mark to its label, as parts of the axes.
-BESIDE = np.array([0.035, 0.04])
+#: Size of the smallest marks, of letters, and half that of what labels keep clear of, in points.
+SMALLEST, LETTERS, RADIUS = 1.5, 7.0, 4.5
 #: Starts closer to the ends of the interval than this part of it lie on them.
 AT_END = 1e-9
 
@@ -174,33 +172,37 @@ def _group(mark: Mark) -> tuple[str, int]:
     return mark.kind, mark.branch
 
 
-def label_marks(ax: Axes, marks: Iterable[Mark], room: Room) -> None:
+def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
     """Write labels beside the marks where there is room for them, a few at most."""
-    box = ax.get_window_extent().transformed(ax.figure.dpi_scale_trans.inverted())
-    extent = 72.0 * np.array([box.width, box.height])
-    written = 0
-    for mark in marks:
-        if not mark.label or written == MOST_LABELS:
-            continue
-        size = LETTERS * np.array([0.62 * len(mark.label), 1.2]) / extent
-        at = room.part(mark.at)
-        spots = [at + np.array(way) * (0.5 * size + BESIDE) for way in _ways(mark.side)]
-        free = (middle for middle in spots if room.is_free(_box(middle, size)))
-        if (middle := next(free, None)) is not None:
-            room.take(_box(middle, size))
-            _write(ax, mark, (middle - at) * extent)
-            written += 1
+    places = np.array([room.part(mark.at) * room.extent for mark in marks]).reshape(-1, 2)
+    labelled = [(mark, at) for mark, at in zip(marks, places, strict=True) if mark.label]
+    spots = ((mark, at, _spot(mark, at, places, room)) for mark, at in labelled)
+    found = ((mark, at, spot) for mark, at, spot in spots if spot is not None)
+    for mark, at, (middle, box) in islice(found, MOST_LABELS):
+        room.take(box)
+        _write(ax, mark, middle - at)
+
+
+def _spot(mark: Mark, at: Array, places: Array, room: Room) -> tuple[Array, Box] | None:
+    """Return middle (in points) and box of a free place for a label; None if there is none."""
+    size = LETTERS * np.array([0.62 * len(mark.label), 1.2])
+    beside = 0.5 * size + RADIUS + 1.5 * room.cell
+    middles = (at + np.array(way) * beside for way in _ways(mark.side))
+    boxes = ((middle, room.box(middle, size)) for middle in middles)
+    return next((s for s in boxes if room.is_free(s[1]) and _is_clear(s[0], at, places)), None)
+
+
+def _is_clear(middle: Array, at: Array, places: Array) -> bool:
+    """Tell whether a label is closer to its own mark than to any other."""
+    others = places[np.abs(places - at).max(axis=1) > RADIUS]
+    nearest = np.linalg.norm(others - middle, axis=1).min(initial=np.inf)
+    return bool(np.linalg.norm(middle - at) < nearest)
 
 
 def _ways(side: int) -> list[tuple[int, int]]:
     """Return directions from a mark, the best first."""
     first = [(side, 0)] if side else []
     return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
-
-
-def _box(middle: Array, size: Array) -> Box:
-    left, bottom = middle - 0.5 * size
-    return float(left), float(bottom), float(size[0]), float(size[1])
 
 
 def _write(ax: Axes, mark: Mark, off: Array) -> None:

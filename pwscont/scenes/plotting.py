@@ -120,5 +120,6 @@ def _styles(
 ) -> dict[str, Any]:
     """Return a line style for every mode that occurs: the scene's, else the system's."""
     own = graph.system.line_styles if graph.system else {}
-    words = [mode_of(graph, panel)(piece.character) for panel in panels for piece in graph.pieces]
+    modes = [mode_of(graph, panel) for panel in panels]
+    words = (mode(piece.character) for mode in modes for piece in graph.pieces)
     return styles_of(words, {**own, **wanted})

@@ -28,9 +28,16 @@ class Room:
     ----------
     ax : matplotlib.axes.Axes
         With its limits set.
+
+    Attributes
+    ----------
+    extent : ndarray, shape (2,)
+        Width and height in points.
     """
 
     def __init__(self, ax: Axes) -> None:
+        box = ax.get_window_extent()
+        self.extent: Array = 72.0 / ax.figure.dpi * np.array([box.width, box.height])
         self._limits = np.array([ax.get_xlim(), ax.get_ylim()])
         self._is_taken = np.zeros(CELLS, dtype=bool)
 
@@ -39,6 +46,18 @@ class Room:
         lo, hi = self._limits.T
         parts: Array = (points - lo) / (hi - lo)
         return parts
+
+    @property
+    def cell(self) -> Array:
+        """Width and height of a cell in points."""
+        size: Array = self.extent / CELLS
+        return size
+
+    def box(self, middle: Array, size: Array) -> Box:
+        """Return a box of which middle and size are given in points."""
+        left, bottom = (middle - 0.5 * size) / self.extent
+        width, height = size / self.extent
+        return float(left), float(bottom), float(width), float(height)
 
     def draw(self, lines: Iterable[Array]) -> None:
         """Take the cells along lines, each of shape (k, 2)."""
