@@ -210,6 +210,7 @@ def test_large_gaps_keep_magnification_down(press_case):
     [
         ("block_case", 1.0, "displacements true to scale"),
         ("block_case", 3.0, "displacements magnified 3 times"),
+        ("block_case", 0.1, "displacements drawn at 0.1 of their size"),
         ("press_case", 3.0, "displacements and gaps magnified 3 times"),
     ],
 )

@@ -25,7 +25,7 @@ ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
 #: Diagrams side by side at most, and rows of a legend beside the counts.
 MOST_COLUMNS, LEGEND_ROWS = 3, 6
 #: Constant quantities that a title names, and its letters per inch.
-MOST_CONSTANTS, LETTERS = 4, 11
+MOST_CONSTANTS, LETTERS = 4, 12
 
 
 def rows_of(scene: Scene, graph: BranchGraph) -> list[list[Content]]:
@@ -51,11 +51,13 @@ def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
     return float(values[0][0]) if quantity.is_constant(values) else None
 
 
-def title_of(scene: Scene, graph: BranchGraph, width: float) -> str:
-    """Return the title of a scene, and in words what is not drawn."""
+def place_title(figure: Figure, scene: Scene, graph: BranchGraph) -> None:
+    """Write the title of a scene, and in words what is not drawn."""
     said = "; ".join([*_constants(scene, graph), *_number(graph)])
-    lines = wrap(scene.title.replace("alpha", "α"), int(width * LETTERS))
-    return "\n".join([*lines, *([said] if said else [])])
+    lines = wrap(scene.title.replace("alpha", "α"), int(figure.get_figwidth() * LETTERS))
+    lines += [said] if said else []
+    figure.set_figheight(figure.get_figheight() + LINE * len(lines))
+    figure.suptitle("\n".join(lines), fontsize="medium")
 
 
 def _constants(scene: Scene, graph: BranchGraph) -> Iterator[str]:

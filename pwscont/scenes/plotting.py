@@ -19,7 +19,7 @@ from pwscont.scenes.counting import draw_counts, is_one_number
 from pwscont.scenes.diagram import Diagram, mode_of
 from pwscont.scenes.drawn import Drawn, What
 from pwscont.scenes.inset import draw_inset
-from pwscont.scenes.layout import Content, arrange, columns_for, place_legend, rows_of, title_of
+from pwscont.scenes.layout import Content, arrange, columns_for, place_legend, place_title, rows_of
 from pwscont.scenes.legend import legend_of
 from pwscont.scenes.marks import label_marks
 from pwscont.scenes.paths import draw_path
@@ -85,7 +85,7 @@ def draw_scene(scene: Scene, graph: BranchGraph) -> Figure:
     if counted:
         _draw_counts(axes[-1, 0], graph, diagrams[0].get_xlim())
     place_legend(figure, axes[-1, 1:] if counted else [], legend_of(graph, styles))
-    figure.suptitle(title_of(scene, graph, figure.get_figwidth()), fontsize="medium")
+    place_title(figure, scene, graph)
     return figure
 
 

@@ -180,6 +180,8 @@ def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState, units: Units = 
         ax.plot(at, shear, "-s", color=SHEAR, markersize=3, label=names[1])
         ax.plot(at, bound[nodes], "--", label=names[2], **line)
         ax.plot(at, -bound[nodes], "--", **line)
+    if contact.count == 1:
+        ax.set_xticks(contact.arc)
     ax.set_xlabel(units.with_length("length along the boundary"))
     ax.set_ylabel(units.with_stress("force per area"))
     ax.grid(alpha=0.25)

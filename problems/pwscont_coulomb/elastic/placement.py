@@ -101,6 +101,8 @@ class Placement:
         if self.factor == 1.0:
             return "displacements true to scale"
         gaps = " and gaps" if self.body.contact.gap.any() else ""
+        if self.factor < 1.0:
+            return f"displacements{gaps} drawn at {self.factor:.3g} of their size"
         return f"displacements{gaps} magnified {self.factor:.3g} times"
 
 
