@@ -396,6 +396,39 @@ def test_no_legend_lies_on_data(name):
         assert not any(box.shrunk(0.98, 0.9).overlaps(ax.get_window_extent()) for ax in shown)
 
 
+class Nowhere(PiecewiseSystem):
+    """z^2 + 1 = 0, or z^2 = alpha^2: no solution, or two lines that cross at a branch point."""
+
+    size = 1
+
+    def __init__(self, lift):
+        self.lift = lift
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return z**2 + self.lift - (1.0 - self.lift) * alpha**2
+
+
+def test_a_graph_without_pieces_is_drawn():
+    scene = Scene("nowhere", "no solution", Nowhere(1.0), (-1.0, 1.0))
+    graph = scene.run()
+    assert not graph.pieces
+    assert not lines(plot(graph))
+    assert "0 solutions throughout" in draw_scene(scene, graph).get_suptitle()
+    plt.close("all")
+
+
+def test_branch_points_have_their_parameter_beside_them():
+    graph = explore(Nowhere(0.0), (-1.0, 1.0))
+    (point,) = graph.special_points("branch point")
+    ax = plot(graph)
+    assert point.alpha == pytest.approx(0.0, abs=1e-9)
+    assert [text.get_text() for text in ax.texts] == ["0"]
+    plt.close(ax.figure)
+
+
 @pytest.mark.parametrize("kind", FORMATS)
 def test_formats(kind, tmp_path):
     scene = load_scene("fig7")

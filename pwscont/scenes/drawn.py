@@ -59,7 +59,9 @@ class Drawn:
         )
 
     def is_constant(self, values: Sequence[Array]) -> bool:
-        """Tell whether all values are one but for rounding."""
+        """Tell whether all values are one but for rounding; there must be some."""
+        if not values:
+            return False
         low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))
         return bool(high - low <= DUST * max(self.size, abs(low), abs(high)))
 

@@ -14,6 +14,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.scenes.drawn import DUST
 from pwscont.scenes.room import Box, Room
 from pwscont.scenes.styles import color_of
 from pwscont.scenes.symbols import number_of
@@ -45,8 +46,6 @@ UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
 MOST_LABELS, FEW = 8, 12
 #: Size of the smallest marks, of letters, and half that of what labels keep clear of, in points.
 SMALLEST, LETTERS, RADIUS = 1.5, 7.0, 4.5
-#: Starts closer to the ends of the interval than this part of it lie on them.
-AT_END = 1e-9
 
 
 @final
@@ -99,7 +98,7 @@ def marked(graph: BranchGraph) -> dict[int, list[SpecialPoint]]:
 
 def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
     lo, hi = graph.interval
-    near = min(abs(point.alpha - lo), abs(point.alpha - hi)) <= AT_END * (hi - lo)
+    near = min(abs(point.alpha - lo), abs(point.alpha - hi)) <= DUST * (hi - lo)
     return point.kind == Kind.END or (point.kind == Kind.START and near)
 
 
@@ -111,7 +110,7 @@ def marks_of(
     return [
         Mark(
             point.kind,
-            _label(point),
+            _label(graph, point),
             np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
             branch,
             sides.get(point.id, 0),
@@ -132,10 +131,12 @@ def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
     return {node for node in transitions if len(words.get(node, ())) == 1}
 
 
-def _label(point: SpecialPoint) -> str:
+def _label(graph: BranchGraph, point: SpecialPoint) -> str:
+    """Return what is written beside a point; rounding dust reads as zero."""
     if point.kind in UNLABELLED:
         return ""
-    return point.name or number_of(point.alpha)
+    dust = DUST * float(np.ptp(graph.interval))
+    return point.name or number_of(point.alpha if abs(point.alpha) > dust else 0.0)
 
 
 def _sides(graph: BranchGraph) -> dict[int, int]:
