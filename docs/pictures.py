@@ -14,6 +14,7 @@ from pwscont_coulomb.elastic.scenes import block, wedge
 from pwscont import explore
 from pwscont.bench.picture import draw
 from pwscont.bench.report import rows_of
+from pwscont.scenes.styles import COLORS
 
 DATA = Path(__file__).parent / "data"
 
@@ -41,10 +42,10 @@ def draw_scale(into: Path) -> None:
     data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     stages, each = figure.subplots(1, 2)
-    for name, marker in zip(STAGES, "so^D*", strict=True):
-        stages.loglog(*_series(data["block"], name), marker=marker, label=name)
-    for name, marker in (("block", "D"), ("strip", "v")):
-        each.loglog(*_series(data[name], "ms each"), marker=marker, label=name)
+    for name, marker, color in zip(STAGES, "so^D*", COLORS[:5], strict=True):
+        stages.loglog(*_series(data["block"], name), marker=marker, color=color, label=name)
+    for name, marker, color in (("block", "D", COLORS[0]), ("strip", "v", COLORS[1])):
+        each.loglog(*_series(data[name], "ms each"), marker=marker, color=color, label=name)
     last = data["block"][-1]
     guide = np.array([100.0, last["p"]])
     each.loglog(guide, last["ms each"] * (guide / last["p"]) ** 2, "k--", label="$p^2$")

@@ -35,6 +35,7 @@ from pwscont.linear.structured import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
+from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.search.search import BringsSearches, Search
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on, land_on_end
@@ -49,6 +50,7 @@ from pwscont.transitions.rays import Ray
 
 __all__ = [
     "CONVERGED",
+    "DEFAULT_LOOK",
     "EPS",
     "GUARD",
     "Answer",
@@ -70,6 +72,7 @@ __all__ = [
     "Indices",
     "Interior",
     "Kind",
+    "Look",
     "Matrix",
     "Metric",
     "Omission",

@@ -24,7 +24,8 @@ from pwscont.curve.predictor import Hermite, Secant, Tangent
 from pwscont.curve.step_size import StepSize
 from pwscont.graph import BranchGraph
 from pwscont.linear.banded import BandedJacobian
-from pwscont.scenes.scene import Panel, ParameterPath, Scene
+from pwscont.scenes.panels import Panel, ParameterPath
+from pwscont.scenes.scene import Scene
 from pwscont.search import (
     AllTransitions,
     EndPoints,
@@ -49,7 +50,8 @@ from pwscont.two_parameters.transition_locus import TransitionLocus
 if TYPE_CHECKING:
     from pwscont.scenes.counting import draw_counts
     from pwscont.scenes.plotting import plot
-    from pwscont.two_parameters.scene import Axes, PlaneScene
+    from pwscont.two_parameters.axes import Axes
+    from pwscont.two_parameters.scene import PlaneScene
 
 __all__ = [
     "AllTransitions",
@@ -108,7 +110,7 @@ __all__ = [
 
 #: Names whose modules are imported only when they are asked for, such as matplotlib.
 LATER = {
-    "Axes": "pwscont.two_parameters.scene",
+    "Axes": "pwscont.two_parameters.axes",
     "PlaneScene": "pwscont.two_parameters.scene",
     "draw_counts": "pwscont.scenes.counting",
     "plot": "pwscont.scenes.plotting",

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from PIL import Image
 from sweeps import swept
 
 from pwscont import BranchGraph, Scene
@@ -162,10 +163,10 @@ def test_json_nodes_and_pieces_fit_together(capsys, name):
 
 @pytest.mark.parametrize("name", swept(WRITTEN, [n for n in NAMES if n not in WRITTEN]))
 def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
-    if name == "block":
-        monkeypatch.setattr("pwscont_coulomb.elastic.scene.FRAMES", 3)
+    monkeypatch.setattr("pwscont_coulomb.elastic.scene.FRAMES", 3)
     directory = tmp_path / "not yet" / "there"
-    status, out, err = run(capsys, "run", name, "-o", str(directory))
+    moving = ["--animate"] if name == "block" else []
+    status, out, err = run(capsys, "run", name, "-o", str(directory), *moving)
     assert status == 0
     assert out
     picture, data = directory / f"{name}.png", directory / f"{name}.npz"
@@ -180,7 +181,7 @@ def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
     bodies = [file for file in directory.iterdir() if file.stem.startswith(f"{name}-")]
     assert sorted(directory.iterdir()) == sorted([picture, data, *bodies])
     assert {file.suffix for file in bodies} == (
-        {".png", ".vtu", ".gif"} if name in ELASTIC else set()
+        {".png", ".vtu", *([".gif"] if moving else [])} if name in ELASTIC else set()
     )
 
 
@@ -304,6 +305,71 @@ def test_interruption_ends_with_status_130(capsys, monkeypatch):
     monkeypatch.setattr(Scene, "solve", interrupt)
     status, out, err = run(capsys, "run", "fig7")
     assert (status, out, err) == (130, "", "pwscont: interrupted\n")
+
+
+# -- how pictures look ---------------------------------------------------------------------------
+
+
+def test_looks_of_pictures(capsys, tmp_path):
+    options = ["-o", str(tmp_path), "--format", "svg", "--dpi", "50", "--panels", "u_t", "2"]
+    status, _, err = run(capsys, "run", "fig7", *options)
+    assert status == 0
+    assert "fig7.svg" in err
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["fig7.npz", "fig7.svg"]
+
+
+def test_resolution_is_what_was_asked_for(capsys, tmp_path):
+    sizes = []
+    for dots in (40, 80):
+        run(capsys, "run", "fig7", "-o", str(tmp_path), "--dpi", str(dots))
+        with Image.open(tmp_path / "fig7.png") as picture:
+            sizes.append(picture.size)
+    assert np.array(sizes[1]) == pytest.approx(2 * np.array(sizes[0]), abs=2)
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fig7", "-o", "out", "--scale", "2"], "--scale is about bodies, and scene fig7 draws"),
+        (
+            ["fig7", "-o", "out", "--animate"],
+            "--animate is about bodies, and scene fig7 draws none",
+        ),
+        (["fig7", "--dpi", "100"], "--dpi needs -o DIR: pictures are written there"),
+        (["fig7", "--format", "pdf"], "--format needs -o DIR"),
+        (["fig7", "-o", "out", "--panels", "u_s"], "did you mean u_ν or u_t?"),
+        (["fig7", "-o", "out", "--panels", "4"], "there is no '4'; names are u_ν, u_t, λ_ν, λ_t"),
+        (["fig5", "-o", "out", "--panels", "u_t"], "scene fig5 draws no quantity over a parameter"),
+    ],
+)
+def test_looks_that_fit_no_picture_are_refused_before_any_work(
+    capsys, tmp_path, monkeypatch, arguments, words
+):
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(capsys, "run", *arguments)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--format", "jpg"], "choose from"),
+        (["--dpi", "0"], "must be a whole number from 20 to 1200, got '0'"),
+        (["--dpi", "many"], "must be a whole number from 20 to 1200, got 'many'"),
+        (["--dpi", "100000"], "must be a whole number"),
+        (["--scale", "0"], "must be a positive number, got '0'"),
+        (["--scale", "inf"], "must be a positive number, got 'inf'"),
+        (["--scale", "big"], "must be a positive number, got 'big'"),
+        (["--panels"], "expected at least one argument"),
+    ],
+)
+def test_looks_of_no_sense_are_refused_in_words(capsys, arguments, words):
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "block", "-o", "out", *arguments])
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
 
 
 # -- progress ------------------------------------------------------------------------------------

@@ -8,17 +8,25 @@ import pytest
 from elastic_bodies import KINDS, pressed, square
 from matplotlib.quiver import Quiver
 from PIL import Image
-from pwscont_coulomb.elastic import recover
+from pwscont_coulomb.elastic import ContactBoundary, ElasticBody, Support, Units, Young, recover
 from pwscont_coulomb.elastic import scene as scene_module
 from pwscont_coulomb.elastic.animation import along, animate
-from pwscont_coulomb.elastic.pictures import draw_states, magnification
-from pwscont_coulomb.elastic.scenes import block, block_body, triangle, triangle_body
+from pwscont_coulomb.elastic.pictures import draw_states, summary
+from pwscont_coulomb.elastic.placement import Placement, magnification
+from pwscont_coulomb.elastic.scenes import (
+    block,
+    block_body,
+    press_body,
+    triangle,
+    triangle_body,
+)
 from pwscont_coulomb.elastic.vtu import write_vtu
 from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, UnknownNameError
 from pwscont.continuation.plan import silent
+from pwscont.scenes.look import Look
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +141,7 @@ def test_scenes_write_pictures_and_vtu(tmp_path, monkeypatch):
     answer = scene.solve(at, silent)
     assert len(json.loads(json.dumps(answer.as_dict()))["solutions"]) == 3
     assert "3 solutions at alpha = -0.75" in answer.as_text()
-    files = {file.name for file in answer.write(tmp_path)}
+    files = {file.name for file in answer.write(tmp_path, Look(animate=True))}
     assert files == {
         "triangle.png",
         "triangle.npz",
@@ -148,3 +156,100 @@ def test_a_scene_refuses_values_outside_its_interval():
     assert block().values(None) == (1.0,)
     with pytest.raises(InvalidInputError, match=r"--at 3 lies outside the interval \[0.0, 2.0\]"):
         block().values([3])
+
+
+# -- where bodies are drawn ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def press_case():
+    problem = press_body().condensed()
+    return problem, explore(problem.along_load(), (0.0, 0.2))
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0, 5.0])
+def test_flat_ground_is_drawn_flat_and_closed_nodes_lie_on_it(press_case, factor):
+    """The gaps of the rounded edges, magnified, would make a hump of the table."""
+    problem, graph = press_case
+    state = recover(problem, graph.solutions(0.1)[0])
+    placement, contact = Placement.of(problem.elastic, factor), problem.elastic.contact
+    size = np.ptp(contact.positions)
+    assert contact.gap.max() > 0.1
+    np.testing.assert_allclose(placement.obstacle[1], 0.0, atol=3e-3 * size)
+    moved, closed = placement.moved(state)[:, contact.nodes], state.modes != Mode.NO_CONTACT
+    assert closed.sum() > 10
+    np.testing.assert_allclose(moved[1, closed], 0.0, atol=3e-3 * size)
+    height = moved[1, ~closed] - placement.obstacle[1, ~closed]
+    true = (contact.positions[1] + state.displacements[contact.nodes, 1])[~closed]
+    np.testing.assert_allclose(height, factor * true, atol=3e-3 * factor * size)
+
+
+def test_an_uneven_obstacle_below_a_flat_body_is_drawn_at_its_magnified_gap():
+    body = ElasticBody(
+        square("tri", 5),
+        Young(1.0, 0.3),
+        supports=[Support("top", constant=(0.0, -0.01))],
+        contact=ContactBoundary("bottom", friction=0.3, gap=lambda x: 0.01 * (x[0] - 0.5) ** 2),
+    )
+    contact, placement = body.contact, Placement.of(body, 10.0)
+    np.testing.assert_array_equal(placement.rest, body.positions)
+    drawn = contact.positions + 10.0 * contact.gap * contact.normals
+    np.testing.assert_array_equal(placement.obstacle, drawn)
+
+
+def test_large_gaps_keep_magnification_down(press_case):
+    problem, graph = press_case
+    tiny = recover(problem, graph.solutions(0.1)[0])
+    factor = magnification(problem.elastic, [tiny])
+    extent = np.ptp(problem.elastic.positions, axis=1).max()
+    assert factor == 1.0 or factor * problem.elastic.contact.gap.max() <= 0.25 * extent
+
+
+@pytest.mark.parametrize(
+    ("case", "scale", "words"),
+    [
+        ("block_case", 1.0, "displacements true to scale"),
+        ("block_case", 3.0, "displacements magnified 3 times"),
+        ("block_case", 0.1, "displacements drawn at 0.1 of their size"),
+        ("press_case", 3.0, "displacements and gaps magnified 3 times"),
+    ],
+)
+def test_the_picture_says_what_is_magnified(request, case, scale, words):
+    problem, graph = request.getfixturevalue(case)
+    states = [recover(problem, graph.solutions(0.1)[0])]
+    figure = draw_states(problem.elastic, states, scale=scale)
+    assert figure.get_suptitle() == words
+
+
+def test_legends_stand_outside_and_nothing_is_clipped(block_case):
+    problem, graph = block_case
+    states = [recover(problem, solution) for solution in graph.solutions(1.9)]
+    figure = draw_states(problem.elastic, states, units=Units("mm", "MPa"))
+    assert not [ax for ax in figure.axes if ax.get_legend()]
+    (legend,) = figure.legends
+    words = {text.get_text() for text in legend.get_texts()}
+    assert {"stick", "slip", "no contact", "pressure", "shear", "friction bound"} <= words
+    figure.draw_without_rendering()
+    box = legend.get_window_extent()
+    assert not any(box.overlaps(ax.get_window_extent()) for ax in figure.axes)
+    below = figure.axes[1]
+    assert below.get_xlabel() == "length along the boundary [mm]"
+    assert below.get_ylabel() == "force per area [MPa]"
+    low, high = below.get_ylim()
+    for line in below.lines:
+        assert low < line.get_ydata().min() <= line.get_ydata().max() < high
+    (arrows,) = [c for c in figure.axes[0].collections if isinstance(c, Quiver)]
+    assert len(np.unique(arrows.get_facecolor(), axis=0)) == 1
+    assert figure.axes[0].get_title() == summary(states[0])
+
+
+def test_animations_are_written_only_where_asked_for(tmp_path):
+    answer = triangle().solve((), silent)
+    assert {file.suffix for file in answer.write(tmp_path)} == {".png", ".npz"}
+
+
+def test_a_body_scene_draws_the_unknowns_that_are_asked_for():
+    with pytest.raises(UnknownNameError, match="λ_t"):
+        triangle().with_panels(["λ_x"]).solve((), silent)
+    answer = triangle().with_panels(["λ_t"]).solve((), silent)
+    assert [panel.component for panel in answer.graph.scene.panels] == ["λ_t"]

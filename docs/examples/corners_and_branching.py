@@ -165,7 +165,7 @@ def draw(ax, graph, weights, title):
     for piece in graph.pieces:
         values = piece.z[:, 1 : 2 * len(weights) : 2] @ weights
         positive = piece.det_sign > 0
-        ax.plot(piece.alpha, values, color="C0" if positive else "C3", ls="-" if positive else "--")
+        ax.plot(piece.alpha, values, color=BLUE if positive else RED, ls="-" if positive else "--")
     for point in graph.special_points():
         if point.kind in MARKS:
             value = point.z[1 : 2 * len(weights) : 2] @ weights
@@ -174,6 +174,7 @@ def draw(ax, graph, weights, title):
     ax.grid(alpha=0.25)
 
 
+BLUE, RED = "#0072B2", "#D55E00"  # also for colour-blind readers
 MARKS = {
     "transition": {"marker": "o", "markerfacecolor": "white", "markersize": 5},
     "nonsmooth fold": {"marker": "o", "markersize": 5},
@@ -197,8 +198,8 @@ for piece in loop:
     values = piece.z[:, 1:4:2] @ [1.0, 0.6]
     axes[1, 1].plot(piece.alpha, values, color="0.85", lw=7.0, solid_capstyle="round", zorder=1)
 handles = [
-    Line2D([], [], color="C0", label="determinant positive"),
-    Line2D([], [], color="C3", ls="--", label="negative"),
+    Line2D([], [], color=BLUE, label="determinant positive"),
+    Line2D([], [], color=RED, ls="--", label="negative"),
     Line2D([], [], color="0.85", lw=7.0, label="closed loop"),
     *(
         Line2D([], [], color="k", ls="none", label=kind.replace("nonsmooth", "non-smooth"), **mark)

@@ -143,7 +143,7 @@ for F in (2.01, 1.99):
 figure, ax = plt.subplots(figsize=(6.5, 4.5), layout="constrained")
 for part in parts:
     thick = part.crossing == "fold"
-    ax.plot(*part.plane.T, color="C3" if thick else "0.4", linewidth=2.2 if thick else 0.9)
+    ax.plot(*part.plane.T, color="#D55E00" if thick else "0.4", linewidth=2.2 if thick else 0.9)
 ax.axhline(critical, color="0.3", linestyle="--", linewidth=0.8)
 ax.annotate(f"critical F = {critical:g}", (0.1, critical), (0, 4), textcoords="offset points")
 for text, alpha, F in (("3", -1.0, 3.4), ("5", -1.4, 3.83), ("3", -1.37, 2.8), ("1", 0.2, 3.2)):

@@ -201,7 +201,8 @@ figure, axes = plt.subplots(
 plot(graph, 3, ax=axes[0, 0])  # tangential displacement of the second node
 plot(loop_graph, 0, ax=axes[0, 1])
 handles = axes[0, 0].get_legend().legend_handles
-axes[0, 0].legend(handles=handles, fontsize=7, handlelength=3.5, loc="lower right")
+axes[0, 0].get_legend().remove()
+figure.legend(handles=handles, title="left", loc="outside lower center", ncols=3, fontsize="small")
 axes[0, 0].set_title("two contact nodes", fontsize="medium")
 axes[0, 1].set_title("a loop beside a line", fontsize="medium")
 axes[0, 1].set_ylabel("$z$")
@@ -210,6 +211,5 @@ for ax, counted in zip(axes[1], (graph, loop_graph), strict=True):
     draw_counts(counted, ax)
     ax.set_ylim(0.0, 5.8)
     ax.set_xlabel("α")
-    ax.legend(fontsize="small", loc="upper right")
 for ax in axes[0]:
     ax.set_xlabel("")

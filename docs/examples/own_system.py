@@ -176,7 +176,7 @@ smooth = explore(system, (-0.3, 0.7), stepper=fine)
 figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
 plot(smooth, 0, ax=axes[0])
 plot(smooth, 1, ax=axes[1])
-axes[1].get_legend().remove()
+axes[0].get_legend().remove()
 
 # %%
 # Offer it as a scene

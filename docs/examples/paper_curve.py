@@ -147,11 +147,11 @@ print(len(everything.components()), "component,", len(everything.pieces), "piece
 # The picture
 # -----------
 #
-# The asterisk marks the start, the open circle a transition, filled ones non-smooth folds.
+# The open circle marks a transition, filled ones non-smooth folds, with alpha beside them.
 figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
 plot(graph, system.names().index("λ_ν"), ax=axes[0])
 plot(graph, system.names().index("u_t"), ax=axes[1])
-axes[1].get_legend().remove()
+axes[0].get_legend().remove()
 
 # %%
 # The same from the command line, with the load path beside it::

@@ -79,6 +79,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     _without_friction: Array
     #: One solution more with positive than with negative determinant, whatever f and F >= 0.
     degree = 1
+    line_styles = contact.LINE_STYLES
 
     def __init__(self, body: ContactBody, r: Any = None) -> None:
         self.body = body

@@ -40,6 +40,8 @@ class Mode(IntEnum):
 
 
 WORDS = tuple(mode.word for mode in Mode)
+#: Line styles of the paper; it draws slip in both directions alike.
+LINE_STYLES = {"no contact": "-", "stick": "--", "slip-": "-.", "slip+": ":"}
 
 #: Signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of one character for each mode.
 SIGNS = {
@@ -82,6 +84,11 @@ TRIPLES = {
 def label(character: Character) -> str:
     """Return the modes of all nodes: ``node 1 slip-, nodes 2 to 5 stick``."""
     return _listed([WORDS[mode] for mode in modes(character).tolist()])
+
+
+def word(node: int, character: Character) -> str:
+    """Return the mode of one node, counted from zero."""
+    return WORDS[int(modes(character)[node])]
 
 
 def describe(character: Character) -> str:

@@ -12,15 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from pwscont import Character, Panel, ParameterPath, Scene
+from pwscont import Panel, ParameterPath, Scene
 from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
-from pwscont_coulomb.modes import Mode, modes
-
-#: Line styles of the paper.
-STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
+from pwscont_coulomb.modes import word
 
 
 def one_node() -> ContactBody:
@@ -60,17 +57,12 @@ def periodic_path(phi: float) -> Array:
     )
 
 
-def _word(node: int, character: Character) -> str:
-    """Return the mode of one node as the line styles know it."""
-    return Mode(modes(character)[node]).word.rstrip("+-")
-
-
 def _panels(body: ContactBody) -> tuple[Panel, ...]:
     """Return tangential displacement and normal multiplier of each node."""
     u_t = [int(np.flatnonzero(row)[0]) for row in body.T]
     titles = [f"node {node + 1}" if body.p > 1 else "" for node in range(body.p)]
     return tuple(
-        Panel(component, partial(_word, node), titles[node])
+        Panel(component, partial(word, node), titles[node])
         for node in range(body.p)
         for component in (body.n + node, u_t[node])
     )
@@ -112,7 +104,6 @@ def _along_load(
         interval,
         panels=_panels(body),
         paths=_load_paths(body, load),
-        styles=STYLES,
         **more,
     )
 
@@ -126,7 +117,6 @@ def _along_friction(name: str, title: str, body: ContactBody, force: Any) -> Sce
         parameter="F",
         at=(4.0,),
         panels=_panels(body),
-        styles=STYLES,
     )
 
 

@@ -79,7 +79,7 @@ def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
 def case_of(runnable: Runnable) -> Case:
     """Return a scene with its true answer."""
     scene = runnable.curve()
-    if scene is None:
+    if not isinstance(scene, Scene):
         raise UnknownAnswerError("it has two parameters")
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):

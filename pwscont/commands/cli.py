@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pwscont.basics.errors import PwscontError
 from pwscont.commands.arguments import spread
+from pwscont.commands.looks import add_looks
 from pwscont.commands.run import run_scene
 from pwscont.scenes.registry import described_scene, scene_names
 from pwscont.scenes.settings import add_settings
@@ -91,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
         help="write picture and data there",
     )
     add_settings(run)
+    add_looks(run)
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     run.add_argument(
         "--explain", action="store_true", help="say what the scene leaves out, and why"

@@ -13,17 +13,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.commands.looks import look_of, with_panels
 from pwscont.commands.progress import Progress
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.scenes.answer import Answer, Runnable
+from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.scenes.registry import load_scene
 
 
 def run_scene(options: argparse.Namespace) -> int:
     """Run a scene as the command line says; returns the exit status."""
     scene = load_scene(options.scene, dict(options.settings))
-    at = scene.values(options.at)
+    at, look = scene.values(options.at), look_of(options, scene)
+    scene = with_panels(options, scene)
     if options.output:
         make_directory(options.output)
     with _journalled(scene, options.output, options.resume) as kept:
@@ -34,7 +37,7 @@ def run_scene(options: argparse.Namespace) -> int:
         text = _as_json(answer, left_out, seconds) if options.json else _as_text(answer, left_out)
         unprinted = _print(text)
         if options.output:
-            written = write_whole(answer, options.output)
+            written = write_whole(answer, options.output, look)
             print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
     if unprinted:
         raise unprinted
@@ -50,7 +53,7 @@ def _print(text: str) -> OSError | None:
     return None
 
 
-def write_whole(answer: Answer, directory: Path) -> list[Path]:
+def write_whole(answer: Answer, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
     """Write the files of an answer into a directory; where the disk is full, none of them.
 
     Raises
@@ -60,7 +63,7 @@ def write_whole(answer: Answer, directory: Path) -> list[Path]:
     """
     try:
         with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
-            written = [file.relative_to(temporary) for file in answer.write(Path(temporary))]
+            written = [file.relative_to(temporary) for file in answer.write(Path(temporary), look)]
             for name in os.listdir(temporary):
                 os.replace(Path(temporary, name), directory / name)
     except (OSError, GraphFileError) as error:

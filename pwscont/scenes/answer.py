@@ -5,15 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from pwscont.basics.errors import InvalidInputError
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
-
-if TYPE_CHECKING:
-    from pwscont.scenes.scene import Scene
+from pwscont.scenes.look import DEFAULT_LOOK, Look
 
 
 class Answer(ABC):
@@ -28,7 +26,7 @@ class Answer(ABC):
         """Return the same as plain lists and numbers, without the time it took."""
 
     @abstractmethod
-    def write(self, directory: Path) -> list[Path]:
+    def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write picture and data into an existing directory; return the files."""
 
 
@@ -51,12 +49,24 @@ class Runnable(ABC):
 
     #: Whether an interrupted run can go on: then there is with_journal.
     resumable: ClassVar[bool] = False
+    #: Whether its pictures show a body, with displacements.
+    has_body: ClassVar[bool] = False
 
     def with_journal(self, journal: Journal) -> Runnable:
         """Return the same scene with a journal of its finished pieces."""
         raise NotImplementedError
 
-    def curve(self) -> Scene | None:
+    def with_panels(self, names: Sequence[str]) -> Runnable:
+        """Return the same scene, which draws these unknowns or recorded quantities instead.
+
+        Raises
+        ------
+        InvalidInputError
+            If there are none of these names, or if the scene draws no quantity over a parameter.
+        """
+        raise InvalidInputError(f"--panels: scene {self.name} draws no quantity over a parameter")
+
+    def curve(self) -> Runnable | None:
         """Return the scene with one parameter that runs, built; None where there is none."""
         return None
 

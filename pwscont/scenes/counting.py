@@ -6,11 +6,23 @@ Meant to stand under a branch diagram with the same horizontal axis.
 from __future__ import annotations
 
 from math import isfinite
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from pwscont.graph import BranchGraph
+
+#: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
+BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
+#: Where the legend stands: above the axes, clear of the data.
+ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}
+
+
+def is_one_number(graph: BranchGraph) -> bool:
+    """Tell whether there are equally many solutions throughout, in balance."""
+    vertical = any(piece.is_vertical for piece in graph.pieces)
+    return len(graph.multiplicity()) == 1 and len(graph.balance_values()) == 1 and not vertical
 
 
 def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
@@ -33,11 +45,12 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     single = [alpha for alpha in edges[1:-1] if isfinite(graph.count(alpha))]
     ax.plot(single, [graph.count(alpha) for alpha in single], "o", color="black", markersize=4)
     breaks = graph.breaks()
-    ax.stairs(graph.balances(), breaks, baseline=None, color="C3", linestyle="--", label="balance")
-    for alpha in {piece.interval[0] for piece in graph.pieces if piece.is_vertical}:
-        ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0)
+    ax.stairs(graph.balances(), breaks, baseline=None, label="balance (sum of signs)", **BALANCE)
+    vertical = {piece.interval[0] for piece in graph.pieces if piece.is_vertical}
+    for alpha, words in zip(vertical, ["∞", *["_"] * len(vertical)], strict=False):
+        ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0, label=words)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_ylabel("number")
-    ax.legend(fontsize="small")
+    ax.legend(fontsize="small", frameon=False, columnspacing=1.0, handlelength=1.5, **ABOVE)
     ax.grid(alpha=0.25)
     return ax

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral
@@ -12,11 +12,13 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.quantities import Function
+from pwscont.basics.quantities import Function, Quantities
 from pwscont.graph import BranchGraph
 
 #: An index into z, the name of an unknown or of a recorded quantity, or a function of (z, alpha).
 What: TypeAlias = int | str | Function
+#: Changes smaller than this part of a quantity are rounding.
+DUST = 1e-9
 
 
 @final
@@ -29,10 +31,13 @@ class Drawn:
     label : str
     along : callable
         Points (z, alpha), shape (k, n + 1) -> values, shape (k,).
+    size : float
+        A typical magnitude; zero where none is known.
     """
 
     label: str
     along: Callable[[Array], Array]
+    size: float = 0.0
 
     @classmethod
     def of(cls, graph: BranchGraph, what: What) -> Drawn:
@@ -53,12 +58,19 @@ class Drawn:
             f"what is drawn must be an index, a name or a function of (z, alpha), got {what!r}"
         )
 
+    def is_constant(self, values: Sequence[Array]) -> bool:
+        """Tell whether all values are one but for rounding; there must be some."""
+        if not values:
+            return False
+        low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))
+        return bool(high - low <= DUST * max(self.size, abs(low), abs(high)))
+
     @classmethod
     def _component(cls, graph: BranchGraph, index: int) -> Drawn:
         names = graph.names
         if not -len(names) <= index < len(names):
             raise InvalidInputError(f"there is no unknown {index}: there are {len(names)}")
-        return cls(names[index], lambda points: points[:, :-1][:, index])
+        return cls(names[index], lambda points: points[:, :-1][:, index], _size(graph, index))
 
     @classmethod
     def _named(cls, graph: BranchGraph, name: str) -> Drawn:
@@ -68,6 +80,28 @@ class Drawn:
         if name not in graph.quantities.record:
             value(np.zeros(len(graph.names)), 0.0)  # says which are close
         return cls(name, _each(value))
+
+
+def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Function]) -> str:
+    """Return the name of an unknown or a recorded quantity, asked for by name or index.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none; a name that is close is told.
+    """
+    if name.isdecimal() and name not in record and int(name) < len(unknowns):
+        return unknowns[int(name)]
+    if name not in record:
+        Quantities(unknowns, record).value(name, np.zeros(len(unknowns)), 0.0)
+    return name
+
+
+def _size(graph: BranchGraph, index: int) -> float:
+    """Return a typical magnitude of an unknown: the system's, else that of all unknowns."""
+    if graph.system is not None and graph.system.gives_scale:
+        return float(graph.system.scale(*graph.interval)[index])
+    return max((float(np.abs(piece.z).max()) for piece in graph.pieces), default=0.0)
 
 
 def _each(function: Function) -> Callable[[Array], Array]:

@@ -10,7 +10,8 @@ from pwscont.graph import BranchGraph, Solution
 from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.graph.records import attempted
 from pwscont.scenes.answer import Answer
-from pwscont.scenes.scene import Scene
+from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.scenes.panels import Shown
 from pwscont.scenes.table import report
 
 
@@ -19,7 +20,7 @@ from pwscont.scenes.table import report
 class GraphAnswer(Answer):
     """A branch graph, and the solutions at some parameter values."""
 
-    scene: Scene
+    scene: Shown
     graph: BranchGraph
     at: tuple[float, ...]
 
@@ -40,13 +41,13 @@ class GraphAnswer(Answer):
             failed[key] = graph.get(key, []) + failures
         return head | graph | {"solutions": solutions} | failed
 
-    def write(self, directory: Path) -> list[Path]:
+    def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write the branch diagrams and the branch graph."""
         from pwscont.scenes.plotting import draw_scene  # noqa: PLC0415  only where asked for
 
         name = self.scene.name
-        picture, file = directory / f"{name}.png", directory / f"{name}.npz"
-        draw_scene(self.scene, self.graph).savefig(picture, dpi=150)
+        picture = look.save(draw_scene(self.scene, self.graph), directory, name)
+        file = directory / f"{name}.npz"
         self.graph.save(file)
         return [picture, file]
 

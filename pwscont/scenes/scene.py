@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
-from pwscont.basics.character import Character
 from pwscont.basics.quantities import Function
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
@@ -14,50 +13,14 @@ from pwscont.continuation.omissions import Omission, omissions
 from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.drawn import What
+from pwscont.scenes.drawn import quantity_named
+from pwscont.scenes.graph_answer import GraphAnswer
+from pwscont.scenes.panels import Panel, ParameterPath
 from pwscont.search import Search
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.events import Stop
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """One diagram: a quantity against the parameter.
-
-    Attributes
-    ----------
-    component : int, str or callable
-        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
-    mode : callable, optional
-        Character -> the word that chooses the line style; default the system's description.
-    title : str
-    """
-
-    component: What
-    mode: Callable[[Character], str] | None = None
-    title: str = ""
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class ParameterPath:
-    """A companion picture: two quantities along the parameter, such as a load path.
-
-    Attributes
-    ----------
-    curve : callable
-        alpha -> (horizontal, vertical).
-    labels : tuple of str
-        Names of both axes.
-    title : str
-    """
-
-    curve: Callable[[float], tuple[float, float]]
-    labels: tuple[str, str]
-    title: str = ""
 
 
 @final
@@ -110,6 +73,22 @@ class Scene(Runnable):
         """Return the same scene with a journal."""
         return replace(self, journal=journal)
 
+    def with_panels(self, names: Sequence[str]) -> Scene:
+        """Return the same scene, which draws these unknowns or recorded quantities instead.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of a name; names that are close are told.
+        """
+        unknowns = self.system.names()
+        own = {
+            unknowns[p.component] if isinstance(p.component, int) else p.component: p
+            for p in self.panels
+        }
+        asked = [quantity_named(name, unknowns, self.record) for name in names]
+        return replace(self, panels=tuple(own.get(name, Panel(name)) for name in asked))
+
     def curve(self) -> Scene:
         """Return the scene itself."""
         return self
@@ -139,6 +118,4 @@ class Scene(Runnable):
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Explore the interval and list the solutions at some values of alpha."""
-        from pwscont.scenes.graph_answer import GraphAnswer  # noqa: PLC0415  it needs Scene
-
         return GraphAnswer(self, uninterrupted(self.run(report)), tuple(at))

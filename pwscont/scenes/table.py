@@ -15,14 +15,14 @@ from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.presentation import number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
-from pwscont.scenes.scene import Scene
+from pwscont.scenes.panels import Shown
 
 #: Solutions of these kinds, or of none, are like those around them.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
 HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
 
-def report(scene: Scene, graph: BranchGraph, at: Iterable[float]) -> str:
+def report(scene: Shown, graph: BranchGraph, at: Iterable[float]) -> str:
     """Return branches, transitions, numbers of solutions, and the solutions asked for."""
     lo, hi = graph.interval
     lines = [
@@ -37,7 +37,7 @@ def report(scene: Scene, graph: BranchGraph, at: Iterable[float]) -> str:
     return "\n".join(lines)
 
 
-def _branches(scene: Scene, graph: BranchGraph) -> Iterator[str]:
+def _branches(scene: Shown, graph: BranchGraph) -> Iterator[str]:
     for i, component in enumerate(graph.components(), start=1):
         for orientation in scene.orientations:
             yield ""
@@ -105,11 +105,11 @@ def _balance(graph: BranchGraph) -> str:
     """Return the sum of signs, which is necessary for completeness but not sufficient."""
     values = graph.balance_values()
     if len(values) == 1:
-        return f"the signs of det(dH/dz) sum to {values[0]:+d} throughout"
-    return f"the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
+        return f"balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout"
+    return f"no balance: the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
 
 
-def _solutions(scene: Scene, graph: BranchGraph, alpha: float) -> Iterator[str]:
+def _solutions(scene: Shown, graph: BranchGraph, alpha: float) -> Iterator[str]:
     found = graph.solutions(alpha)
     given = number(alpha) if float(number(alpha)) == alpha else repr(float(alpha))
     yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {given}"
@@ -126,7 +126,7 @@ def _error(solution: Solution) -> str:
     return f", error {10.0**-solution.digits:.0e}{few and f', {few}'}"
 
 
-def _state(scene: Scene, solution: Solution) -> str:
+def _state(scene: Shown, solution: Solution) -> str:
     # adding zero turns -0 into 0; rounding dust below 1e-12 of the largest entry reads as 0
     dust = 1e-12 * np.abs(solution.z).max(initial=0.0)
     z = np.where(np.abs(solution.z) <= dust, 0.0, solution.z)

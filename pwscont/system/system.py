@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from types import MappingProxyType
 from typing import Any, Self, final
 
 import numpy as np
@@ -46,6 +47,8 @@ class PiecewiseSystem(ABC):
     unique : bool
         The promise that there is never more than one solution at one alpha (a P-matrix, a convex
         problem); default False. One found is then all, and two are an error in the promise.
+    line_styles : mapping of str to matplotlib's line styles
+        How pictures draw the pieces of a label; default in the order in which they occur.
     """
 
     __slots__ = ("__dict__", "__weakref__", "_differences")
@@ -55,6 +58,7 @@ class PiecewiseSystem(ABC):
     degree: int | None = None
     _differences: Differences
     unique: bool = False
+    line_styles: Mapping[str, Any] = MappingProxyType({})
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:

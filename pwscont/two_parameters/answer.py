@@ -9,9 +9,10 @@ from typing import Any, final
 
 from pwscont.graph.presentation import finite
 from pwscont.scenes.answer import Answer
+from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import LocusPart
 from pwscont.two_parameters.plane import Plane, Sector
-from pwscont.two_parameters.scene import PlaneScene
 from pwscont.two_parameters.table import report
 
 
@@ -20,7 +21,7 @@ from pwscont.two_parameters.table import report
 class PlaneAnswer(Answer):
     """Loci of transitions, and the sectors between them."""
 
-    scene: PlaneScene
+    scene: PlaneShown
     plane: Plane
 
     def as_text(self) -> str:
@@ -96,13 +97,13 @@ class PlaneAnswer(Answer):
         tips = self.plane.lowest_folds
         return {"lowest_folds": [{"alpha": float(x[-1]), "z": x[:-1].tolist()} for x in tips]}
 
-    def write(self, directory: Path) -> list[Path]:
+    def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write the picture, and what ``--json`` prints."""
         from pwscont.two_parameters.plotting import draw_plane  # noqa: PLC0415  where asked for
 
         name = self.scene.name
-        picture, file = directory / f"{name}.png", directory / f"{name}.json"
-        draw_plane(self.scene, self.plane).savefig(picture, dpi=150)
+        picture = look.save(draw_plane(self.scene, self.plane), directory, name)
+        file = directory / f"{name}.json"
         text = json.dumps(self.as_dict(), ensure_ascii=False, allow_nan=False)
         file.write_text(text + "\n", encoding="utf-8")
         return [picture, file]

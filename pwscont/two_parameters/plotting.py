@@ -6,7 +6,9 @@ transitions that alpha passes; on double ones infinitely many solutions share on
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Any, final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,26 +19,39 @@ from matplotlib.patheffects import Normal, Stroke
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
+from pwscont.graph import SpecialPoint
 from pwscont.graph.presentation import number
-from pwscont.scenes.plotting import symbol
+from pwscont.scenes.symbols import symbol
+from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing
 from pwscont.two_parameters.plane import Plane, Sector
 from pwscont.two_parameters.regions import area_and_centre
-from pwscont.two_parameters.scene import PlaneScene
 from pwscont.two_parameters.table import how_many
 
 SHADES = {0: "#f4e3d7", 1: "#ffffff", 2: "#e6eef5", 3: "#cfe0ee", 4: "#b5d0e6", 5: "#94bcdb"}
-DARKEST = "#6fa3cc"
+DARKEST, FOLD = "#6fa3cc", "#D55E00"
 LINES: dict[Passing, dict[str, Any]] = {
-    Passing.FOLD: {"color": "C3", "linewidth": 2.2, "zorder": 4},
+    Passing.FOLD: {"color": FOLD, "linewidth": 2.2, "zorder": 4},
     Passing.TRANSITION: {"color": "0.25", "linewidth": 1.0, "zorder": 3},
     Passing.VERTICAL: {
         "color": "white",
         "linewidth": 1.2,
         "zorder": 4,
-        "path_effects": [Stroke(linewidth=3.4, foreground="C3"), Normal()],
+        "path_effects": [Stroke(linewidth=3.4, foreground=FOLD), Normal()],
     },
 }
+
+
+@final
+class Meeting(StrEnum):
+    """Where loci do not simply go on."""
+
+    OF_SEVERAL = "loci meet"
+    KINK = "kink of a locus"
+
+
+DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": "black", "markersize": 4}
+MEETINGS = {Meeting.OF_SEVERAL: DOT, Meeting.KINK: DOT | {"markerfacecolor": "white"}}
 NAMES = {
     Passing.FOLD: "fold",
     Passing.TRANSITION: "transition",
@@ -51,7 +66,7 @@ NARROW, ASIDE = 0.08, 0.22
 MARGIN = 0.12
 
 
-def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
+def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
     """Draw the sectors with their numbers of solutions, and the loci between them."""
     figure = Figure(figsize=(6.0, 5.6) if scene.axes.equal else (6.8, 5.0), layout="constrained")
     ax = figure.subplots()
@@ -68,8 +83,14 @@ def draw_plane(scene: PlaneScene, plane: Plane) -> Figure:
     _set_axes(ax, scene, window)
     ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small")
     figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
+    handles = _legend(plane)
+    columns = len(handles) if len(handles) < 5 else -(-len(handles) // 2)
     figure.legend(
-        handles=_legend(plane), loc="outside lower center", ncols=5, fontsize="small", frameon=False
+        handles=handles,
+        loc="outside lower center",
+        ncols=columns,
+        fontsize="small",
+        frameon=False,
     )
     return figure
 
@@ -88,28 +109,22 @@ def _shade(sector: Sector) -> str:
     return SHADES.get(int(sector.count), DARKEST) if np.isfinite(sector.count) else DARKEST
 
 
-def _mark_meetings(ax: Axes, plane: Plane) -> None:
-    """Draw a dot where the loci of several transitions meet, a ring at a kink of one."""
+def _meetings(plane: Plane) -> Iterator[tuple[Meeting, SpecialPoint]]:
+    """Yield where loci meet in the window, and where one has a kink."""
     (a, b), (c, d) = plane.alphas, plane.mus
     for locus in plane.loci:
         for point in locus.graph.special_points():
-            within = c < point.alpha < d and a < point.z[-1] < b
-            if not within or point.kind in UNMARKED:
-                continue
-            kink = point.kind == Kind.TRANSITION
-            ax.plot(
-                point.z[-1],
-                point.alpha,
-                "o",
-                color="black",
-                markerfacecolor="white" if kink else "black",
-                markersize=4,
-                zorder=5,
-            )
+            if c < point.alpha < d and a < point.z[-1] < b and point.kind not in UNMARKED:
+                yield Meeting.KINK if point.kind == Kind.TRANSITION else Meeting.OF_SEVERAL, point
+
+
+def _mark_meetings(ax: Axes, plane: Plane) -> None:
+    for meeting, point in _meetings(plane):
+        ax.plot(point.z[-1], point.alpha, zorder=5, **MEETINGS[meeting])
 
 
 def _write_names(
-    ax: Axes, scene: PlaneScene, plane: Plane, window: tuple[tuple[float, float], ...]
+    ax: Axes, scene: PlaneShown, plane: Plane, window: tuple[tuple[float, float], ...]
 ) -> None:
     """Write name, cells and number of solutions into each sector, beside it if it is narrow."""
     width, height = np.ptp(window, axis=1)
@@ -151,21 +166,21 @@ def _centre(sizes: list[tuple[float, Array]]) -> Array:
     return middle
 
 
-def _caption(scene: PlaneScene, sector: Sector) -> str:
+def _caption(scene: PlaneShown, sector: Sector) -> str:
     name = scene.sector_name(sector)
     if not name:
         return number(sector.count)
     return f"{name}\n{' / '.join(sector.labels)}\n{how_many(sector)}"
 
 
-def _mark_lowest_fold(ax: Axes, scene: PlaneScene, plane: Plane) -> None:
+def _mark_lowest_fold(ax: Axes, scene: PlaneShown, plane: Plane) -> None:
     """Draw a line at the smallest mu on all folds, and a dot where they begin."""
     if not scene.lowest_fold or not plane.lowest_folds:
         return
     mu = float(plane.lowest_folds[0][-1])
     ax.axhline(mu, color="0.25", linestyle=(0, (4, 3)), linewidth=0.8, zorder=2)
     for tip in plane.lowest_folds:
-        ax.plot(*tip[-2:], "o", color="C3", markersize=6, zorder=5)
+        ax.plot(*tip[-2:], "o", color=FOLD, markersize=6, zorder=5)
     ax.annotate(
         f"{scene.lowest_fold} = {number(mu)}",
         (0.985, mu),
@@ -177,7 +192,7 @@ def _mark_lowest_fold(ax: Axes, scene: PlaneScene, plane: Plane) -> None:
     )
 
 
-def _set_axes(ax: Axes, scene: PlaneScene, window: tuple[tuple[float, float], ...]) -> None:
+def _set_axes(ax: Axes, scene: PlaneShown, window: tuple[tuple[float, float], ...]) -> None:
     axes = scene.axes
     ax.set_xlim(*(window[0][::-1] if axes.to_the_left else window[0]))
     ax.set_ylim(*window[1])
@@ -188,7 +203,7 @@ def _set_axes(ax: Axes, scene: PlaneScene, window: tuple[tuple[float, float], ..
 
 
 def _legend(plane: Plane) -> list[Any]:
-    """Return a handle for every kind of line and every number of solutions that occurs."""
+    """Return a handle for every kind of line, point and number of solutions that occurs."""
     crossings = {s.crossing for some in plane.parts for s in some}
     lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Passing if c in crossings]
     shades = {sector.count: sector for sector in plane.sectors}
@@ -196,4 +211,6 @@ def _legend(plane: Plane) -> list[Any]:
         Patch(facecolor=_shade(shades[n]), edgecolor="0.6", label=how_many(shades[n]))
         for n in sorted(shades)
     ]
-    return [*lines, *patches]
+    found = {meeting for meeting, _ in _meetings(plane)}
+    dots = [Line2D([], [], label=m.value, **MEETINGS[m]) for m in Meeting if m in found]
+    return [*lines, *dots, *patches]

@@ -11,28 +11,9 @@ from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report, silent
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.two_parameters.answer import PlaneAnswer
+from pwscont.two_parameters.axes import Axes
 from pwscont.two_parameters.plane import Plane, Sector
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Axes:
-    """How the plane of alpha and mu is drawn.
-
-    Attributes
-    ----------
-    alpha, mu : str
-        Names of both parameters; alpha is drawn to the right, mu upwards.
-    to_the_left : bool
-        Whether alpha grows to the left, as in Figs. 4 to 6 of the paper.
-    equal : bool
-        Whether both have one unit.
-    """
-
-    alpha: str = "alpha"
-    mu: str = "mu"
-    to_the_left: bool = False
-    equal: bool = False
 
 
 @final
@@ -64,7 +45,7 @@ class PlaneScene(Runnable):
     alphas: tuple[float, float]
     mus: tuple[float, float]
     levels: tuple[float, ...]
-    axes: Axes = Axes()
+    axes: Axes = field(default_factory=Axes)
     sectors: Callable[[tuple[str, ...]], str] | None = None
     lowest_fold: str = ""
 
@@ -108,6 +89,4 @@ class PlaneScene(Runnable):
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Run the scene."""
-        from pwscont.two_parameters.answer import PlaneAnswer  # noqa: PLC0415  it needs the scene
-
         return PlaneAnswer(self, self.run(report))

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pwscont.graph.presentation import number
+from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Plane, Sector
-
-if TYPE_CHECKING:
-    from pwscont.two_parameters.scene import PlaneScene
 
 WORDS = {
     Passing.FOLD: "fold",
@@ -22,7 +19,7 @@ WORDS = {
 }
 
 
-def report(scene: PlaneScene, plane: Plane) -> str:
+def report(scene: PlaneShown, plane: Plane) -> str:
     """Return loci, sectors, and the lowest fold if the scene asks for it."""
     axes, (a, b), (c, d) = scene.axes, plane.alphas, plane.mus
     lines = [
@@ -39,7 +36,7 @@ def report(scene: PlaneScene, plane: Plane) -> str:
     return "\n".join(lines)
 
 
-def _loci(scene: PlaneScene, plane: Plane) -> Iterator[str]:
+def _loci(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     for i, (locus, some) in enumerate(zip(plane.loci, plane.parts, strict=True), start=1):
         yield ""
         yield f"Locus {i} (test function {locus.system.test})"
@@ -51,19 +48,19 @@ def _loci(scene: PlaneScene, plane: Plane) -> Iterator[str]:
                 yield f"  end at {_point(scene, end.z[-1], end.alpha)}: {end.message}"
 
 
-def _extent(scene: PlaneScene, part: LocusPart) -> str:
+def _extent(scene: PlaneShown, part: LocusPart) -> str:
     (a, c), (b, d) = part.plane[0], part.plane[-1]
     return f"{_point(scene, a, c)} → {_point(scene, b, d)}"
 
 
-def _point(scene: PlaneScene, alpha: float, mu: float) -> str:
+def _point(scene: PlaneShown, alpha: float, mu: float) -> str:
     """Return a point of the plane without rounding dust."""
     scales = np.ptp([scene.alphas, scene.mus], axis=1)
     values = [x if abs(x) > 1e-12 * s else 0.0 for x, s in zip((alpha, mu), scales, strict=True)]
     return f"({scene.axes.alpha}, {scene.axes.mu}) = ({number(values[0])}, {number(values[1])})"
 
 
-def _sectors(scene: PlaneScene, plane: Plane) -> Iterator[str]:
+def _sectors(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     yield "Solutions between the loci"
     for sector in plane.sectors:
         name = scene.sector_name(sector)
@@ -73,7 +70,7 @@ def _sectors(scene: PlaneScene, plane: Plane) -> Iterator[str]:
             yield f"    {found.label}, det {found.det_sign:+d}"
 
 
-def _mixed(scene: PlaneScene, plane: Plane) -> Iterator[str]:
+def _mixed(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     for point in plane.mixed:
         yield f"  other solutions at {_point(scene, *point)}: a locus is missing; give more levels"
 
@@ -85,7 +82,7 @@ def how_many(sector: Sector) -> str:
     return f"{sector.count} solution{'' if sector.count == 1 else 's'}"
 
 
-def _most(scene: PlaneScene, plane: Plane) -> Iterator[str]:
+def _most(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     if not scene.lowest_fold:
         return
     yield ""

@@ -15,6 +15,7 @@ from pwscont_coulomb.elastic.multifrontal import Multifrontal
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import BodyState, recover
 from pwscont_coulomb.elastic.superlu import SuperLU
+from pwscont_coulomb.elastic.units import Units
 
 __all__ = [
     "BodyForce",
@@ -33,6 +34,7 @@ __all__ = [
     "SuperLU",
     "Support",
     "Traction",
+    "Units",
     "Young",
     "recover",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.animation import PillowWriter
@@ -12,13 +13,9 @@ from matplotlib.figure import Figure
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Piece
-from pwscont_coulomb.elastic.pictures import (
-    draw_body,
-    draw_boundary,
-    largest_shear,
-    magnification,
-    summary,
-)
+from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.pictures import draw_body, draw_boundary, legend, strongest, summary
+from pwscont_coulomb.elastic.placement import Placement, magnification
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import BodyState, state_at
 
@@ -67,7 +64,13 @@ def _scale(points: Array, n: int) -> Array:
 
 
 def animate(
-    problem: ElasticProblem, pieces: Sequence[Piece], path: Path, frames: int = 60, fps: int = 12
+    problem: ElasticProblem,
+    pieces: Sequence[Piece],
+    path: Path,
+    frames: int = 60,
+    fps: int = 12,
+    *,
+    scale: float | None = None,
 ) -> Path:
     """Write an animated GIF of the body along pieces that follow each other.
 
@@ -79,33 +82,49 @@ def animate(
         Ending in ``.gif``.
     fps : int
         Frames per second.
+    scale : float, optional
+        How many times larger displacements are drawn; default so that they can be seen.
     """
     states, body = along(problem, pieces, frames), problem.elastic
-    factor = magnification(body, states)
-    strongest = max(float(largest_shear(state.stresses).max()) for state in states) or 1.0
-    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
-    axes = figure.subplots(2, 1)
-    box = _box(body.positions, factor, states)
-    forces = np.array([[state.pressure, state.shear] for state in states])
+    placement = Placement.of(body, scale or magnification(body, states))
+    norm, box = Normalize(0.0, strongest(states)), _box(placement, states)
+    limits = _limits(body, states)
+    figure, axes = _figure(placement)
     writer = PillowWriter(fps=fps)
     with writer.saving(figure, str(path), dpi=80):
         for state in states:
             axes[0].clear()
             axes[1].clear()
-            draw_body(axes[0], body, state, factor, Normalize(0.0, strongest))
+            draw_body(axes[0], placement, state, norm)
             draw_boundary(axes[1], body, state)
-            axes[1].legend(fontsize="small", loc="upper right")
             axes[0].set(xlim=box[0], ylim=box[1], title=summary(state))
-            axes[1].set_ylim(1.1 * min(forces.min(), 0.0), 1.1 * max(forces.max(), 0.0) or 1.0)
+            axes[1].set_ylim(*limits)
             writer.grab_frame()
             figure.set_layout_engine("none")  # the layout of the first frame: nothing jumps
     return path
 
 
-def _box(positions: Array, factor: float, states: Sequence[BodyState]) -> Array:
-    """Return the limits (2, 2) that hold the body in every state."""
-    corners = [positions + factor * state.displacements.T for state in states]
-    lo = np.min([x.min(axis=1) for x in corners], axis=0)
-    hi = np.max([x.max(axis=1) for x in corners], axis=0)
+def _figure(placement: Placement) -> tuple[Figure, Any]:
+    """Return a figure with a legend, and its axes for the body and for its boundary."""
+    figure = Figure(figsize=(6.4, 6.4), layout="constrained")
+    figure.legend(handles=legend(), loc="outside lower center", ncols=4, fontsize="small")
+    figure.suptitle(placement.words(), fontsize="medium")
+    return figure, figure.subplots(2, 1)
+
+
+def _limits(body: ElasticBody, states: Sequence[BodyState]) -> tuple[float, float]:
+    """Return limits that hold pressure, shear and friction bound in every state."""
+    pressure = np.array([state.pressure for state in states])
+    bound = np.abs(body.contact.friction * pressure).max()
+    shear = np.abs([state.shear for state in states]).max()
+    low, high = -max(bound, shear), max(pressure.max(), bound, shear)
+    margin = 0.06 * (high - low) or 1.0
+    return float(low - margin), float(high + margin)
+
+
+def _box(placement: Placement, states: Sequence[BodyState]) -> Array:
+    """Return the limits (2, 2) that hold body and obstacle in every state."""
+    drawn = np.hstack([placement.obstacle, *(placement.moved(state) for state in states)])
+    lo, hi = drawn.min(axis=1), drawn.max(axis=1)
     margin = 0.06 * (hi - lo).max()
     return np.column_stack([lo - margin, hi + margin])

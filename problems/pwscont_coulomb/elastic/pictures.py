@@ -1,9 +1,9 @@
 """Pictures of solutions on the body. Imported only where a picture is asked for.
 
-Above, the deformed body: displacements and gaps are magnified alike, so that closed nodes lie on
-the drawn obstacle. A disc is a node that sticks, an arrow one that slips (in the direction in
-which the body has moved), a ring an open one. Below, pressure and shear along the boundary:
-where the shear meets the dashed friction bound, the node slips or is about to.
+Above, the deformed body, with displacements and gaps magnified alike. A disc is a node that sticks,
+an arrow one that slips (in the direction in which the body has moved), a ring an open one. Below,
+pressure and shear along the boundary: where the shear meets the dashed friction bound, the node
+slips or is about to.
 """
 
 from __future__ import annotations
@@ -20,22 +20,27 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Indices
-from pwscont_coulomb.elastic.contact_boundary import ContactNodes
+from pwscont.extending import Array
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.placement import Placement, magnification, parts_of
 from pwscont_coulomb.elastic.recovery import BodyState
+from pwscont_coulomb.elastic.units import UNITLESS, Units
 from pwscont_coulomb.modes import Mode
 
-#: The largest displacement is drawn as this part of the size of the body.
-DRAWN = 0.08
 #: Meshes with more elements are drawn without the lines between them.
 MANY = 1500
 COLUMN, CURVE_ROW = 4.6, 2.6  # inches
-BLACK, SLIP, SHEAR = "black", "tab:red", "tab:orange"
+CURVES = ("pressure", "shear", "friction bound")
+BLACK, SLIP, PRESSURE, SHEAR, BOUND = "black", "#D55E00", "#0072B2", "#E69F00", "0.4"
 
 
 def draw_states(
-    body: ElasticBody, states: Sequence[BodyState], titles: Sequence[str] = ()
+    body: ElasticBody,
+    states: Sequence[BodyState],
+    titles: Sequence[str] = (),
+    *,
+    scale: float | None = None,
+    units: Units = UNITLESS,
 ) -> Figure:
     """Draw one or several solutions side by side, in the same scales.
 
@@ -45,6 +50,10 @@ def draw_states(
     states : sequence of BodyState
     titles : sequence of str, optional
         One per state; default the parameter and how many nodes are in which mode.
+    scale : float, optional
+        How many times larger displacements are drawn; default so that they can be seen.
+    units : Units, optional
+        What lengths and stresses are measured in.
 
     Returns
     -------
@@ -66,18 +75,17 @@ def draw_states(
     axes = figure.subplots(
         2, len(states), squeeze=False, sharex="row", sharey="row", height_ratios=rows
     )
-    factor, norm = magnification(body, states), Normalize(0.0, _strongest(states))
+    norm = Normalize(0.0, strongest(states))
+    placement = Placement.of(body, scale or magnification(body, states))
     for column, (state, title) in enumerate(zip(states, names, strict=True)):
-        draw_body(axes[0, column], body, state, factor, norm)
-        draw_boundary(axes[1, column], body, state)
+        draw_body(axes[0, column], placement, state, norm)
+        draw_boundary(axes[1, column], body, state, units)
         axes[0, column].set_title(title, fontsize="medium")
         axes[1, column].label_outer()
-    figure.colorbar(
-        ScalarMappable(norm, "Blues"), ax=axes[0].tolist(), label="largest shear stress"
-    )
-    axes[1, 0].legend(fontsize="small")
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=4, fontsize="small")
-    figure.suptitle(f"displacements drawn {factor:.3g}-fold", fontsize="small")
+    label = units.with_stress("largest shear stress")
+    figure.colorbar(ScalarMappable(norm, "Blues"), ax=axes[0].tolist(), label=label, aspect=30)
+    figure.legend(handles=legend(), loc="outside lower center", ncols=4, fontsize="small")
+    figure.suptitle(placement.words(), fontsize="medium")
     return figure
 
 
@@ -94,17 +102,8 @@ def summary(state: BodyState) -> str:
     return f"α = {state.alpha:.6g}: {found}"
 
 
-def magnification(body: ElasticBody, states: Sequence[BodyState]) -> float:
-    """Return the factor by which displacements are drawn: 1, 2 or 5 times a power of ten."""
-    largest = max(float(np.abs(state.displacements).max()) for state in states)
-    if largest == 0.0:
-        return 1.0
-    wanted = DRAWN * float(np.ptp(body.positions, axis=1).max()) / largest
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted))
-
-
-def _strongest(states: Sequence[BodyState]) -> float:
+def strongest(states: Sequence[BodyState]) -> float:
+    """Return the largest shear stress in several states; 1 where there is none."""
     return max(float(largest_shear(state.stresses).max()) for state in states) or 1.0
 
 
@@ -115,12 +114,10 @@ def largest_shear(stresses: Array) -> Array:
     return shear
 
 
-def draw_body(
-    ax: Axes, body: ElasticBody, state: BodyState, factor: float, norm: Normalize
-) -> None:
+def draw_body(ax: Axes, placement: Placement, state: BodyState, norm: Normalize) -> None:
     """Draw the deformed body, coloured by shear stress, with contact states and obstacle."""
+    body, moved = placement.body, placement.moved(state)
     mesh, contact = body.space.mesh, body.contact
-    moved = body.positions + factor * state.displacements.T
     corners = moved.T[body.space.element_nodes[: mesh.t.shape[0]].T]
     lines = 0.3 if mesh.nelements <= MANY else 0.0
     elements = PolyCollection(
@@ -128,10 +125,9 @@ def draw_body(
     )
     elements.set_array(largest_shear(state.stresses))
     ax.add_collection(elements)
-    obstacle = contact.positions + factor * contact.gap * contact.normals
-    for nodes in _parts(contact):
+    for nodes in parts_of(contact):
         depth = 0.02 * float(np.ptp(body.positions))
-        _draw_obstacle(ax, obstacle[:, nodes], contact.normals[:, nodes], depth)
+        _draw_obstacle(ax, placement.obstacle[:, nodes], placement.into[:, nodes], depth)
     held = body.held // 2
     clamped = np.intersect1d(held[body.held % 2 == 0], held[body.held % 2 == 1])
     ax.plot(*moved[:, clamped], "s", color="0.35", markersize=2.5)
@@ -139,11 +135,6 @@ def draw_body(
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.set_axis_off()
-
-
-def _parts(contact: ContactNodes) -> list[Indices]:
-    """Return the nodes of each connected part of the contact boundary."""
-    return [np.flatnonzero(contact.part == part) for part in np.unique(contact.part)]
 
 
 def _draw_obstacle(ax: Axes, line: Array, normals: Array, depth: float) -> None:
@@ -176,31 +167,37 @@ def _draw_modes(ax: Axes, x: Array, tangents: Array, state: BodyState) -> None:
     )
 
 
-def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState) -> None:
+def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState, units: Units = UNITLESS) -> None:
     """Draw pressure, shear and friction bound along the boundary."""
     contact = body.contact
     bound = contact.friction * state.pressure
-    for i, nodes in enumerate(_parts(contact)):
-        names = ("pressure", "shear", "friction bound") if i == 0 else ("_", "_", "_")
+    for i, nodes in enumerate(parts_of(contact)):
+        names = CURVES if i == 0 else ("_", "_", "_")
         at, mark = contact.arc[nodes], "_" if len(nodes) == 1 else None
-        line: dict[str, Any] = {"color": "0.4", "linewidth": 1.0, "marker": mark}
+        line: dict[str, Any] = {"color": BOUND, "linewidth": 1.0, "marker": mark}
         pressure, shear = state.pressure[nodes], state.shear[nodes]
-        ax.plot(at, pressure, "-o", color="tab:blue", markersize=3, label=names[0])
+        ax.plot(at, pressure, "-o", color=PRESSURE, markersize=3, label=names[0])
         ax.plot(at, shear, "-s", color=SHEAR, markersize=3, label=names[1])
         ax.plot(at, bound[nodes], "--", label=names[2], **line)
         ax.plot(at, -bound[nodes], "--", **line)
-    ax.set_xlabel("length along the boundary")
-    ax.set_ylabel("force per area")
+    if contact.count == 1:
+        ax.set_xticks(contact.arc)
+    ax.set_xlabel(units.with_length("length along the boundary"))
+    ax.set_ylabel(units.with_stress("force per area"))
     ax.grid(alpha=0.25)
-    ax.margins(0.05)
+    ax.margins(0.06)
 
 
-def _legend() -> list[Line2D]:
+def legend() -> list[Line2D]:
+    """Return handles for contact states and curves, to stand outside the axes."""
     return [
         _mark("stick", marker="o", color=BLACK, markersize=5),
         _mark("slip", marker="$→$", color=SLIP, markersize=10),
-        _mark("open", marker="o", color=BLACK, markersize=5, markerfacecolor="white"),
+        _mark(Mode.NO_CONTACT.word, marker="o", color=BLACK, markersize=5, markerfacecolor="white"),
         _mark("clamped", marker="s", color="0.35", markersize=3),
+        Line2D([], [], color=PRESSURE, marker="o", markersize=3, label=CURVES[0]),
+        Line2D([], [], color=SHEAR, marker="s", markersize=3, label=CURVES[1]),
+        Line2D([], [], color=BOUND, linewidth=1.0, linestyle="--", label=CURVES[2]),
     ]
 
 

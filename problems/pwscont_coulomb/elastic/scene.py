@@ -10,10 +10,12 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from pwscont import Character, Journal, Panel, Scene
+from pwscont import Journal, Panel, Scene
 from pwscont.extending import (
+    DEFAULT_LOOK,
     Answer,
     GraphAnswer,
+    Look,
     Omission,
     Report,
     Runnable,
@@ -24,13 +26,13 @@ from pwscont.extending import (
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover
-from pwscont_coulomb.modes import Mode, modes
+from pwscont_coulomb.elastic.units import UNITLESS, Units
+from pwscont_coulomb.modes import word
 
 #: Up to so many contact nodes all unknowns of a solution are printed.
 FEW = 3
 #: Frames of the animation that a scene writes.
 FRAMES = 24
-STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
 
 
 @final
@@ -47,6 +49,11 @@ class ElasticScene(Runnable):
     at : tuple of float
         Parameter values whose solutions are listed and drawn unless the user asks for others.
     parameter : str
+    units : Units
+        What lengths and stresses are measured in, for pictures.
+    panels : tuple of str
+        Unknowns that the branch diagrams show, by name or index; default slip and normal force of
+        the first, the middle and the last contact node.
     journal : Journal, optional
         As for :class:`pwscont.Scene`.
     """
@@ -57,9 +64,16 @@ class ElasticScene(Runnable):
     interval: tuple[float, float]
     at: tuple[float, ...] = ()
     parameter: str = "alpha"
+    units: Units = UNITLESS
+    panels: tuple[str, ...] = ()
     journal: Journal | None = None
 
     resumable: ClassVar[bool] = True
+    has_body: ClassVar[bool] = True
+
+    def with_panels(self, names: Sequence[str]) -> ElasticScene:
+        """Return the same scene with other panels; the body knows its names when it is built."""
+        return replace(self, panels=tuple(names))
 
     def with_journal(self, journal: Journal) -> ElasticScene:
         """Return the same scene with a journal."""
@@ -81,14 +95,14 @@ class ElasticScene(Runnable):
         problem = self.build().condensed()
         scene = self._scene(problem)
         graph = uninterrupted(scene.run(report))
-        return ElasticAnswer(GraphAnswer(scene, graph, tuple(at)), problem)
+        return ElasticAnswer(GraphAnswer(scene, graph, tuple(at)), problem, self.units)
 
     def curve(self) -> Scene:
         """Build and condense the body, and return its scene."""
         return self._scene(self.build().condensed())
 
     def _scene(self, problem: ElasticProblem) -> Scene:
-        return Scene(
+        scene = Scene(
             self.name,
             self.title,
             problem.along_load(),
@@ -96,23 +110,19 @@ class ElasticScene(Runnable):
             parameter=self.parameter,
             at=self.at,
             panels=_panels(problem),
-            styles=STYLES,
             journal=self.journal,
         )
+        return scene.with_panels(self.panels) if self.panels else scene
 
 
 def _panels(problem: ElasticProblem) -> tuple[Panel, ...]:
     """Return slip and normal force of the first, the middle and the last contact node."""
     n, p = problem.body.n, problem.body.p
     return tuple(
-        Panel(component, partial(_word, node), f"contact node {node + 1}" if p > 1 else "")
+        Panel(component, partial(word, node), f"contact node {node + 1}" if p > 1 else "")
         for node in sorted({0, p // 2, p - 1})
         for component in (p + node, n + node)
     )
-
-
-def _word(node: int, character: Character) -> str:
-    return Mode(modes(character)[node]).word.rstrip("+-")
 
 
 @final
@@ -122,6 +132,7 @@ class ElasticAnswer(Answer):
 
     graph: GraphAnswer
     problem: ElasticProblem
+    units: Units = UNITLESS
 
     def as_text(self) -> str:
         """Return what the graph says; of a body with many contact nodes, solutions in sum."""
@@ -151,24 +162,27 @@ class ElasticAnswer(Answer):
         """Return what the graph says, as plain lists and numbers."""
         return self.graph.as_dict()
 
-    def write(self, directory: Path) -> list[Path]:
+    def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write diagrams and, where solutions are listed, what shows them on the body.
 
-        These are a picture for each value of alpha, a VTU file for each solution, and an
-        animation along branch 1.
+        These are a picture for each value of alpha, a VTU file for each solution, and, if asked
+        for, an animation along branch 1.
         """
+        files = self.graph.write(directory, look)
+        for alpha in self.graph.at:
+            files += self._write_bodies(directory, look, alpha)
+        return files + (self._write_animation(directory, look) if look.animate else [])
+
+    def _write_animation(self, directory: Path, look: Look) -> list[Path]:
         from pwscont_coulomb.elastic.animation import animate  # noqa: PLC0415  where asked for
 
-        files = self.graph.write(directory)
-        for alpha in self.graph.at:
-            files += self._write_bodies(directory, alpha)
         branches = self.graph.graph.components()
-        if self.graph.at and branches and branches[0]:
-            file = directory / f"{self.graph.scene.name}-branch1.gif"
-            files.append(animate(self.problem, branches[0], file, FRAMES))
-        return files
+        if not (branches and branches[0]):
+            return []
+        file = directory / f"{self.graph.scene.name}-branch1.gif"
+        return [animate(self.problem, branches[0], file, FRAMES, scale=look.scale)]
 
-    def _write_bodies(self, directory: Path, alpha: float) -> list[Path]:
+    def _write_bodies(self, directory: Path, look: Look, alpha: float) -> list[Path]:
         from pwscont_coulomb.elastic.pictures import draw_states  # noqa: PLC0415  where asked for
         from pwscont_coulomb.elastic.vtu import write_vtu  # noqa: PLC0415
 
@@ -180,7 +194,6 @@ class ElasticAnswer(Answer):
             for number, state in enumerate(states, start=1)
         ]
         if states:
-            picture = directory / f"{name}.png"
-            draw_states(elastic, states).savefig(picture, dpi=150)
-            files.insert(0, picture)
+            figure = draw_states(elastic, states, scale=look.scale, units=self.units)
+            files.insert(0, look.save(figure, directory, name))
         return files

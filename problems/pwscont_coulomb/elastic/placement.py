@@ -1,0 +1,122 @@
+"""Where a body and its obstacle are drawn when displacements are magnified.
+
+Distances to the obstacle are magnified like displacements, so that closed nodes lie on the drawn
+obstacle. Where that is straighter than the boundary of the body, as the ground below a round body,
+it stays where it is, and the body is moved away from it, less and less towards its inside; any
+other obstacle is drawn at its magnified distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from pwscont.extending import Array, Indices
+from pwscont_coulomb.elastic.contact_boundary import ContactNodes
+from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.recovery import BodyState
+
+#: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
+DRAWN, DRAWN_GAP = 0.08, 0.25
+#: How far into the body it is moved away from an obstacle, as a part of its size.
+DEPTH = 0.5
+
+
+def magnification(body: ElasticBody, states: Sequence[BodyState]) -> float:
+    """Return the factor by which displacements are drawn: 1, 2 or 5 times a power of ten.
+
+    Large gaps, which are magnified as well, keep it down to one.
+    """
+    size, gap = _size(body), float(body.contact.gap.max(initial=0.0))
+    largest = max(float(np.abs(state.displacements).max()) for state in states)
+    if largest == 0.0:
+        return 1.0
+    wanted = DRAWN * size / largest
+    if gap > 0.0:
+        wanted = min(wanted, max(1.0, DRAWN_GAP * size / gap))
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted))
+
+
+def _size(body: ElasticBody) -> float:
+    return float(np.ptp(body.positions, axis=1).max())
+
+
+def parts_of(contact: ContactNodes) -> list[Indices]:
+    """Return the nodes of each connected part of the contact boundary."""
+    return [np.flatnonzero(contact.part == part) for part in np.unique(contact.part)]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Positions in a picture.
+
+    Attributes
+    ----------
+    body : ElasticBody
+    factor : float
+        By which displacements and gaps are magnified.
+    rest : ndarray, shape (2, nodes)
+        Where the body is drawn without displacements.
+    obstacle : ndarray, shape (2, p)
+        Where the obstacle of each contact node is drawn.
+    into : ndarray, shape (2, p)
+        Unit normals into the obstacle, as drawn.
+    """
+
+    body: ElasticBody
+    factor: float
+    rest: Array
+    obstacle: Array
+    into: Array
+
+    @classmethod
+    def of(cls, body: ElasticBody, factor: float) -> Placement:
+        """Return the positions for a factor."""
+        contact = body.contact
+        gaps = contact.gap * contact.normals
+        obstacle, into = contact.positions + factor * gaps, contact.normals.copy()
+        away = np.zeros_like(gaps)
+        for nodes in parts_of(contact):
+            surface = contact.positions[:, nodes] + gaps[:, nodes]
+            across, bend = _straightened(surface)
+            if bend < _straightened(contact.positions[:, nodes])[1]:
+                obstacle[:, nodes] = surface
+                away[:, nodes] = (1.0 - factor) * np.outer(across, across @ gaps[:, nodes])
+                into[:, nodes] = (across * np.sign(across @ into[:, nodes].sum(axis=1)))[:, None]
+        return cls(body, factor, body.positions + _faded(body, away), obstacle, into)
+
+    def moved(self, state: BodyState) -> Array:
+        """Return where the nodes are drawn, shape (2, nodes)."""
+        moved: Array = self.rest + self.factor * state.displacements.T
+        return moved
+
+    def words(self) -> str:
+        """Return what is magnified, and by how much."""
+        if self.factor == 1.0:
+            return "displacements true to scale"
+        gaps = " and gaps" if self.body.contact.gap.any() else ""
+        if self.factor < 1.0:
+            return f"displacements{gaps} drawn at {self.factor:.3g} of their size"
+        return f"displacements{gaps} magnified {self.factor:.3g} times"
+
+
+def _straightened(line: Array) -> tuple[Array, float]:
+    """Return the normal of the line closest to points, shape (2, k), and how far off they are."""
+    centred = line - line.mean(axis=1, keepdims=True)
+    axes, sizes, _ = np.linalg.svd(centred, full_matrices=False)
+    return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0
+
+
+def _faded(body: ElasticBody, away: Array) -> Array:
+    """Return shifts of all nodes: those of the nearest contact node, less with the distance."""
+    if not away.any():
+        return np.zeros_like(body.positions)
+    distance, nearest = KDTree(body.contact.positions.T).query(body.positions.T)
+    shifts: Array = away[:, nearest] * np.maximum(0.0, 1.0 - distance / (DEPTH * _size(body)))
+    return shifts

@@ -1,0 +1,32 @@
+"""What lengths and stresses are measured in; for pictures only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Units:
+    """The names of units, such as ``Units("mm", "MPa")``; nothing is converted.
+
+    Attributes
+    ----------
+    length, stress : str
+        Empty where they are not given.
+    """
+
+    length: str = ""
+    stress: str = ""
+
+    def with_length(self, words: str) -> str:
+        """Return the name of a length with its unit."""
+        return f"{words} [{self.length}]" if self.length else words
+
+    def with_stress(self, words: str) -> str:
+        """Return the name of a stress with its unit."""
+        return f"{words} [{self.stress}]" if self.stress else words
+
+
+UNITLESS = Units()

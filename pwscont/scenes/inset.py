@@ -1,0 +1,90 @@
+"""An inset that enlarges crowded folds, which fill a small part of the axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.scenes.diagram import Diagram
+from pwscont.scenes.marks import LETTERS, Window, label_marks
+from pwscont.scenes.room import Room
+
+FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
+#: Folds that fill less than this part of the axis are enlarged, if two of them are closer to each
+#: other than that part of the picture.
+SMALL, CROWDED = 0.12, 0.05
+#: What an inset shows to either side of the folds, as a part of their extent.
+MARGIN = 0.25
+#: Sizes of an inset, and what its numbers take to the left and below, as parts of the axes.
+SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4))
+NUMBERS = 0.13, 0.11
+POINTS = 101
+#: The colour of the inset's frame, and of the frame around what it enlarges.
+FRAME = "0.55"
+
+
+def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
+    """Enlarge the folds of a diagram where they are close together and there is room.
+
+    Returns
+    -------
+    tuple or None
+        Limits of the parameter and of the quantity in the inset.
+    """
+    window = _window(ax, diagram, room)
+    box = room.largest(SIZES) if window else None
+    if window is None or box is None:
+        return None
+    room.take(box)
+    left, bottom, width, height = box
+    aside, below = NUMBERS
+    inset = ax.inset_axes((left + aside, bottom + below, width - aside - 0.02, height - below))
+    diagram.draw(inset)
+    inset.set(xlim=window[0], ylim=window[1])
+    inset.tick_params(labelsize=LETTERS - 1.0, length=2.0, pad=1.5)
+    inset.locator_params(nbins=4)
+    inset.grid(alpha=0.25)
+    inset.spines[:].set_color(FRAME)
+    (lo, hi), (bottom, top) = window
+    ax.indicate_inset((lo, bottom, hi - lo, top - bottom), edgecolor=FRAME, alpha=1.0)
+    enlarged = [mark for mark in diagram.marks if mark.is_within(window)]
+    label_marks(inset, enlarged, diagram.room(inset))
+    return window
+
+
+def _window(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
+    """Return the limits around the crowded folds of a branch; None where there are none."""
+    for branch in dict.fromkeys(mark.branch for mark in diagram.marks):
+        marks = [mark for mark in diagram.marks if mark.branch == branch and mark.kind in FOLDS]
+        folds = np.array([mark.at for mark in marks]).reshape(-1, 2)
+        if _are_crowded(room.part(folds)):
+            return _around(ax, diagram, folds[:, 0])
+    return None
+
+
+def _are_crowded(parts: Array) -> bool:
+    """Tell whether folds, in parts of the picture, are hard to tell apart."""
+    if len(parts) < 2 or np.ptp(parts[:, 0]) > SMALL:
+        return False
+    distances = np.linalg.norm(parts[:, np.newaxis] - parts, axis=2)
+    return bool(distances[np.triu_indices(len(parts), 1)].min() < CROWDED)
+
+
+def _around(ax: Axes, diagram: Diagram, alphas: Array) -> Window | None:
+    """Return the limits around folds at these values of the parameter, within the picture."""
+    margin = MARGIN * float(np.ptp(alphas))
+    lo, hi = float(alphas.min()) - margin, float(alphas.max()) + margin
+    found = np.concatenate([_values_within(s.points, lo, hi) for s in diagram.strokes])
+    extent, (bottom, top) = float(np.ptp(found)), ax.get_ylim()
+    low, high = float(found.min()) - 0.1 * extent, float(found.max()) + 0.1 * extent
+    return ((lo, hi), (max(low, bottom), min(high, top))) if margin and extent else None
+
+
+def _values_within(points: Array, lo: float, hi: float) -> Array:
+    """Return the values of a line where its parameter lies in an interval."""
+    t = np.linspace(0.0, len(points) - 1.0, POINTS * (len(points) - 1) + 1)
+    alpha, values = (np.interp(t, np.arange(len(points)), column) for column in points.T)
+    within: Array = values[(alpha >= lo) & (alpha <= hi)]
+    return within

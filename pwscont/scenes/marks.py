@@ -1,0 +1,221 @@
+"""Marks of special points, and what is written beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import groupby, islice
+from typing import Any, TypeAlias, final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.kind import Kind
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.scenes.drawn import DUST
+from pwscont.scenes.room import Box, Room
+from pwscont.scenes.styles import color_of
+from pwscont.scenes.symbols import number_of
+
+#: Limits of the parameter and of the quantity.
+Window: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+
+#: How each kind of special point is drawn; the ends of the interval need no mark.
+MARKERS: dict[str, dict[str, Any]] = {
+    Kind.START: {"marker": (6, 2, 0), "markersize": 11},
+    Kind.TRANSITION: {"marker": "o", "markerfacecolor": "white", "markersize": 6},
+    Kind.NONSMOOTH_FOLD: {"marker": "o", "markersize": 7},
+    Kind.FOLD: {"marker": "D", "markersize": 6},
+    Kind.BRANCH_POINT: {"marker": "P", "markersize": 8},
+    Kind.CORNER: {"marker": "s", "markersize": 7},
+    Kind.PARTIAL_CORNER: {"marker": "s", "markersize": 7, "markerfacecolor": "white"},
+    Kind.NONSMOOTH_BRANCH_POINT: {"marker": "^", "markersize": 8},
+    Kind.DEGENERATE: {"marker": "v", "markersize": 8},
+    Kind.ISOLATED: {"marker": ".", "markersize": 8},
+    Kind.EVENT: {"marker": "*", "markersize": 9},
+    Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
+}
+#: How kinds of a user's own detectors are drawn.
+OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
+#: Kinds without a label: there are many of them, or the mark says all. Others have alpha beside
+#: them, and events their name.
+UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
+#: Labels in one diagram at most, and transitions whose marks have their full size.
+MOST_LABELS, FEW = 8, 12
+#: Size of the smallest marks, of letters, and half that of what labels keep clear of, in points.
+SMALLEST, LETTERS, RADIUS = 1.5, 7.0, 4.5
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """A special point in a diagram.
+
+    Attributes
+    ----------
+    kind, label : str
+        The label is empty where the mark says enough.
+    at : ndarray, shape (2,)
+    branch : int
+    side : int
+        Where its pieces are not: to the right (1), to the left (-1), or neither (0).
+    """
+
+    kind: str
+    label: str
+    at: Array
+    branch: int
+    side: int
+
+    def is_within(self, window: Window | None) -> bool:
+        """Tell whether a mark lies in a part of the diagram."""
+        if window is None:
+            return False
+        return all(lo <= value <= hi for value, (lo, hi) in zip(self.at, window, strict=True))
+
+
+def marker_of(kind: str) -> dict[str, Any]:
+    """Return how a kind of special point is drawn."""
+    return MARKERS.get(kind, OWN_MARKER)
+
+
+def marked(graph: BranchGraph) -> dict[int, list[SpecialPoint]]:
+    """Return the special points that are marked, by branch.
+
+    A branch that leaves the interval is not marked there, whichever end it was followed from.
+    """
+    found = {}
+    for branch, pieces in enumerate(graph.components()):
+        nodes = {node for piece in pieces for node in (piece.start, piece.end)}
+        ids = {piece.id for piece in pieces}
+        inner = [start for start in graph.starts if start.piece in ids]
+        points = [*(graph.point(node) for node in sorted(nodes)), *inner]
+        found[branch] = [point for point in points if not _leaves(graph, point)]
+    return found
+
+
+def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
+    lo, hi = graph.interval
+    near = min(abs(point.alpha - lo), abs(point.alpha - hi)) <= DUST * (hi - lo)
+    return point.kind == Kind.END or (point.kind == Kind.START and near)
+
+
+def marks_of(
+    graph: BranchGraph, mode: Callable[[Character], str], along: Callable[[Array], Array]
+) -> list[Mark]:
+    """Return the marks of a diagram: not those of transitions that its mode does not see."""
+    sides, unseen = _sides(graph), _unseen(graph, mode)
+    return [
+        Mark(
+            point.kind,
+            _label(graph, point),
+            np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
+            branch,
+            sides.get(point.id, 0),
+        )
+        for branch, points in marked(graph).items()
+        for point in points
+        if point.id not in unseen
+    ]
+
+
+def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
+    """Return the transitions at which a mode stays what it is: another part of the system moves."""
+    words: dict[int, set[str]] = {}
+    for piece in graph.pieces:
+        for node in (piece.start, piece.end):
+            words.setdefault(node, set()).add(mode(piece.character))
+    transitions = {point.id for point in graph.special_points(Kind.TRANSITION)}
+    return {node for node in transitions if len(words.get(node, ())) == 1}
+
+
+def _label(graph: BranchGraph, point: SpecialPoint) -> str:
+    """Return what is written beside a point; rounding dust reads as zero."""
+    if point.kind in UNLABELLED:
+        return ""
+    dust = DUST * float(np.ptp(graph.interval))
+    return point.name or number_of(point.alpha if abs(point.alpha) > dust else 0.0)
+
+
+def _sides(graph: BranchGraph) -> dict[int, int]:
+    """Return on which side of each node no piece lies."""
+    seen: dict[int, set[int]] = {}
+    for piece in graph.pieces:
+        for node in {piece.start, piece.end}:
+            seen.setdefault(node, set()).add(_side(graph.point(node), piece))
+    return {node: -ways.pop() for node, ways in seen.items() if len(ways) == 1}
+
+
+def _side(point: SpecialPoint, piece: Piece) -> int:
+    """Return on which side of a node one of its pieces lies."""
+    return int(np.sign(0.5 * sum(piece.interval) - point.alpha))
+
+
+def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
+    """Draw marks, those of one kind and branch together."""
+    small = _small(sum(mark.kind == Kind.TRANSITION for mark in marks))
+    for (kind, branch), some in groupby(sorted(marks, key=_group), key=_group):
+        look = marker_of(kind) | (small if kind == Kind.TRANSITION else {})
+        x, y = np.array([mark.at for mark in some]).T
+        order = 3.0 if kind in (Kind.TRANSITION, Kind.START) else 4.0
+        ax.plot(x, y, color=color_of(branch), linestyle="none", zorder=order, **look)
+
+
+def _small(count: int) -> dict[str, float]:
+    """Return the size of the marks of so many transitions."""
+    size = MARKERS[Kind.TRANSITION]["markersize"] * min(1.0, (FEW / max(count, 1)) ** 0.5)
+    return {"markersize": max(SMALLEST, size), "markeredgewidth": 1.0 if count <= FEW else 0.7}
+
+
+def _group(mark: Mark) -> tuple[str, int]:
+    return mark.kind, mark.branch
+
+
+def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
+    """Write labels beside the marks where there is room for them, a few at most."""
+    places = np.array([room.part(mark.at) * room.extent for mark in marks]).reshape(-1, 2)
+    labelled = [(mark, at) for mark, at in zip(marks, places, strict=True) if mark.label]
+    spots = ((mark, at, _spot(mark, at, places, room)) for mark, at in labelled)
+    found = ((mark, at, spot) for mark, at, spot in spots if spot is not None)
+    for mark, at, (middle, box) in islice(found, MOST_LABELS):
+        room.take(box)
+        _write(ax, mark, middle - at)
+
+
+def _spot(mark: Mark, at: Array, places: Array, room: Room) -> tuple[Array, Box] | None:
+    """Return middle (in points) and box of a free place for a label; None if there is none."""
+    size = LETTERS * np.array([0.62 * len(mark.label), 1.2])
+    beside = 0.5 * size + RADIUS + 1.5 * room.cell
+    middles = (at + np.array(way) * beside for way in _ways(mark.side))
+    boxes = ((middle, room.box(middle, size)) for middle in middles)
+    return next((s for s in boxes if room.is_free(s[1]) and _is_clear(s[0], at, places)), None)
+
+
+def _is_clear(middle: Array, at: Array, places: Array) -> bool:
+    """Tell whether a label is closer to its own mark than to any other."""
+    others = places[np.abs(places - at).max(axis=1) > RADIUS]
+    nearest = np.linalg.norm(others - middle, axis=1).min(initial=np.inf)
+    return bool(np.linalg.norm(middle - at) < nearest)
+
+
+def _ways(side: int) -> list[tuple[int, int]]:
+    """Return directions from a mark, the best first."""
+    first = [(side, 0)] if side else []
+    return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
+
+
+def _write(ax: Axes, mark: Mark, off: Array) -> None:
+    """Write a label so many points off its mark."""
+    ax.annotate(
+        mark.label,
+        (mark.at[0], mark.at[1]),
+        (off[0], off[1]),
+        textcoords="offset points",
+        color="0.2",
+        fontsize=LETTERS,
+        ha="center",
+        va="center",
+        zorder=6,
+    )

@@ -1,0 +1,86 @@
+"""What of a scene its answer shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, final
+
+from pwscont.basics.character import Character
+from pwscont.scenes.drawn import What
+from pwscont.system.system import PiecewiseSystem
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One diagram: a quantity against the parameter.
+
+    Attributes
+    ----------
+    component : int, str or callable
+        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
+    mode : callable, optional
+        Character -> the word that chooses the line style; default the system's description.
+        Transitions that do not change it, of other parts of the system, are not marked.
+    title : str
+    """
+
+    component: What
+    mode: Callable[[Character], str] | None = None
+    title: str = ""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ParameterPath:
+    """A companion picture: two quantities along the parameter, such as a load path.
+
+    Attributes
+    ----------
+    curve : callable
+        alpha -> (horizontal, vertical).
+    labels : tuple of str
+        Names of both axes.
+    title : str
+    """
+
+    curve: Callable[[float], tuple[float, float]]
+    labels: tuple[str, str]
+    title: str = ""
+
+
+class Shown(Protocol):
+    """The part of a :class:`pwscont.Scene` that tables and pictures know."""
+
+    @property
+    def name(self) -> str:
+        """What it is run by."""
+
+    @property
+    def title(self) -> str:
+        """What a reader sees."""
+
+    @property
+    def system(self) -> PiecewiseSystem:
+        """The system that is explored."""
+
+    @property
+    def parameter(self) -> str:
+        """Name of alpha."""
+
+    @property
+    def orientations(self) -> tuple[int, ...]:
+        """Directions in which transitions are read out."""
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """The branch diagrams."""
+
+    @property
+    def paths(self) -> tuple[ParameterPath, ...]:
+        """The companion pictures."""
+
+    @property
+    def styles(self) -> Mapping[str, Any]:
+        """The line style for each mode."""

@@ -1,0 +1,219 @@
+"""The lines of a branch diagram: pieces of one branch in one style, drawn as one.
+
+Where branches coincide, as on a constant quantity, the upper line runs between rails in the colours
+of those beneath it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.graph import BranchGraph, Piece
+
+#: Pieces of at least so many points are drawn as smooth curves, with so many parts of each step.
+LEAST_POINTS, FINER = 4, 8
+#: Points closer than this part of a piece are one in its curve.
+APART = 1e-6
+#: Lines closer than this part of what is drawn are one in a picture.
+SAME = 1e-9
+#: Lines of two branches closer than this part of the picture's height look like one.
+NEAR = 3e-3
+#: A common stretch shorter than this part of the picture's width is a crossing.
+LEAST_STRETCH = 0.01
+#: Points by which common stretches are compared and drawn.
+SAMPLES = 17
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Stroke:
+    """One line.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2)
+        The parameter and the quantity.
+    branch : int
+    style
+        Line style of matplotlib.
+    is_thin : bool
+        Whether the determinant is negative.
+    ends : tuple of int
+        The nodes where it begins and ends.
+    """
+
+    points: Array
+    branch: int
+    style: Any
+    is_thin: bool
+    ends: tuple[int, int]
+
+    @property
+    def kind(self) -> tuple[int, str, bool]:
+        """What two strokes have in common that can be drawn as one."""
+        return self.branch, repr(self.style), self.is_thin
+
+    def at(self, alpha: Array) -> Array:
+        """Return the quantity at values of the parameter, on one piece."""
+        order = np.argsort(self.points[:, 0])
+        values: Array = np.interp(alpha, *self.points[order].T)
+        return values
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Rail:
+    """A stretch of one branch that lies beneath another.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2)
+    below, above : int
+        The branches.
+    """
+
+    points: Array
+    below: int
+    above: int
+
+
+def strokes_of(
+    graph: BranchGraph,
+    mode: Callable[[Character], str],
+    along: Callable[[Array], Array],
+    styles: Mapping[str, Any],
+) -> list[Stroke]:
+    """Return the lines of all pieces, one each; without those that another one hides."""
+    strokes = [
+        Stroke(
+            np.column_stack(line_of(piece, along)),
+            branch,
+            styles[mode(piece.character)],
+            piece.det_sign < 0,
+            (piece.start, piece.end),
+        )
+        for branch, pieces in enumerate(graph.components())
+        for piece in pieces
+    ]
+    return _visible(strokes)
+
+
+def _visible(strokes: Sequence[Stroke]) -> list[Stroke]:
+    """Leave out what lies on a line of the same branch and style.
+
+    Dashes on dashes of another phase would look like a solid line, which is another mode.
+    """
+    boxes, kept = _boxes(strokes), np.zeros(len(strokes), dtype=bool)
+    looks = {look: i for i, look in enumerate(dict.fromkeys(s.kind[:2] for s in strokes))}
+    look = np.array([looks[stroke.kind[:2]] for stroke in strokes])
+    extent, near = boxes[:, 1] - boxes[:, 0], SAME * np.abs(boxes[:, 2:]).max(initial=0.0)
+    for i in sorted(range(len(strokes)), key=lambda i: (strokes[i].is_thin, -extent[i])):
+        within = (boxes[:, 0] <= boxes[i, 0]) & (boxes[i, 1] <= boxes[:, 1])
+        rivals = np.flatnonzero(kept & (look == look[i]) & within)
+        kept[i] = not any(_hides(strokes[int(j)], strokes[i], near) for j in rivals)
+    return [stroke for stroke, is_kept in zip(strokes, kept, strict=True) if is_kept]
+
+
+def _boxes(strokes: Sequence[Stroke]) -> Array:
+    """Return the extents of lines: smallest and largest parameter, then the same of the values."""
+    rows = [np.stack([s.points.min(axis=0), s.points.max(axis=0)]).T.ravel() for s in strokes]
+    return np.array(rows).reshape(-1, 4)
+
+
+def _hides(upper: Stroke, lower: Stroke, near: float) -> bool:
+    alpha, values = lower.points.T
+    return bool(np.abs(upper.at(alpha) - values).max() <= near)
+
+
+def joined(strokes: Sequence[Stroke]) -> list[Stroke]:
+    """Return the same lines, those that follow each other in one style as one.
+
+    The dashes of short pieces would else begin anew at every transition.
+    """
+    found: list[list[Stroke]] = []
+    for stroke in strokes:
+        if found and _continues(found[-1][-1], stroke):
+            found[-1].append(stroke)
+        else:
+            found.append([stroke])
+    return [_as_one(run) for run in found]
+
+
+def _continues(before: Stroke, after: Stroke) -> bool:
+    return before.kind == after.kind and before.ends[1] == after.ends[0]
+
+
+def _as_one(run: Sequence[Stroke]) -> Stroke:
+    first, last = run[0], run[-1]
+    points = np.vstack([first.points, *(stroke.points[1:] for stroke in run[1:])])
+    ends = first.ends[0], last.ends[1]
+    return Stroke(points, first.branch, first.style, first.is_thin, ends)
+
+
+def alike(strokes: Sequence[Stroke]) -> Iterator[tuple[Stroke, list[Array]]]:
+    """Yield the lines of one branch by style: one of them, and the points of all."""
+    for _, group in groupby(sorted(strokes, key=lambda s: s.kind), key=lambda s: s.kind):
+        some = list(group)
+        yield some[0], [stroke.points for stroke in some]
+
+
+def rails_of(strokes: Sequence[Stroke]) -> list[Rail]:
+    """Return where lines of different branches coincide."""
+    if not strokes or strokes[0].branch == strokes[-1].branch:
+        return []
+    boxes, branch = _boxes(strokes), np.array([stroke.branch for stroke in strokes])
+    width = np.ptp(boxes[:, :2]) * LEAST_STRETCH
+    near = max(np.ptp(boxes[:, 2:]), np.abs(boxes[:, 2:]).max() * SAME) * NEAR
+    rails = []
+    for i, upper in enumerate(strokes):
+        beneath = np.flatnonzero((branch < branch[i]) & _meets(boxes, boxes[i], width, near))
+        for j in map(int, beneath):
+            stretch = max(boxes[i, 0], boxes[j, 0]), min(boxes[i, 1], boxes[j, 1])
+            alpha = np.linspace(*stretch, SAMPLES)
+            values = upper.at(alpha)
+            if np.abs(values - strokes[j].at(alpha)).max() <= near:
+                points = np.column_stack([alpha, values])
+                rails.append(Rail(points, strokes[j].branch, upper.branch))
+    return rails
+
+
+def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[np.bool_]:
+    """Tell which extents have a stretch in common with one."""
+    common = np.minimum(boxes[:, 1], box[1]) - np.maximum(boxes[:, 0], box[0])
+    apart = np.maximum(boxes[:, 2], box[2]) - np.minimum(boxes[:, 3], box[3])
+    meets: npt.NDArray[np.bool_] = (common > width) & (apart <= near)
+    return meets
+
+
+def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return alpha and a quantity along a piece: a smooth curve through its points.
+
+    Corners of a polygon would look like kinks. The parameter is the length along the points; the
+    cubics in between never leave the range of their ends (Fritsch and Carlson 1980). Unknowns
+    that move by rounding only do not count, and of points almost upon each other one does.
+    """
+    points = piece.points
+    if len(points) < LEAST_POINTS:
+        return points[:, -1], along(points)
+    extent, size = np.ptp(points, axis=0), np.abs(points).max()
+    steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
+    apart = np.diff(length) > APART * length[-1]
+    kept = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
+    points, length = points[kept], length[kept]
+    if len(points) < LEAST_POINTS:
+        return piece.alpha, along(piece.points)
+    points = np.column_stack([points[:, -1], along(points)])
+    ends = np.arange(len(length))
+    fine = np.interp(np.linspace(0.0, ends[-1], FINER * ends[-1] + 1), ends, length)
+    alpha, values = PchipInterpolator(length, points)(fine).T
+    return alpha, values

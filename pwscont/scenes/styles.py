@@ -1,0 +1,44 @@
+"""Colours, widths and line styles, the same in every branch diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+#: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+#: Widths of lines; pieces on which the determinant is negative are thin.
+WIDTH, THIN = 2.0, 0.9
+#: Line styles that can be told apart; where there are more modes, all lines are solid.
+LINE_STYLES: tuple[Any, ...] = (
+    "-",
+    "--",
+    "-.",
+    ":",
+    (0, (9, 2)),
+    (0, (5, 1.5, 1, 1.5, 1, 1.5)),
+    (0, (1, 3)),
+    (0, (6, 1.5, 6, 1.5, 1, 1.5)),
+)
+
+
+def styles_of(words: Iterable[str], wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a line style for every mode: the wanted one, else the next that is free."""
+    modes = list(dict.fromkeys(words))
+    chosen = {word: wanted[word] for word in modes if word in wanted}
+    free = [style for style in LINE_STYLES if style not in chosen.values()]
+    others = [word for word in modes if word not in chosen]
+    if len(others) > len(free):
+        free = ["-"] * len(others)
+    named = chosen | dict(zip(others, free, strict=False))
+    return {word: named[word] for word in modes}
+
+
+def color_of(branch: int) -> str:
+    """Return the colour of a branch."""
+    return COLORS[branch % len(COLORS)]
+
+
+def are_told_apart(styles: Mapping[str, Any]) -> bool:
+    """Tell whether no two modes share a line style."""
+    return len({repr(style) for style in styles.values()}) == len(styles)
