@@ -33,7 +33,7 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
-STAGES = ("assembly", "condensation", "CHOLMOD", "tracing", "recovery")
+STAGES = ("assembly", "condensation", "tracing", "recovery")
 
 
 def draw_scale(into: Path) -> None:
@@ -41,7 +41,7 @@ def draw_scale(into: Path) -> None:
     data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     stages, each = figure.subplots(1, 2)
-    for name, marker in zip(STAGES, "so^D*", strict=True):
+    for name, marker in zip(STAGES, "soD*", strict=True):
         stages.loglog(*_series(data["block"], name), marker=marker, label=name)
     for name, marker in (("block", "D"), ("strip", "v")):
         each.loglog(*_series(data[name], "ms each"), marker=marker, label=name)

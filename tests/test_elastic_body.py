@@ -11,7 +11,6 @@ from elastic_bodies import KINDS, internal_forces, pressed, square, strip
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.elastic import (
     BodyForce,
-    Cholmod,
     ContactBoundary,
     ElasticBody,
     Lame,
@@ -613,10 +612,3 @@ def test_a_missing_library_is_named(missing, monkeypatch):
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(InvalidInputError, match=f"{missing} cannot be imported: pip install"):
         press_body()
-
-
-def test_cholmod_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sksparse", None)
-    monkeypatch.setitem(sys.modules, "sksparse.cholmod", None)
-    with pytest.raises(InvalidInputError, match="Cholmod needs scikit-sparse"):
-        pressed(strip()).condensed(Cholmod())

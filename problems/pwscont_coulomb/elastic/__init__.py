@@ -3,7 +3,6 @@
 scikit-fem and meshio (the extra ``fem``) are loaded when the first body is made.
 """
 
-from pwscont_coulomb.elastic.cholmod import Cholmod
 from pwscont_coulomb.elastic.condensation import CondensedProblem
 from pwscont_coulomb.elastic.contact_boundary import ContactBoundary
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
@@ -19,7 +18,6 @@ from pwscont_coulomb.elastic.superlu import SuperLU
 __all__ = [
     "BodyForce",
     "BodyState",
-    "Cholmod",
     "CondensedProblem",
     "ContactBoundary",
     "ElasticBody",
