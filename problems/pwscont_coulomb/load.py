@@ -12,6 +12,7 @@ import numpy as np
 from pwscont import Character, PiecewiseLinearSystem
 from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import named
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb, not_negative
@@ -30,6 +31,9 @@ class AffineLoad:
     def __init__(self, f0: Any, f1: Any) -> None:
         self.f0 = finite_array("f0", f0)
         self.f1 = finite_array("f1", f1, self.f0.shape)
+
+    def __repr__(self) -> str:
+        return named(self, f"f0 + alpha f1, n = {len(self.f0)}")
 
     def __call__(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""

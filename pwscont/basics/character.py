@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import MOST_LETTERS, short
 
 #: More signs than this are stored as bits.
 MANY = 64
@@ -76,7 +77,8 @@ class Character:
         return hash(self._signs)
 
     def __repr__(self) -> str:
-        return f"Character(signs={self.signs})"
+        number = f", {self._length} signs" if self._length > MOST_LETTERS else ""
+        return f"Character({short(str(self))}{number})"
 
     def __reduce__(self) -> tuple[type[Character], tuple[tuple[bool, ...]]]:
         return Character, (self.signs,)

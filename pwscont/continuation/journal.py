@@ -38,6 +38,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.locking import lock
@@ -123,6 +124,9 @@ class Journal:
     def __len__(self) -> int:
         """Return the number of finished pieces."""
         return len(self._places[WALK])
+
+    def __repr__(self) -> str:
+        return named(self, self.path, counted(len(self), "finished piece"))
 
     @property
     def is_finished(self) -> bool:

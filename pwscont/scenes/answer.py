@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
@@ -51,6 +52,13 @@ class Runnable(ABC):
 
     #: Whether an interrupted run can go on: then there is with_journal.
     resumable: ClassVar[bool] = False
+
+    def __repr__(self) -> str:
+        return named(self, f"{self.name}: {short(self.title)}")
+
+    def _repr_html_(self) -> str:
+        rows = [("title", self.title), ("parameter", self.parameter)]
+        return card(f"{type(self).__name__} {self.name}", rows)
 
     def with_journal(self, journal: Journal) -> Runnable:
         """Return the same scene with a journal of its finished pieces."""

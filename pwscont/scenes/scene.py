@@ -61,7 +61,7 @@ class ParameterPath:
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Scene(Runnable):
     """A system, an interval of its parameter, and what to report and draw.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
@@ -59,6 +60,9 @@ class StraightSegment(Segment):
         """Return the point at distance ``s``, exact but for rounding."""
         return self.start.x + s * self.start.tangent
 
+    def __repr__(self) -> str:
+        return named(self, self.curve.selection, f"from {at(self.start.x)}")
+
     def position(self, x: Array) -> float:
         """Return the distance of ``x`` along the ray."""
         return float(self.curve.metric.covector(self.start.tangent).dot(x - self.start.x))
@@ -91,6 +95,10 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     _inside: Array | None = field(default=None, init=False, repr=False)
+
+    def __repr__(self) -> str:
+        ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
+        return named(self, self.curve.selection, ends)
 
     @property
     def inside(self) -> Array:

@@ -29,6 +29,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
+from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.uncertainty import magnitude, magnitude_of_values
@@ -61,6 +62,9 @@ class Ray:
     state: State
     shared: tuple[Character, ...] = ()
     index: int = 0
+
+    def __repr__(self) -> str:
+        return named(self, self.curve.selection, f"from {at(self.state.x)}")
 
     @property
     def cells(self) -> tuple[bytes, ...]:

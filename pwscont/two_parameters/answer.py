@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
+from pwscont.basics.looks import counted, named
 from pwscont.graph.presentation import finite
 from pwscont.scenes.answer import Answer
 from pwscont.two_parameters.loci import LocusPart
@@ -22,6 +23,9 @@ class PlaneAnswer(Answer):
 
     scene: PlaneScene
     plane: Plane
+
+    def __repr__(self) -> str:
+        return named(self, self.scene, counted(len(self.plane.sectors), "sector"))
 
     def as_text(self) -> str:
         """Return loci and sectors."""

@@ -36,7 +36,7 @@ class Axes:
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class PlaneScene(Runnable):
     """A family of systems, and the window of the plane of its two parameters to look at.
 

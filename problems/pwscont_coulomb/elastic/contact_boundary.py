@@ -28,6 +28,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.edges import Edges
@@ -104,6 +105,9 @@ class ContactNodes:
     def count(self) -> int:
         """Number p of contact nodes."""
         return len(self.nodes)
+
+    def __repr__(self) -> str:
+        return named(self, counted(self.count, "node"))
 
     def rotation(self) -> Matrix:
         """Return the (2 p, 2 p) matrix from (x, y) of each node to all u_nu, then all u_t."""

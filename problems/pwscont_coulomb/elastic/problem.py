@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
@@ -32,6 +33,9 @@ class ElasticProblem(ABC):
     body: ContactBody
     load: AffineLoad
     friction: Array
+
+    def __repr__(self) -> str:
+        return named(self, self.body, f"of {self.elastic}")
 
     def along_load(self, r: Any = None) -> CoulombLoad:
         """Return the system whose parameter alpha is that of the loads."""

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from pwscont import Character, Journal, Scene
+from pwscont.basics.looks import named
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.graph import Solution
@@ -30,7 +31,7 @@ STYLES = {"no contact": "-", "stick": "--", "slip": "-."}
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ElasticScene(Runnable):
     """An elastic body under a load path, and where its solutions are listed and drawn.
 
@@ -118,6 +119,9 @@ class ElasticAnswer(Answer):
 
     graph: GraphAnswer
     problem: ElasticProblem
+
+    def __repr__(self) -> str:
+        return named(self, self.graph.scene, self.problem)
 
     def as_text(self) -> str:
         """Return what the graph says; of a body with many contact nodes, solutions in sum."""
