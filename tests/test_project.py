@@ -1,0 +1,73 @@
+"""The project around the code: one version, a change log, urls, hooks, and what runs for every change."""
+
+import re
+import tomllib
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+import pwscont
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def text(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_there_is_one_version():
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    assert PROJECT["tool"]["hatch"]["version"]["path"] == "pwscont/__init__.py"
+    assert re.findall(r'^__version__ = "(.+)"$', text("pwscont/__init__.py"), re.MULTILINE) == [
+        pwscont.__version__
+    ]
+    assert version("pwscont") == pwscont.__version__, "install again"
+
+
+def test_the_change_log_begins_with_this_version():
+    headings = re.findall(r"^## \[(.+)\] - (.+)$", text("CHANGELOG.md"), re.MULTILINE)
+    newest, when = headings[0]
+    assert newest == pwscont.__version__
+    assert when == "unreleased" or re.fullmatch(r"\d{4}-\d\d-\d\d", when)
+
+
+def test_urls_are_named():
+    assert all(url.startswith("https://") for url in PROJECT["project"]["urls"].values())
+
+
+def test_scenes_are_registered():
+    named = PROJECT["project"]["entry-points"]["pwscont.scenes"]
+    offered = {point.name: point.value for point in entry_points(group="pwscont.scenes")}
+    assert named.items() <= offered.items()
+
+
+def test_public_hosts_run_everything_on_every_python():
+    workflow = text(".github/workflows/ci.yml")
+    assert re.findall(r"- run: (.*)", workflow) == [".ci/run"]
+    pythons = re.search(r"python: \[(.*)\]", workflow)[1].replace('"', "").split(", ")
+    assert PROJECT["project"]["requires-python"] == f">={pythons[0]}"
+    assert len(pythons) > 2
+
+
+def test_hooks_are_local_and_part_of_ci():
+    hooks = text(".pre-commit-config.yaml")
+    assert re.findall(r"- repo: (.*)", hooks) == ["local"]
+    entries = re.findall(r"entry: (.*?)(?: --force-exclude)?$", hooks, re.MULTILINE)
+    assert entries == [".venv/bin/ruff check", ".venv/bin/ruff format --check", ".venv/bin/mypy"]
+    assert all(entry in text(".ci/run") for entry in entries)
+
+
+def test_what_is_installed_for_development_has_every_tool():
+    extras = PROJECT["project"]["optional-dependencies"]
+    words = " ".join(extras["dev"])
+    assert all(tool in words for tool in ("ruff", "mypy", "pre-commit", "test,docs"))
+
+
+def test_install_hints_name_what_works():
+    """The package is on no index yet: ``pip install pwscont[...]`` alone finds nothing."""
+    files = [
+        path for folder in ("pwscont", "problems", "docs") for path in (ROOT / folder).rglob("*")
+    ]
+    files = [path for path in files if path.suffix in (".py", ".rst")] + [ROOT / "README.md"]
+    for path in files:
+        assert not re.search(r"pip install '?pwscont", path.read_text(encoding="utf-8")), path
