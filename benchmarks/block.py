@@ -2,9 +2,9 @@
 
     python benchmarks/block.py [NODES ...] [--curved 200] [--into docs/data/scale.json]
 
-The block of the scene ``block`` is compressed, then sheared from alpha = -2 to 2: from slipping to
-the left as a whole to slipping to the right as a whole, about 2 p transitions. Every size runs in
-processes of its own, one for time and one for memory. Columns:
+The block of the scene ``block`` under constant pressure and a shear that is alpha, from -2 to 2:
+from all nodes in slip to the left to all in slip to the right, about 2 p transitions. Every size
+runs in processes of its own, one for time and one for memory. Columns:
 
 - p, n: contact nodes, unknowns of the mesh;
 - assembly: mesh, stiffness, supports (s); condensation: to 2 p unknowns (s);

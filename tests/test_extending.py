@@ -2,23 +2,23 @@
 
 import inspect
 import re
-from pathlib import Path
 
 import pytest
+from pages import blocks
 
 import pwscont
 from pwscont import extending
 
-PAGE = (Path(__file__).parents[1] / "docs" / "extending.rst").read_text(encoding="utf-8")
-BLOCK = re.compile(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", re.MULTILINE)
-
 
 def test_the_page_runs_from_top_to_bottom():
-    blocks = [re.sub(r"^   ", "", code, flags=re.MULTILINE) for code in BLOCK.findall(PAGE)]
-    assert len(blocks) == 6
+    *codes, package = blocks("extending.rst")
+    assert len(codes) == 7
+    assert package.startswith('"""')  # a file of its own, see test_own_package.py
     names = {}
-    for code in blocks:
-        exec(code, names)
+    for code in codes:
+        exec(compile(code, "extending.rst", "exec"), names)
+    with pytest.raises(pwscont.InvalidInputError, match="half_width must be positive, got -1"):
+        names["circle"](half_width=-1.0)
 
 
 SEAMS = [extending.Stepper, extending.TransitionDetector, extending.Search]

@@ -1,4 +1,4 @@
-"""The project around the code: one version, a change log, urls, hooks, and what runs for every change."""
+"""The project around the code: one version, a change log, urls, hooks, continuous integration."""
 
 import re
 import tomllib
