@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
 
@@ -71,3 +72,43 @@ def test_install_hints_name_what_works():
     files = [path for path in files if path.suffix in (".py", ".rst")] + [ROOT / "README.md"]
     for path in files:
         assert not re.search(r"pip install '?pwscont", path.read_text(encoding="utf-8")), path
+
+
+def resolves(name):
+    """Tell whether a dotted name is a module, or something in one."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            found = import_module(".".join(parts[:count]))
+        except ImportError:
+            continue
+        for part in parts[count:]:
+            found = getattr(found, part, None)
+        return found is not None
+    return False
+
+
+def sources():
+    """Yield all files in which names of modules are written."""
+    for folder, ending in [("docs", "rst"), ("docs", "py"), ("pwscont", "py"), ("problems", "py")]:
+        yield from (p for p in sorted((ROOT / folder).rglob(f"*.{ending}")) if not is_built(p))
+    yield from (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
+
+
+def is_built(path):
+    return bool({"generated", "gallery", "_build"} & set(path.parts))
+
+
+def test_every_module_that_is_named_exists():
+    for path in sources():
+        words = path.read_text(encoding="utf-8")
+        names = set(re.findall(r"(?<![\w./'\"-])pwscont(?:_coulomb)?(?:\.\w+)+", words))
+        files = set(re.findall(r"(?:pwscont|tests|benchmarks)/[\w/]+\.py", words))
+        missing = [name for name in names if not resolves(name)]
+        missing += [file for file in files if not (ROOT / file).exists()]
+        assert not missing, f"{path}: {missing}"
+
+
+def test_contributing_lists_the_rooms_top_floor_first():
+    rooms = re.findall(r"^\| `(\w+)` \|", text("CONTRIBUTING.md"), re.MULTILINE)
+    assert rooms[::-1] == import_module("test_architecture").ROOMS

@@ -3,7 +3,7 @@
 Where one row r of M is replaced, M' = M + e (r' - r)^T, and the inverse changes by a matrix of
 rank one (Sherman and Morrison); with k rows the same holds with rank k (Woodbury). The sign of the
 determinant is multiplied by that of the (k, k) matrix E^T M' M^-1 E, so that no determinant is
-ever computed (F10 of the design).
+ever computed (docs/theory, F10).
 
 Failure modes and answers
 -------------------------
