@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from figures import store
 from pwscont_coulomb import CoulombFriction, CoulombLoad
-from pwscont_coulomb.contact_algebra import ContactMatrix
+from pwscont_coulomb.contact_matrix import ContactMatrix
 from strip import strip
 
 from pwscont import trace

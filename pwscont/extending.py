@@ -1,62 +1,117 @@
-"""What whoever writes a detector, a stepper or a search imports: all types in their signatures.
+"""What whoever extends pwscont imports: all types in the signatures of its seams.
 
 A *detector* (:class:`TransitionDetector`) reads functions along a piece and makes special points
 where they fall to zero; ``detectors=`` of :func:`pwscont.trace` and :func:`pwscont.explore` adds it
 to the default ones. A *stepper* (:class:`Stepper`) owns one step along the curve of one selection.
 A *search* (:class:`Search`) yields starts.
+
+A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out what provably does
+not change (:class:`Reducible`), end somewhere (:class:`Ending`), be stored in part
+(:class:`Compact`), bring searches of its kind (:class:`BringsSearches`), and return a Jacobian that
+is factorised in its own way (:class:`StructuredJacobian`).
+
+A *scene* of its own kind is a :class:`Runnable` that returns an :class:`Answer`.
 """
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import card, counted, named
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
+from pwscont.continuation.omissions import Omission
+from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton
 from pwscont.curve.predictor import Predictor
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.search import Search
-from pwscont.stepping import Stepper
+from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
+from pwscont.linear.cores import Core
+from pwscont.linear.factor import Factor, power_of_two
+from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
+from pwscont.scenes.answer import Answer, Runnable, values_within
+from pwscont.scenes.graph_answer import GraphAnswer
+from pwscont.search.search import BringsSearches, Search
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on, land_on_end
-from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment
+from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.system.compact import Compact
+from pwscont.system.ending import Ending
+from pwscont.system.reduction import Reducible, Reduction
 from pwscont.system.selection import Selection
-from pwscont.transitions import TransitionDetector
-from pwscont.transitions.detector import Reading, SpecialPointFound
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray
 
 __all__ = [
+    "CONVERGED",
+    "EPS",
+    "GUARD",
+    "Answer",
     "Array",
+    "BorderedFactor",
+    "BringsSearches",
+    "Compact",
+    "Core",
     "Corrected",
     "Corrector",
     "Curve",
     "CurvedSegment",
+    "Ending",
+    "Factor",
     "Failure",
     "FailureReason",
+    "GraphAnswer",
     "Guarantee",
+    "Indices",
+    "Interior",
     "Kind",
     "Matrix",
     "Metric",
+    "Omission",
+    "Piece",
     "Predictor",
     "Ray",
     "Reading",
+    "Reducible",
+    "Reduction",
+    "Report",
+    "RowMatrix",
+    "RowSolver",
+    "Runnable",
     "Search",
     "SearchScope",
     "Segment",
     "Selection",
+    "Solution",
+    "SpecialPoint",
     "SpecialPointFound",
     "State",
     "Stepper",
     "StraightSegment",
+    "StructuredJacobian",
     "TransitionDetector",
+    "Updating",
     "accepted",
+    "card",
+    "counted",
+    "dense",
+    "drifted",
+    "finite_array",
     "land_on",
     "land_on_end",
     "locate_point",
     "locate_sign_change",
     "locate_zero",
+    "named",
     "newton",
+    "power_of_two",
+    "row_scale",
     "semismooth_newton",
+    "uninterrupted",
+    "values_within",
 ]

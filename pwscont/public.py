@@ -1,6 +1,7 @@
 """The public names of pwscont; users import them from ``pwscont`` itself."""
 
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from pwscont.basics.character import Character
 from pwscont.basics.errors import (
@@ -45,8 +46,14 @@ from pwscont.transitions.events import Stop
 from pwscont.two_parameters.fold_locus import FoldLocus
 from pwscont.two_parameters.transition_locus import TransitionLocus
 
+if TYPE_CHECKING:
+    from pwscont.scenes.counting import draw_counts
+    from pwscont.scenes.plotting import plot
+    from pwscont.two_parameters.scene import Axes, PlaneScene
+
 __all__ = [
     "AllTransitions",
+    "Axes",
     "BandedJacobian",
     "Block",
     "BorderedNewton",
@@ -69,6 +76,7 @@ __all__ = [
     "ParameterPath",
     "PiecewiseLinearSystem",
     "PiecewiseSystem",
+    "PlaneScene",
     "PseudoArclength",
     "PwscontError",
     "Scene",
@@ -90,22 +98,24 @@ __all__ = [
     "check_search",
     "check_stepper",
     "check_system",
-    "draw_counts",  # noqa: F822  by __getattr__
+    "draw_counts",
     "enumerate_solutions",
     "explore",
-    "plot",  # noqa: F822  by __getattr__
+    "plot",
     "trace",
 ]
 
 
+#: Names whose modules are imported only when they are asked for, such as matplotlib.
+LATER = {
+    "Axes": "pwscont.two_parameters.scene",
+    "PlaneScene": "pwscont.two_parameters.scene",
+    "draw_counts": "pwscont.scenes.counting",
+    "plot": "pwscont.scenes.plotting",
+}
+
+
 def __getattr__(name: str) -> Any:
-    """Import matplotlib only when a picture is asked for."""
-    if name == "plot":
-        from pwscont.scenes.plotting import plot  # noqa: PLC0415
-
-        return plot
-    if name == "draw_counts":
-        from pwscont.scenes.counting import draw_counts  # noqa: PLC0415
-
-        return draw_counts
+    if name in LATER:
+        return getattr(import_module(LATER[name]), name)
     raise AttributeError(f"module 'pwscont' has no attribute {name!r}")

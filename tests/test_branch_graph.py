@@ -453,14 +453,14 @@ def test_a_stretch_thinner_than_the_errors_of_its_ends_is_not_judged():
     graph = graph_with_a_thin_stretch(error=1e-13)
     assert graph.balances() == [1, 0, 1]
     assert graph.is_balanced()
-    assert graph.sums() == [1]
+    assert graph.balance_values() == [1]
     assert graph.to_dict()["balance"] == {"value": 1, "constant": True}
 
 
 def test_a_stretch_wider_than_the_errors_of_its_ends_is_judged():
     graph = graph_with_a_thin_stretch(error=1e-14)
     assert not graph.is_balanced()
-    assert graph.sums() == [0, 1]
+    assert graph.balance_values() == [0, 1]
     assert graph.guarantee.startswith("not balanced: at least one branch missing in (0.5, 0.5)")
 
 

@@ -162,7 +162,7 @@ def test_two_nodes_have_up_to_five_solutions():
         (-1.2, -1.0, 3),
         (-1.0, 3.0, 1),
     ]
-    assert [s.ends for s in graph.where(5)] == ["(-2, -1.2)"]
+    assert [s.ends for s in graph.with_count(5)] == ["(-2, -1.2)"]
     assert graph.guarantee == "complete"
     for fold, numbers in zip(folds, ((1, 2, 3), (3, 4, 5), (5, 4, 3), (3, 2, 1)), strict=True):
         assert kinds_at(graph, fold) == ["nonsmooth fold"]

@@ -400,7 +400,7 @@ def test_nodes_that_differ_by_rounding(seed):
     path = nearly_identical_nodes(seed)
     graph, exact = explore(path.system(), path.interval), path.exact()
     assert graph.guarantee == COMPLETE
-    assert graph.sums() == [1]
+    assert graph.balance_values() == [1]
     assert not graph.special_points("stopped")
     for at in away_from({end for piece in exact for end in piece[1:3]}):
         assert graph.count(at) == sum(lo < at < hi for _, lo, hi, _ in exact)

@@ -96,7 +96,13 @@ def asked_everything(graph):
         for ask in (graph.count, graph.solutions, graph.balance):
             with contextlib.suppress(PwscontError):
                 ask(alpha)
-    graph.multiplicity(), graph.balances(), graph.sums(), graph.components(), graph.guarantee
+    (
+        graph.multiplicity(),
+        graph.balances(),
+        graph.balance_values(),
+        graph.components(),
+        graph.guarantee,
+    )
     graph.special_points(), graph.to_dict(), repr(graph), graph._repr_html_()
 
 

@@ -125,7 +125,7 @@ def test_a_walk_reads_as_it_was_written(run, monkeypatch):
 
     monkeypatch.setattr(PieceFollower, "walk", kept)
     run()
-    assert any(ray.shared for ray, _ in walks) == (run is along_a_boundary)
+    assert any(ray.interface_cells for ray, _ in walks) == (run is along_a_boundary)
     for ray, found in walks:
         read = walk_of(written(found), ray)
         np.testing.assert_array_equal(read.points, found.points)

@@ -117,7 +117,7 @@ def test_stretches_without_solutions():
     graph = trace(Loop(), ([1.0], 0.0), (-2.0, 2.0))
     found = rows(graph.multiplicity())
     assert [row[2:] for row in found] == [(0, True, False), (2, False, False), (0, False, True)]
-    singles = graph.where(1)
+    singles = graph.with_count(1)
     assert [stretch[0] == stretch[1] for stretch in singles] == [True, True]
     np.testing.assert_allclose([s[0] for s in singles], [-1.0, 1.0], rtol=0, atol=1e-10)
     for fold in graph.special_points("fold"):
@@ -125,7 +125,7 @@ def test_stretches_without_solutions():
         assert graph.balance(fold.alpha) == 0
         (solution,) = graph.solutions(fold.alpha)
         assert (solution.kind, solution.det_sign) == ("fold", 0)
-    assert [len(graph.where(count)) for count in (0, 2, 3)] == [2, 1, 0]
+    assert [len(graph.with_count(count)) for count in (0, 2, 3)] == [2, 1, 0]
 
 
 def test_vertical_piece_has_infinitely_many_solutions():
@@ -167,7 +167,7 @@ def test_random_bodies_against_fractions(seed):
     for stretch in graph.multiplicity():
         assert stretch.lo_closed == (graph.count(stretch[0]) == stretch[2])
         assert stretch.hi_closed == (graph.count(stretch[1]) == stretch[2])
-    covered = sum(hi - lo for n in range(12) for lo, hi, _ in graph.where(n))
+    covered = sum(hi - lo for n in range(12) for lo, hi, _ in graph.with_count(n))
     assert covered == pytest.approx(6.0)
 
 

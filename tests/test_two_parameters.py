@@ -25,7 +25,7 @@ from reference_enumeration import enumerate_solutions, modes_of
 
 from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, explore, trace
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.two_parameters.loci import Crossing, follow_transitions, parts_of, turning
+from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.regions import area_and_centre, regions
 
 CLOSE = {"rtol": 0.0, "atol": 1e-9}
@@ -76,12 +76,12 @@ def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
 @pytest.mark.sweep(3)
 def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
     loci = follow_transitions(plane_family(a, b, friction), (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
-    expected = Crossing.TRANSITION
+    expected = Passing.TRANSITION
     if friction >= a / b:
-        expected = Crossing.FOLD if friction > a / b else Crossing.VERTICAL
+        expected = Passing.FOLD if friction > a / b else Passing.VERTICAL
     for part in (s for locus in loci for s in parts_of(locus)):
         passes = "slip-" not in part.label
-        assert part.crossing == (Crossing.TRANSITION if passes else expected)
+        assert part.crossing == (Passing.TRANSITION if passes else expected)
 
 
 def test_a_locus_ends_at_the_apex_and_says_why():

@@ -87,7 +87,7 @@ print(graph)
 for stretch in graph.multiplicity():
     print(f"{stretch.ends:<13} {stretch[2]}")
 for number in (2, 4, 5):
-    print(f"exactly {number} on", *(stretch.ends for stretch in graph.where(number)))
+    print(f"exactly {number} on", *(stretch.ends for stretch in graph.with_count(number)))
 
 # %%
 # Even numbers occur at single values of alpha only: at folds.

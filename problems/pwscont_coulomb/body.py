@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, counted
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
 SYMMETRIC = 1e-10

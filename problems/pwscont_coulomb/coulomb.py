@@ -21,6 +21,7 @@ constant.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import product
@@ -29,17 +30,28 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Block, Character, SlicewiseLinearSystem
-from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
-from pwscont.linear.updates import Updating
-from pwscont.search import Search
-from pwscont.system.reduction import Reduction
+from pwscont import Block, Character, Search, SlicewiseLinearSystem
+from pwscont.extending import (
+    Array,
+    BringsSearches,
+    Compact,
+    Indices,
+    Matrix,
+    Reducible,
+    Reduction,
+    Updating,
+    counted,
+    dense,
+)
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.contact_algebra import ContactAlgebra, ContactMatrix
+from pwscont_coulomb.contact_algebra import ContactAlgebra
+from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
+from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.modes import BOUNDS, SIGNS
+from pwscont_coulomb.names import names
+from pwscont_coulomb.per_node import positive
+from pwscont_coulomb.rows import by_node, rows_of_tests, scaled, without_contact
 
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
@@ -50,11 +62,9 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
-#: Rounding in the bound by which nodes are left out is far below this part of it.
-REACH_MARGIN = 1e-6
 
 
-class Coulomb(SlicewiseLinearSystem):
+class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -73,62 +83,43 @@ class Coulomb(SlicewiseLinearSystem):
     def __init__(self, body: ContactBody, r: Any = None) -> None:
         self.body = body
         self.size = body.n + 2 * body.p
-        self.r = _positive("r", body.stiffness if r is None else r, body.p)
+        self.r = positive("r", body.stiffness if r is None else r, body.p)
         self._offset = self.r * body.gap
         self._inside = np.where(body.guided, 1.0, 0.0)
         self._has_gap = bool(body.gap.any())
         many = body.p >= MANY_NODES and ContactAlgebra.fits(body)
         #: How dH/dz is factorised where there are many contact nodes; None for a general LU.
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
-        self._kappa1_rows, self._x_rows = self._test_rows()
+        self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[Any, Matrix] | None = None
+        self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
     @cached_property
     def _free(self) -> Matrix:
-        """Return dH/dz without any contact: equilibrium, lam_nu = 0, lam_t = 0."""
-        n, body = self.body.n, self.body
-        if not body.is_sparse:
-            matrix = np.eye(self.size)
-            matrix[:n] = np.hstack([body.A, -dense(body.N).T, -dense(body.T).T])
-            return matrix
-        one, N, T = sp.identity(body.p), sp.csr_matrix(body.N), sp.csr_matrix(body.T)
-        blocks = [[body.A, -N.T, -T.T], [None, one, None], [None, None, one]]
-        return sp.bmat(blocks, format="csr")
+        return without_contact(self.body)
 
     @property
     def _has_sparse_tests(self) -> bool:
         return self.body.is_sparse or self.algebra is not None
 
-    def _test_rows(self) -> tuple[Matrix, Matrix]:
-        """Return the gradients by z of kappa1 and x, each of shape (p, n + 2 p)."""
-        body, r, slides = self.body, self.r, 1.0 - self._inside
-        if not self._has_sparse_tests:
-            one, none = np.eye(body.p), np.zeros((body.p, body.p))
-            N, T = -r[:, np.newaxis] * dense(body.N), -r[:, np.newaxis] * dense(body.T)
-            return np.hstack([N, one, none]), slides[:, np.newaxis] * np.hstack([T, none, one])
-        one, none = sp.identity(body.p), sp.csr_matrix((body.p, body.p))
-        N, T = -sp.diags(r) @ sp.csr_matrix(body.N), -sp.diags(r) @ sp.csr_matrix(body.T)
-        x = sp.diags(slides) @ sp.hstack([T, none, one])
-        return sp.hstack([N, one, none]).tocsr(), x.tocsr()
-
-    # -- what a subclass adds ------------------------------------------------------------
-
+    @abstractmethod
     def load_at(self, alpha: float) -> Array:
         """Return f, shape (n,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def friction_at(self, alpha: float) -> Array:
         """Return F per node, shape (p,)."""
-        raise NotImplementedError
 
-    # -- the contract --------------------------------------------------------------------
+    @abstractmethod
+    def with_nodes(self, kept: Indices) -> Coulomb:
+        """Return the same problem with only some of its contact nodes."""
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
         kappa1, x = self.kappa1(z), self._x_rows @ z
         bound = self.friction_at(alpha) * kappa1
-        return _by_node(kappa1, x - bound + self._inside, x + bound - self._inside)
+        return by_node(kappa1, x - bound + self._inside, x + bound - self._inside)
 
     def kappa1(self, z: Array) -> Array:
         """Return lam_nu - r (u_nu - gap), shape (p,)."""
@@ -218,13 +209,7 @@ class Coulomb(SlicewiseLinearSystem):
 
     def names(self) -> tuple[str, ...]:
         """Return u[i] (or u_nu and u_t where N and T pick single unknowns) and multipliers."""
-        n, p = self.body.n, self.body.p
-        u = [f"u[{i}]" for i in range(n)]
-        for symbol, picks in (("ν", self.body.N), ("t", self.body.T)):
-            for node, column in _single_unknowns(picks):
-                u[column] = f"u_{symbol}{_suffix(node, p)}"
-        lam = [f"λ_{symbol}{_suffix(node, p)}" for symbol in "νt" for node in range(p)]
-        return (*u, *lam)
+        return names(self.body)
 
     def test_name(self, test: int) -> str:
         """Return a name such as ``kappa2 of node 3``."""
@@ -235,33 +220,11 @@ class Coulomb(SlicewiseLinearSystem):
         energies = self._energies(lo, hi)
         if not self._has_gap or energies is None:
             return None
-        reach = self.body.reach(energies)
-        idle = self.body.gap > reach * (1.0 + REACH_MARGIN)
-        idle[np.argmin(self.body.gap - reach)] = False  # at least one node remains
-        return self._without(np.flatnonzero(idle), reach) if idle.any() else None
+        return without_far_nodes(self.body, energies, self.with_nodes)
 
     def _energies(self, lo: float, hi: float) -> Array | None:
         """Return f.A^-1 f of the loads whose convex hull holds all loads, None if unknown."""
         return None
-
-    def _with_nodes(self, kept: Indices) -> Coulomb:
-        """Return the same problem with only some of its contact nodes."""
-        raise NotImplementedError
-
-    def _without(self, idle: Indices, reach: Array) -> Reduction:
-        n, p, gap, numbers = self.body.n, self.body.p, self.body.gap, self.body.numbers
-        kept = np.setdiff1d(np.arange(p), idle)
-        return Reduction(
-            system=self._with_nodes(kept),
-            kept=np.concatenate([np.arange(n), n + kept, n + p + kept]),
-            tests=(3 * kept[:, np.newaxis] + np.arange(3)).ravel(),
-            idle=Character(SIGNS[contact.Mode.NO_CONTACT] * p),
-            reasons=tuple(
-                f"node {numbers[i]} cannot touch: it moves by at most {reach[i]:.3g} of its gap "
-                f"{gap[i]:.3g} (energy bound)"
-                for i in idle
-            ),
-        )
 
     def essential(self, character: Character) -> Indices | None:
         """Return two unknowns per node: displacements where it may move, else multipliers."""
@@ -312,8 +275,6 @@ class Coulomb(SlicewiseLinearSystem):
             self._scale = ((lo, hi), scale)
         return self._scale[1]
 
-    # -- matrices ------------------------------------------------------------------------
-
     def state_matrix(self, mode: Indices, friction: Array) -> Matrix:
         """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last is remembered.
 
@@ -328,9 +289,9 @@ class Coulomb(SlicewiseLinearSystem):
     def _state_matrix(self, mode: Indices, friction: Array) -> Matrix:
         if self.algebra is not None:
             return ContactMatrix(self.algebra, mode, friction)
-        normal = _scaled(IN_CONTACT[mode], self._kappa1_rows)
-        slip = _scaled(SLIPS[mode] * friction, self._kappa1_rows)
-        tangential = _scaled(STICKS[mode], self._x_rows) - slip
+        normal = scaled(IN_CONTACT[mode], self._kappa1_rows)
+        slip = scaled(SLIPS[mode] * friction, self._kappa1_rows)
+        tangential = scaled(STICKS[mode], self._x_rows) - slip
         return self._less_contact(normal, tangential)
 
     def _less_contact(self, normal: Matrix, tangential: Matrix) -> Matrix:
@@ -356,18 +317,18 @@ class Coulomb(SlicewiseLinearSystem):
         if self._has_sparse_tests:
             bound = sp.diags(friction) @ self._kappa1_rows
             rows = sp.vstack([self._kappa1_rows, self._x_rows - bound, self._x_rows + bound])
-            by_node = np.arange(3 * self.body.p).reshape(3, self.body.p).T.ravel()
-            return sp.hstack([rows.tocsr()[by_node], sp.csr_matrix(by_alpha[:, None])]).tocsr()
+            order = np.arange(3 * self.body.p).reshape(3, self.body.p).T.ravel()
+            return sp.hstack([rows.tocsr()[order], sp.csr_matrix(by_alpha[:, None])]).tocsr()
         bound = friction[:, np.newaxis] * self._kappa1_rows
         gradients = np.empty((3 * self.body.p, self.size + 1))
-        gradients[:, :-1] = _by_node(self._kappa1_rows, self._x_rows - bound, self._x_rows + bound)
+        gradients[:, :-1] = by_node(self._kappa1_rows, self._x_rows - bound, self._x_rows + bound)
         gradients[:, -1] = by_alpha
         return gradients
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""
         if isinstance(matrix, ContactMatrix):
-            return matrix.algebra.jacobian(matrix, column)
+            return self._contact_jacobian(matrix, column)
         if self.body.is_sparse:
             return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
         jacobian = np.empty((self.size, self.size + 1))
@@ -375,50 +336,12 @@ class Coulomb(SlicewiseLinearSystem):
         jacobian[:, -1] = column
         return jacobian
 
+    def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
+        """Return [dH/dz | column]; the last is remembered, with what it has solved.
 
-def _by_node(first: Array, second: Array, third: Array) -> Array:
-    """Interleave three arrays along their first axis."""
-    mixed = np.empty((3 * len(first), *first.shape[1:]))
-    mixed[0::3], mixed[1::3], mixed[2::3] = first, second, third
-    return mixed
-
-
-def _scaled(factors: Array, rows: Matrix) -> Matrix:
-    """Return each row multiplied by its factor."""
-    return sp.diags(factors) @ rows if sp.issparse(rows) else factors[:, np.newaxis] * rows
-
-
-def _positive(name: str, values: Any, p: int) -> Array:
-    array = per_node(name, values, p)
-    if (array <= 0.0).any():
-        raise InvalidInputError(f"{name} must be positive, got {array.min():.6g}")
-    return array
-
-
-def not_negative(name: str, values: Any, p: int) -> Array:
-    """Return a number, or p numbers, as p finite numbers that are not negative."""
-    array = per_node(name, values, p)
-    if (array < 0.0).any():
-        raise InvalidInputError(f"{name} must not be negative, got {array.min():.6g}")
-    return array
-
-
-def per_node(name: str, values: Any, p: int) -> Array:
-    """Return a number, or p numbers, as p finite numbers."""
-    array = finite_array(name, values)
-    if array.shape not in ((), (p,)):
-        raise InvalidInputError(f"{name} must be a number or {p} numbers, got shape {array.shape}")
-    return np.broadcast_to(array, (p,)).copy()
-
-
-def _single_unknowns(picks: Matrix) -> Iterator[tuple[int, int]]:
-    """Yield (node, column) for the rows of N or T that are unit vectors."""
-    rows = sp.csr_matrix(picks)
-    for node in range(rows.shape[0]):
-        row = rows[node]
-        if row.nnz == 1 and row.data[0] == 1.0:
-            yield node, int(row.indices[0])
-
-
-def _suffix(node: int, p: int) -> str:
-    return f",{node + 1}" if p > 1 else ""
+        Here, not by the matrix: two objects that hold each other wait long to be freed.
+        """
+        last = self._jacobian
+        if last is None or last.matrix is not matrix or not np.array_equal(last.column, column):
+            self._jacobian = last = ContactJacobian(matrix, column)
+        return last

@@ -7,10 +7,11 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character
-from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
+from pwscont.extending import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import SLIPS, Coulomb, not_negative
+from pwscont_coulomb.coulomb import SLIPS, Coulomb
+from pwscont_coulomb.per_node import not_negative
 
 
 @final
@@ -51,7 +52,8 @@ class CoulombFriction(Coulomb):
         """Return the energy of the fixed load."""
         return np.array([self.force @ self.body.solve(self.force)])
 
-    def _with_nodes(self, kept: Indices) -> Coulomb:
+    def with_nodes(self, kept: Indices) -> Coulomb:
+        """Return the same problem with only some of its contact nodes."""
         body = self.body.with_nodes(kept)
         return CoulombFriction(body, self.force, self.r[kept], self.profile[kept])
 

@@ -14,12 +14,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont import PiecewiseSystem, trace
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError, StartNotFoundError
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.curve.metric import Metric
-from pwscont.search import Search
+from pwscont import InvalidInputError, PiecewiseSystem, Search, StartNotFoundError, trace
+from pwscont.extending import Array, Guarantee, Metric, SearchScope
 from pwscont_coulomb.coulomb import Coulomb
 
 

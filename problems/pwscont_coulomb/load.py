@@ -9,13 +9,12 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont import Character, PiecewiseLinearSystem
-from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import named
+from pwscont import Character, InvalidInputError, PiecewiseLinearSystem
+from pwscont.extending import Array, Indices, Matrix, finite_array, named
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import Coulomb, not_negative
+from pwscont_coulomb.coulomb import Coulomb
+from pwscont_coulomb.per_node import not_negative
 
 
 @final
@@ -109,7 +108,8 @@ class CoulombLoad(Coulomb):
         loads = np.column_stack([self.load_at(lo), self.load_at(hi)])
         return np.asarray((loads * self.body.solve(loads)).sum(axis=0))
 
-    def _with_nodes(self, kept: Indices) -> Coulomb:
+    def with_nodes(self, kept: Indices) -> Coulomb:
+        """Return the same problem with only some of its contact nodes."""
         body = self.body.with_nodes(kept)
         return CoulombLoad(body, self.load, self.friction[kept], self.r[kept])
 

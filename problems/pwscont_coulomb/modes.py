@@ -15,8 +15,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Indices
-from pwscont.basics.character import Character
+from pwscont import Character
+from pwscont.extending import Indices
 
 
 @final

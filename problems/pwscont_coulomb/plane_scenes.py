@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from pwscont.two_parameters.scene import Axes, PlaneScene
+from pwscont import Axes, PlaneScene
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import one_node, two_nodes

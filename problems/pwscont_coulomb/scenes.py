@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pwscont import Character, Scene
-from pwscont.basics.arrays import Array
-from pwscont.scenes.scene import Panel, ParameterPath
+from pwscont import Character, Panel, ParameterPath, Scene
+from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad

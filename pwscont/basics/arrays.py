@@ -11,6 +11,7 @@ from pwscont.basics.errors import InvalidInputError
 
 Array: TypeAlias = npt.NDArray[np.float64]
 Indices: TypeAlias = npt.NDArray[np.intp]
+Signs: TypeAlias = npt.NDArray[np.bool_]
 #: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a BandedJacobian.
 Matrix: TypeAlias = Any
 

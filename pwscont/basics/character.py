@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.looks import MOST_LETTERS, short
-
-#: More signs than this are stored as bits.
-MANY = 64
 
 
 @final
@@ -25,67 +23,67 @@ class Character:
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    __slots__ = ("_length", "_signs")
-    _length: int
-    _signs: bytes  # one byte per sign, one bit where they are many
+    __slots__ = ("_signs",)
+    _signs: bytes  # one byte per sign: compared, hashed and copied as one block of memory
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        self._store(bytes(map(bool, signs)))
-
-    def _store(self, signs: bytes) -> None:
-        object.__setattr__(self, "_length", len(signs))
-        object.__setattr__(self, "_signs", _in_bits(signs) if len(signs) > MANY else signs)
+        object.__setattr__(self, "_signs", bytes(map(bool, signs)))
 
     @property
     def signs(self) -> tuple[bool, ...]:
-        """One sign per test function, a new tuple: take it once where many are needed."""
-        return tuple(map(bool, bytes(self)))
+        """One sign per test function."""
+        return _as_tuple(self._signs)
+
+    @property
+    def array(self) -> Signs:
+        """The signs as an array of bool, shape (m,), not to be written to."""
+        return np.frombuffer(self._signs, dtype=np.bool_)
 
     @classmethod
     def of(cls, tests: Array) -> Character:
         """Return the character of a point with test function values ``tests``, shape (m,)."""
-        return cls((tests >= 0.0).tolist())
+        return cls._of_bytes((tests >= 0.0).tobytes())
+
+    @classmethod
+    def _of_bytes(cls, signs: bytes) -> Character:
+        character = object.__new__(cls)
+        object.__setattr__(character, "_signs", signs)
+        return character
 
     def flip(self, i: int) -> Character:
         """Return the character on the other side of ``kappa_i = 0``."""
-        return self.with_sign(i, not bytes(self)[i])
+        return self.with_sign(i, not self._signs[i])
 
     def with_sign(self, i: int, sign: bool) -> Character:
         """Return the character in which test function ``i`` has the given sign."""
-        signs = bytearray(bytes(self))
+        signs = bytearray(self._signs)
         signs[i] = bool(sign)
-        return Character(map(bool, signs))
+        return self._of_bytes(bytes(signs))
 
     def __bytes__(self) -> bytes:
         """Return one byte per sign, 0 or 1."""
-        if self._length <= MANY:
-            return self._signs
-        bits = np.frombuffer(self._signs, dtype=np.uint8)
-        return np.unpackbits(bits, count=self._length).tobytes()
+        return self._signs
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{name}: a Character does not change; use flip or with_sign")
 
     def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Character)
-            and self._length == other._length
-            and self._signs == other._signs
-        )
+        return isinstance(other, Character) and self._signs == other._signs
 
     def __hash__(self) -> int:
         return hash(self._signs)
 
     def __repr__(self) -> str:
-        number = f", {self._length} signs" if self._length > MOST_LETTERS else ""
+        number = f", {len(self._signs)} signs" if len(self._signs) > MOST_LETTERS else ""
         return f"Character({short(str(self))}{number})"
 
     def __reduce__(self) -> tuple[type[Character], tuple[tuple[bool, ...]]]:
         return Character, (self.signs,)
 
     def __str__(self) -> str:
-        return "".join("+" if sign else "-" for sign in bytes(self))
+        return "".join("+" if sign else "-" for sign in self._signs)
 
 
-def _in_bits(signs: bytes) -> bytes:
-    return np.packbits(np.frombuffer(signs, dtype=np.uint8)).tobytes()
+@lru_cache(maxsize=64)  # a residual may ask again and again, and a graph holds thousands
+def _as_tuple(signs: bytes) -> tuple[bool, ...]:
+    return tuple(map(bool, signs))

@@ -30,6 +30,7 @@ from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
 from pwscont.search import enumerate_solutions
 from pwscont.stepping import ExactLinear
+from pwscont.system.reduction import reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Values of alpha at which the answer is compared with an enumeration.
@@ -83,7 +84,7 @@ def case_of(runnable: Runnable) -> Case:
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
-    if system.reduction(*interval):
+    if reduction_of(system, interval):
         raise UnknownAnswerError("parts of its system are left out while it is followed")
     cells = prod(len(block.modes) for block in system.blocks())
     if cells <= MOST_CELLS:

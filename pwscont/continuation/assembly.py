@@ -14,7 +14,8 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.discovery import Discovery, Edge, Node
+from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.packing import Lifted
@@ -103,7 +104,7 @@ class _Directed:
         self.track = lift.track(edge.track if forward else edge.track.reversed())
         self.character = lift.character(trail.character)
         self.naming = lift.system.label
-        self.det_sign = trail.index if trail.is_shared else self._direction(width)
+        self.det_sign = trail.index if trail.along_interface else self._direction(width)
 
     def _direction(self, width: float) -> int:
         """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""

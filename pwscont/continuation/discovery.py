@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import final
@@ -21,58 +21,15 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
+from pwscont.continuation.joints import Edge, Node
 from pwscont.continuation.membership import lies_on
-from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, direction, names
+from pwscont.continuation.ray_keys import JOIN, FollowedRay, direction, names
 from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
-
-
-@final
-@dataclass(slots=True)
-class Node:
-    """A special point under discovery.
-
-    Of its rays, those that were followed or arrived on leave nothing but their marks.
-    """
-
-    kind: Kind | str
-    place: Place
-    message: str
-    rays: list[Ray | None] = field(default_factory=list)
-    marks: list[RayKey] = field(default_factory=list)
-    lost: int = 0
-
-    def add(self, rays: Iterable[Ray], place: Place) -> None:
-        """Let more rays leave."""
-        for ray in rays:
-            self.rays.append(ray)
-            self.marks.append(RayKey.of(ray, place))
-
-    def stop(self, message: str, rays: int = 1) -> None:
-        """Note that rays could not be followed; a degenerate point stays what it is."""
-        if self.kind != Kind.DEGENERATE:
-            self.kind = Kind.STOPPED
-        self.lost += rays
-        self.message = f"{self.message}; {message}"
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """A piece under discovery, from the node where it was begun to the node it reached.
-
-    ``begun_at`` is the point in its middle where tracing began, if it began there.
-    """
-
-    start: int
-    end: int
-    trail: FollowedRay
-    track: Track
-    begun_at: Place | None = None
 
 
 @final

@@ -48,10 +48,13 @@ class FollowedPiece:
 
         Beyond an event a piece goes on along the same interface.
         """
-        if not ray.shared:
+        if not ray.interface_cells:
             return self
         along = len(self.arrival.rays) if self.arrival.kind == Kind.EVENT else 1
-        rays = [replace(r, shared=ray.shared, index=ray.index) for r in self.arrival.rays[:along]]
+        rays = [
+            replace(r, interface_cells=ray.interface_cells, index=ray.index)
+            for r in self.arrival.rays[:along]
+        ]
         rays += self.arrival.rays[along:]
         return replace(self, arrival=replace(self.arrival, rays=tuple(rays)))
 

@@ -42,7 +42,7 @@ AT_THE_END = 1e-9
 
 @final
 @dataclass(frozen=True, slots=True)
-class Sample:
+class StateSample:
     """A system, an interval, and a point of its curve."""
 
     system: PiecewiseSystem
@@ -99,12 +99,12 @@ class _Line(PiecewiseSystem):
         return z - 0.5 * alpha
 
 
-def samples() -> tuple[Sample, ...]:
+def samples() -> tuple[StateSample, ...]:
     """Return the curves on which an implementation is tried."""
     return (
-        Sample(_Circle(), (-0.9, 0.9), np.array([0.8, 0.6])),
-        Sample(_Cubic(), (-1.0, 1.5), np.array([0.0, 0.0, 0.0])),
-        Sample(_Line(), (-1.0, 1.0), np.array([0.0, 0.0])),
+        StateSample(_Circle(), (-0.9, 0.9), np.array([0.8, 0.6])),
+        StateSample(_Cubic(), (-1.0, 1.5), np.array([0.0, 0.0, 0.0])),
+        StateSample(_Line(), (-1.0, 1.0), np.array([0.0, 0.0])),
     )
 
 
@@ -126,7 +126,7 @@ def check_stepper(stepper: Stepper) -> Report:
     return Report(tuple(defects), len(tried))
 
 
-def _wrong_steps(stepper: Stepper, sample: Sample, direction: float) -> Iterator[Defect]:
+def _wrong_steps(stepper: Stepper, sample: StateSample, direction: float) -> Iterator[Defect]:
     curve, state, before = sample.curve, sample.state(direction), None
     for longest in [0.05, *[np.inf] * STEPS]:
         if np.abs(np.subtract(sample.interval, state.alpha)).min() < AT_THE_END:
@@ -147,7 +147,7 @@ def _wrong_steps(stepper: Stepper, sample: Sample, direction: float) -> Iterator
 
 
 def _wrong_step(
-    curve: Curve, sample: Sample, state: State, step: CurvedSegment, longest: float
+    curve: Curve, sample: StateSample, state: State, step: CurvedSegment, longest: float
 ) -> str | None:
     """Return what is wrong with a step, None where nothing is."""
     (lo, hi), end = sample.interval, step.end
@@ -181,7 +181,7 @@ def check_detector(detector: TransitionDetector) -> Report:
     return Report(tuple(defects), len(samples()))
 
 
-def _wrong_readings(detector: TransitionDetector, sample: Sample) -> Iterator[Defect]:
+def _wrong_readings(detector: TransitionDetector, sample: StateSample) -> Iterator[Defect]:
     curve, state = sample.curve, sample.state(1.0)
     near = 1e-6
     ahead = State(state.x + near * state.tangent, state.tangent, state.error, state.orientation)
@@ -240,7 +240,7 @@ def check_search(search: Search) -> Report:
     return Report(tuple(defects), len(samples()))
 
 
-def _wrong_starts(search: Search, sample: Sample) -> Iterator[Defect]:
+def _wrong_starts(search: Search, sample: StateSample) -> Iterator[Defect]:
     (lo, hi), metric, size = sample.interval, sample.curve.metric, sample.system.size
     system = sample.system.within(lo, hi)
     if not isinstance(search.searched(system), SearchScope):

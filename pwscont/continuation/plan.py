@@ -30,7 +30,7 @@ from pwscont.linear.threads import few_threads
 from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.system.box import Box
-from pwscont.system.reduction import Reduction
+from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import (
     BoundingTests,
@@ -160,7 +160,7 @@ class Plan:
         box = Box.of(system)
         # a smaller system does not know its box, nor what detectors see
         free = not (box.is_bounded or box.is_periodic or detectors)
-        reduction = system.reduction(*interval) if free else None
+        reduction = reduction_of(system, interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
         metric, box = Metric.of(followed, interval), Box.of(followed)
         return cls(system, interval, reduction, followed, metric, box, chosen, tuple(detectors))

@@ -95,7 +95,7 @@ class FollowedRay:
         The frozen character, and for a ray along an interface all that it belongs to.
     names : tuple of bytes
         Cells in which it may be met.
-    is_shared : bool
+    along_interface : bool
         Whether it runs along an interface.
     index, orientation, slope
         Of the ray and its state.
@@ -103,7 +103,7 @@ class FollowedRay:
 
     selection: tuple[Character, ...]
     names: tuple[bytes, ...]
-    is_shared: bool
+    along_interface: bool
     index: int
     orientation: int
     slope: float
@@ -112,9 +112,9 @@ class FollowedRay:
     def of(cls, ray: Ray) -> FollowedRay:
         """Return what to remember of a ray."""
         return cls(
-            (ray.curve.selection.character, *ray.shared),
+            (ray.curve.selection.character, *ray.interface_cells),
             names(ray),
-            bool(ray.shared),
+            bool(ray.interface_cells),
             ray.index,
             ray.state.orientation,
             ray.curve.slope(ray.state),

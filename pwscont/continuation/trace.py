@@ -20,7 +20,7 @@ from pwscont.continuation.plan import (
 from pwscont.continuation.prepared import measured, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.graph import BranchGraph
-from pwscont.graph.branch_graph import NOT_SEARCHED
+from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem

@@ -32,7 +32,7 @@ class Transcript(NamedTuple):
 
 def written(walk: FollowedPiece) -> Transcript:
     """Write a walk down."""
-    rows, arrival = _Rows(), walk.arrival
+    rows, arrival = _JournalRows(), walk.arrival
     header = {
         "kind": str(arrival.kind),
         "message": arrival.message,
@@ -55,7 +55,7 @@ def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
 
 
 @final
-class _Rows:
+class _JournalRows:
     """Rows that were written, each once."""
 
     def __init__(self) -> None:
@@ -66,12 +66,12 @@ class _Rows:
         return [self.numbers.setdefault(row.tobytes(), len(self.numbers)) for row in rows]
 
 
-def _ray(ray: Ray, rows: _Rows) -> dict[str, Any]:
+def _ray(ray: Ray, rows: _JournalRows) -> dict[str, Any]:
     state, selection = ray.state, ray.curve.selection
     return {
         "signs": str(selection.character),
-        "beside": [str(cell) for cell in selection.beside],
-        "shared": [str(cell) for cell in ray.shared],
+        "beside": [str(cell) for cell in selection.adjacent_cells],
+        "shared": [str(cell) for cell in ray.interface_cells],
         "index": int(ray.index),
         "state": rows.add(np.stack([state.x, state.tangent])),
         "error": rows.add(state.error),

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -22,15 +22,12 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.quantities import TAKEN
 from pwscont.graph.records import Piece, SpecialPoint, attempted
-
-if TYPE_CHECKING:
-    from pwscont.graph.branch_graph import BranchGraph
-
+from pwscont.graph.structure import Structure
 
 # -- networkx ------------------------------------------------------------------------------------
 
 
-def networkx_graph(graph: BranchGraph) -> nx.MultiGraph:
+def networkx_graph(graph: Structure) -> nx.MultiGraph:
     """Return a networkx graph with plain attributes, for :attr:`pwscont.BranchGraph.nx`."""
     plain, scale = nx.MultiGraph(), magnitudes(graph)
     for point in graph.special_points():
@@ -62,7 +59,7 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
     }
 
 
-def magnitudes(graph: BranchGraph) -> Array:
+def magnitudes(graph: Structure) -> Array:
     """Return the largest magnitude of each unknown, 1 where it is zero, and the interval's length.
 
     They are those of the graph, not of its system, so that a graph read from a file measures the
@@ -82,7 +79,7 @@ def length(piece: Piece, scale: Array) -> float:
 # -- pandas --------------------------------------------------------------------------------------
 
 
-def data_frame(graph: BranchGraph, rows: str) -> Any:
+def data_frame(graph: Structure, rows: str) -> Any:
     """Return a pandas data frame, for :meth:`pwscont.BranchGraph.to_dataframe`."""
     tables = {"pieces": _pieces, "points": _points, "special": _special}
     if rows not in tables:
@@ -97,12 +94,12 @@ def _pandas() -> Any:
         raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
 
 
-def _component(graph: BranchGraph) -> dict[int, int]:
+def _component(graph: Structure) -> dict[int, int]:
     """Return the number of the component of each piece."""
     return {piece.id: i for i, some in enumerate(graph.components()) for piece in some}
 
 
-def _pieces(graph: BranchGraph, pandas: Any) -> Any:
+def _pieces(graph: Structure, pandas: Any) -> Any:
     component, scale = _component(graph), magnitudes(graph)
     ends = [(p.id, component[p.id], p.start, p.end, p.label) for p in graph.pieces]
     kinds = [(str(p.character), p.det_sign, *p.interval) for p in graph.pieces]
@@ -112,7 +109,7 @@ def _pieces(graph: BranchGraph, pandas: Any) -> Any:
     return pandas.DataFrame(rows, columns=names.split())
 
 
-def _points(graph: BranchGraph, pandas: Any) -> Any:
+def _points(graph: Structure, pandas: Any) -> Any:
     component = _component(graph)
     parts = [piece.points for piece in graph.pieces]
     points = np.vstack(parts) if parts else np.zeros((0, len(graph.names) + 1))
@@ -128,7 +125,7 @@ def _points(graph: BranchGraph, pandas: Any) -> Any:
     return _joined(pandas, [head, _states(graph, pandas, points[:, :-1]), (recorded, names)])
 
 
-def _special(graph: BranchGraph, pandas: Any) -> Any:
+def _special(graph: Structure, pandas: Any) -> Any:
     points = graph.special_points()
     rows = [(p.id, str(p.kind), p.name, p.alpha, p.message) for p in points]
     head = pandas.DataFrame(rows, columns=["id", "kind", "name", "alpha", "message"])
@@ -140,7 +137,7 @@ def _special(graph: BranchGraph, pandas: Any) -> Any:
     return _joined(pandas, [head, _states(graph, pandas, states), (recorded, names), tail])
 
 
-def _states(graph: BranchGraph, pandas: Any, states: Array) -> Any:
+def _states(graph: Structure, pandas: Any, states: Array) -> Any:
     return pandas.DataFrame(states, columns=columns(graph.names))
 
 

@@ -12,15 +12,17 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
+from pwscont.system.compact import Compact
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
 
 def place(system: PiecewiseSystem, character: Character, x: Array, error: Array) -> Place:
     """Return a solution x of a selection, shape (n + 1,), and its error, as little as needed."""
-    essential = system.essential(character)
+    essential = system.essential(character) if isinstance(system, Compact) else None
     if essential is None:
         return Stored(x, error)
+    assert isinstance(system, Compact)
     return Packed(system, character, x[essential], float(x[-1]), error[essential], error[-1])
 
 
@@ -32,7 +34,7 @@ class Packed(Place):
 
     def __init__(
         self,
-        system: PiecewiseSystem,
+        system: Compact,
         character: Character,
         values: Array,
         alpha: float,

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from math import isinf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pwscont.graph.balance import Balance
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
-
-if TYPE_CHECKING:
-    from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.verdict import verdict
 
 #: Recorded quantities of a state, in place of one that fails what happened.
 Attempt = Mapping[str, float | str]
@@ -21,7 +20,7 @@ def number(value: float) -> str:
     return f"{value:.8g}"
 
 
-def as_text(graph: BranchGraph) -> str:
+def as_text(graph: Balance) -> str:
     """Return a short summary."""
     lo, hi = graph.interval
     name = graph.parameter
@@ -34,11 +33,11 @@ def as_text(graph: BranchGraph) -> str:
         f"  {stretch[2]} solution{'' if stretch[2] == 1 else 's'} for {name} in {stretch.ends}"
         for stretch in graph.multiplicity()
     ]
-    lines.append(f"  {graph.guarantee}")
+    lines.append(f"  {verdict(graph)}")
     return "\n".join(lines)
 
 
-def as_html(graph: BranchGraph) -> str:
+def as_html(graph: Balance) -> str:
     """Return the summary and the pieces as an HTML table."""
     rows = "".join(
         f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
@@ -50,7 +49,7 @@ def as_html(graph: BranchGraph) -> str:
     return f"<pre>{escape(as_text(graph))}</pre><table>{head}{rows}</table>"
 
 
-def as_dict(graph: BranchGraph) -> dict[str, Any]:
+def as_dict(graph: Balance) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
@@ -58,7 +57,7 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
     those of the components of every state. What is ``recorded`` is None where it failed, and
     ``not_recorded`` then says why.
     """
-    sums, rows = graph.sums(), graph.multiplicity()
+    sums, rows = graph.balance_values(), graph.multiplicity()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     nodes = [point for point in graph.special_points() if point.id >= 0]
     attempts = [attempted(point) for point in nodes]
@@ -87,7 +86,7 @@ def as_dict(graph: BranchGraph) -> dict[str, Any]:
             "constant": len(sums) <= 1,
         },
         "searched": graph.searched.what,
-        "guarantee": graph.guarantee,
+        "guarantee": verdict(graph),
         **not_recorded(attempts),
     }
 
@@ -122,7 +121,7 @@ def _stretch(row: Stretch) -> dict[str, Any]:
     return {"lo": lo, "hi": hi, "count": count} | ends
 
 
-def _between(graph: BranchGraph, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
+def _between(graph: Balance, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
     for alpha in graph.breaks():
         count = graph.count(alpha)
         if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:

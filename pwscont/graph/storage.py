@@ -164,7 +164,7 @@ def _check_format(path: str | Path, header: Fields) -> None:
 
 
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
-    rows = _Rows.of(arrays)
+    rows = _StoredRows.of(arrays)
     names = _names(header, rows)
     points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"))]
     starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"))]
@@ -176,7 +176,7 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     return Contents(points, pieces, starts, interval, header.text("parameter"), searched, names)
 
 
-def _names(header: Fields, rows: _Rows) -> tuple[str, ...] | None:
+def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:
     """Return the names of the unknowns, which files had none of at first."""
     if not header.has("names"):
         return None
@@ -188,7 +188,7 @@ def _names(header: Fields, rows: _Rows) -> tuple[str, ...] | None:
 
 @final
 @dataclass(frozen=True, slots=True)
-class _Rows:
+class _StoredRows:
     """The arrays of a file, finite, with n columns for states and n + 1 for points of pieces."""
 
     nodes: Array
@@ -196,7 +196,7 @@ class _Rows:
     points: Array
 
     @classmethod
-    def of(cls, arrays: dict[str, Any]) -> _Rows:
+    def of(cls, arrays: dict[str, Any]) -> _StoredRows:
         rows = cls(*(_table(name, arrays[name]) for name in ("nodes", "starts", "points")))
         states = {len(a.T) for a in (rows.nodes, rows.starts, rows.points[:, :-1]) if len(a)}
         if len(states) > 1:
@@ -265,7 +265,7 @@ def _error(header: Fields, size: int) -> Array:
     return error
 
 
-def _pieces(headers: list[Fields], rows: _Rows) -> list[Piece]:
+def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
     """Return the pieces, each with the rows that follow those of the one before."""
     counts = [header.integer("count", 2) for header in headers]
     if sum(counts) != len(rows.points):

@@ -8,18 +8,14 @@ Failure modes and answers
 -------------------------
 - A branch that the system itself ends takes its sign along: the sums on both sides of such an end
   are compared without it.
-- A vertical piece joins ends at one alpha: they are one end.
 - A solution that stands twice is told from two that are close by their errors.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations
-from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from pwscont.basics.errors import PwscontError
@@ -27,10 +23,9 @@ from pwscont.basics.guarantee import Guarantee
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import ACCUMULATE, FILL, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
+from pwscont.graph.balance import Balance
+from pwscont.graph.loose_ends import is_on_purpose, loose_ends
 from pwscont.graph.records import Solution, SpecialPoint
-
-if TYPE_CHECKING:
-    from pwscont.graph.branch_graph import BranchGraph
 
 #: A special point known to fewer digits may hide others: no promise of a search is kept then.
 TOO_FEW_DIGITS = 2.0
@@ -44,13 +39,10 @@ WORDS = {
     Guarantee.EVERYTHING: "complete",
     Guarantee.UNIQUE: "complete (unique by the system's promise)",
 }
-#: Kinds of points at which a branch may end because the system says so.
-ON_PURPOSE = ("end", "event")
-
 Gap = tuple[float, float]
 
 
-def verdict(graph: BranchGraph) -> str:
+def verdict(graph: Balance) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
     if graph.searched.spent:
         return _unfinished(graph)
@@ -65,53 +57,10 @@ def verdict(graph: BranchGraph) -> str:
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
 
-# -- where the sum of signs may change -----------------------------------------------------------
-
-
-def loose_ends(graph: BranchGraph) -> dict[SpecialPoint, int]:
-    """Return the points within the interval by which the sum of signs jumps, and how much."""
-    jumps, found = _jumps(graph), {}
-    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
-        points = [graph.point(node) for node in nodes]
-        jump = sum(jumps.get(node, 0) for node in nodes)
-        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
-            found[min(points, key=_suspicion)] = jump
-    return found
-
-
-def _jumps(graph: BranchGraph) -> dict[int, int]:
-    """Return by how much the pieces at each node change the sum of signs from left to right."""
-    jumps: dict[int, int] = defaultdict(int)
-    for piece in graph.pieces:
-        first, last = piece.track.start.alpha, piece.track.end.alpha
-        sign = piece.det_sign if first < last else -piece.det_sign
-        jumps[piece.start] += sign
-        jumps[piece.end] -= sign
-    return jumps
-
-
-def _joined_by_verticals(graph: BranchGraph, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield nodes, those at the ends of one vertical piece together."""
-    joined = nx.Graph((piece.start, piece.end) for piece in graph.verticals)
-    joined.add_nodes_from(nodes)
-    yield from nx.connected_components(joined)
-
-
-def _suspicion(point: SpecialPoint) -> int:
-    """Sort the points at which pieces end before those where they go on."""
-    order = (*ON_PURPOSE, Kind.STOPPED)
-    return order.index(point.kind) if point.kind in order else len(order)
-
-
-def is_on_purpose(graph: BranchGraph, point: SpecialPoint) -> bool:
-    """Tell whether a branch ends at a point because the system says so."""
-    return point.kind in ON_PURPOSE and len(graph.pieces_at(point.id)) == 1
-
-
 # -- why the sum is not what it must be ----------------------------------------------------------
 
 
-def _causes(graph: BranchGraph, gaps: list[Gap]) -> Iterator[str]:
+def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
     """Yield what is wrong in some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
@@ -129,12 +78,12 @@ def _causes(graph: BranchGraph, gaps: list[Gap]) -> Iterator[str]:
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
 
-def _searched_in_part(graph: BranchGraph) -> list[SpecialPoint]:
+def _searched_in_part(graph: Balance) -> list[SpecialPoint]:
     """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
     return graph.special_points(Kind.PARTIAL_CORNER)
 
 
-def _touches(graph: BranchGraph, gap: Gap, point: SpecialPoint) -> bool:
+def _touches(graph: Balance, gap: Gap, point: SpecialPoint) -> bool:
     """Tell whether a stretch begins or ends at a point."""
     return any(bool(graph.same(point.alpha, end)) for end in gap)
 
@@ -143,7 +92,7 @@ def _listed(gaps: Iterable[Gap]) -> str:
     return ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
 
 
-def _stands_twice(graph: BranchGraph, gap: Gap) -> bool:
+def _stands_twice(graph: Balance, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch are one, as far as is certain."""
     try:
         found = graph.solutions(0.5 * (gap[0] + gap[1]))
@@ -161,7 +110,7 @@ def _is_one(a: Solution, b: Solution) -> bool:
 # -- what leaves doubt, and where ----------------------------------------------------------------
 
 
-def _doubts(graph: BranchGraph) -> Iterator[str]:
+def _doubts(graph: Balance) -> Iterator[str]:
     """Yield why a search cannot keep its promise, because of what was found at special points."""
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
@@ -175,12 +124,12 @@ def _doubts(graph: BranchGraph) -> Iterator[str]:
     yield from _places("hardly a digit is known", graph, vague)
 
 
-def _leaves_its_alpha(graph: BranchGraph, point: SpecialPoint) -> bool:
+def _leaves_its_alpha(graph: Balance, point: SpecialPoint) -> bool:
     """Tell whether a piece that is not vertical leaves from a special point."""
     return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
 
 
-def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:
+def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
     """Yield where pieces were stopped, and why; where the model ends they could not go on."""
     groups: dict[str, list[SpecialPoint]] = {}
     for point in points:
@@ -189,7 +138,7 @@ def _stops(graph: BranchGraph, points: list[SpecialPoint]) -> Iterator[str]:
         yield from _places(what, graph, some, _reason)
 
 
-def _what_happened(graph: BranchGraph, point: SpecialPoint) -> str:
+def _what_happened(graph: Balance, point: SpecialPoint) -> str:
     """Tell a piece that was stopped from one beyond which H is not defined, or degenerates."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
@@ -218,7 +167,7 @@ def _accumulation(point: SpecialPoint) -> str:
 
 def _places(
     what: str,
-    graph: BranchGraph,
+    graph: Balance,
     points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
@@ -232,7 +181,7 @@ def _places(
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
 
 
-def _unfinished(graph: BranchGraph) -> str:
+def _unfinished(graph: Balance) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]

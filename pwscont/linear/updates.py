@@ -94,40 +94,6 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 
 @final
-class Refactoring(RowSolver):
-    """Factorises every matrix afresh, in O(m^3)."""
-
-    def __init__(self) -> None:
-        self._keys: Array | None = None
-        self._lu: Array
-        self._pivots: Indices
-
-    def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, or several."""
-        self._take(matrix)
-        return _solved(self._lu, self._pivots, rhs, 0)
-
-    def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        self._take(matrix)
-        return _solved(self._lu, self._pivots, rhs, 1)
-
-    def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant."""
-        self._take(matrix)
-        return sign_of_pivots(self._lu.diagonal(), self._pivots)
-
-    def renew(self, matrix: RowMatrix) -> bool:
-        """Return False: every factorisation is fresh."""
-        return False
-
-    def _take(self, matrix: RowMatrix) -> None:
-        if self._keys is not matrix.keys and not _equal(self._keys, matrix.keys):
-            self._lu, self._pivots = _factorised(matrix)
-        self._keys = matrix.keys
-
-
-@final
 class Updating(RowSolver):
     """Updates an explicit inverse while few rows change; one array of m^2 numbers.
 

@@ -103,7 +103,7 @@ def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
 
 def _balance(graph: BranchGraph) -> str:
     """Return the sum of signs, which is necessary for completeness but not sufficient."""
-    values = graph.sums()
+    values = graph.balance_values()
     if len(values) == 1:
         return f"the signs of det(dH/dz) sum to {values[0]:+d} throughout"
     return f"the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"

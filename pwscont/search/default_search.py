@@ -7,7 +7,10 @@ from itertools import islice
 from math import prod
 
 from pwscont.basics.arrays import Array
-from pwscont.search import AllTransitions, EndPoints, MultiStart, Search, Slices
+from pwscont.search.all_transitions import AllTransitions
+from pwscont.search.multi_start import MultiStart
+from pwscont.search.search import BringsSearches, Search
+from pwscont.search.slices import EndPoints, Slices
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -80,6 +83,7 @@ def _needs_too_many_cells(system: SlicewiseLinearSystem) -> bool:
 
 
 def _added_up(search: Search, system: PiecewiseSystem) -> Search:
-    for special in system.searches():
-        search = special + search
+    if isinstance(system, BringsSearches):
+        for special in system.searches():
+            search = special + search
     return search

@@ -173,7 +173,7 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
     zero = vanishing(system, point.x, point.error, metric.scale)
     found = fan(system, metric, point.x, point.error, zero)
     right = [
-        ray.index if ray.shared else ray.state.orientation
+        ray.index if ray.interface_cells else ray.state.orientation
         for ray in found.rays
         if ray.curve.slope(ray.state) > 0.0
     ]

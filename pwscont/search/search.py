@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -31,6 +31,20 @@ class Search(ABC):
 
     def __add__(self, other: Search) -> Search:
         return CombinedSearch(self, other)
+
+
+class BringsSearches(ABC):
+    """A system for which there are searches of its kind.
+
+    They are added to the default of :func:`pwscont.explore` where trying every cell would take
+    too long.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def searches(self) -> Sequence[Search]:
+        """Return these searches."""
 
 
 @final

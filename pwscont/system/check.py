@@ -16,6 +16,7 @@ from pwscont.basics.generic import generic
 from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.system.contract import check_contract, checked_size
+from pwscont.system.ending import end_of
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseSystem
 
@@ -163,7 +164,7 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
     if not any(test in system.bounding_tests(side) for side in sides):
         yield from _wrong_bounds(system, x, test, sides)
         return
-    if any(system.end(side, frozenset({test})) for side in sides):
+    if any(end_of(system, side, frozenset({test})) for side in sides):
         return  # nothing is promised beyond
     one, other = (system.residual(z, alpha, side) for side in sides)
     if not (jump := relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
+from pwscont.system.system import PiecewiseSystem
 
-if TYPE_CHECKING:
-    from pwscont.system.system import PiecewiseSystem
+
+class Reducible(ABC):
+    """A system that may know a smaller one with the same solutions."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def reduction(self, lo: float, hi: float) -> Reduction | None:
+        """Return the smaller system for alpha in [lo, hi], None if there is none.
+
+        Only what provably stays in one mode on the whole interval may be left out.
+        """
+
+
+def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
+    """Return what remains of a system on an interval, None where nothing can be left out."""
+    return system.reduction(*interval) if isinstance(system, Reducible) else None
 
 
 @final

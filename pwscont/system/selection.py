@@ -25,18 +25,21 @@ class Selection:
     system : PiecewiseSystem
     character : Character
         The frozen character chi.
-    beside : tuple of Character
+    adjacent_cells : tuple of Character
         For a curve along an interface, all cells that it belongs to: their tests end it as well.
     """
 
     def __init__(
-        self, system: PiecewiseSystem, character: Character, beside: tuple[Character, ...] = ()
+        self,
+        system: PiecewiseSystem,
+        character: Character,
+        adjacent_cells: tuple[Character, ...] = (),
     ) -> None:
         self.system = system
         self.character = character
-        self.beside = beside
+        self.adjacent_cells = adjacent_cells
         signs: dict[int, bool] = {}
-        for cell in (character, *beside):
+        for cell in (character, *adjacent_cells):
             known = cell.signs
             for test in system.bounding_tests(cell):
                 signs.setdefault(int(test), known[test])
@@ -52,9 +55,9 @@ class Selection:
         return self.system.cell(self.character)
 
     @cached_property
-    def cells_beside(self) -> tuple[bytes, ...]:
+    def adjacent_names(self) -> tuple[bytes, ...]:
         """The signs that name each of the cells that a curve along an interface belongs to."""
-        return tuple(self.system.cell(character) for character in self.beside)
+        return tuple(self.system.cell(character) for character in self.adjacent_cells)
 
     @cached_property
     def label(self) -> str:

@@ -15,7 +15,6 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.reduction import Reduction
 from pwscont.system.shapes import own_array
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
@@ -171,14 +170,6 @@ class PiecewiseSystem(ABC):
         """Return what a user reads at the transition from one cell to another."""
         return f"{self.label(before)} → {self.label(after)}"
 
-    def end(self, character: Character, tests: frozenset[int]) -> str | None:
-        """Return why a curve in this cell ends where all of ``tests`` vanish.
-
-        Default None: it goes on in another cell. A system that means nothing beyond some of its
-        tests, such as the locus of a transition, says so here.
-        """
-        return None
-
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of z over the interval, shape (n,).
 
@@ -235,39 +226,9 @@ class PiecewiseSystem(ABC):
                 seen.add(key)
                 yield character
 
-    def essential(self, character: Character) -> Indices | None:
-        """Return which components of z determine the others on this selection, None for all.
-
-        Only these are stored of special points; default None.
-        """
-        return None
-
-    def completed(self, values: Array, alpha: float, character: Character) -> Array:
-        """Return z, shape (n,), from the components that :meth:`essential` names.
-
-        Affine in them, each other component a multiple of one of them and a constant.
-        """
-        return values
-
-    def reduction(self, lo: float, hi: float) -> Reduction | None:
-        """Return a smaller system with the same solutions for alpha in [lo, hi], if there is one.
-
-        Only what provably stays in one mode on the whole interval may be left out; default
-        None.
-        """
-        return None
-
     def test_name(self, test: int) -> str:
         """Return what a user calls a test function."""
         return f"test function {test}"
-
-    def searches(self) -> tuple[Any, ...]:
-        """Return searches (:class:`~pwscont.search.Search`) made for this kind of system.
-
-        They are added to the default of :func:`pwscont.explore` where trying every cell would
-        take too long; default none.
-        """
-        return ()
 
     @property
     def somewhere(self) -> float:

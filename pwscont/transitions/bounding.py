@@ -14,6 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.uncertainty import magnitude_of_values
 from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
@@ -92,7 +93,7 @@ class BoundingTests(TransitionDetector):
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
         back = Ray(curve, state).reversed()
-        if end := system.end(curve.selection.character, zero):
+        if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
@@ -173,9 +174,9 @@ def corner(
     if back is None and not found.rays and found.exact:
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
-    if lost or (len(rays) < 2 and not found.riding):
+    if lost or (len(rays) < 2 and not found.along_interface):
         return SpecialPointFound(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
-    if back is None and len(rays) == 2 and rays[0].shared and opposite(*rays):
+    if back is None and len(rays) == 2 and rays[0].interface_cells and opposite(*rays):
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
@@ -229,7 +230,7 @@ def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) 
             f"{tests}; {FILL} a cone of dimension {found.dimension}, of which the "
             f"{len(found.rays)} extreme rays are followed"
         )
-    if found.riding:
+    if found.along_interface:
         return f"{tests}; {len(found.rays)} pieces meet, at least one along an interface"
     return f"{tests}; {len(found.rays)} pieces meet"
 

@@ -51,7 +51,7 @@ class Ray:
     ----------
     curve : Curve
     state : State
-    shared : tuple of Character
+    interface_cells : tuple of Character
         For a ray along an interface, all cells that it belongs to; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
@@ -60,7 +60,7 @@ class Ray:
 
     curve: Curve
     state: State
-    shared: tuple[Character, ...] = ()
+    interface_cells: tuple[Character, ...] = ()
     index: int = 0
 
     def __repr__(self) -> str:
@@ -70,13 +70,13 @@ class Ray:
     def cells(self) -> tuple[bytes, ...]:
         """The cells in which the ray may be met again."""
         selection = self.curve.selection
-        return selection.cells_beside if self.shared else (selection.cell,)
+        return selection.adjacent_names if self.interface_cells else (selection.cell,)
 
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
         state = self.state
         back = State(state.x, -state.tangent, state.error, -state.orientation)
-        return Ray(self.curve, back, self.shared, self.index)
+        return Ray(self.curve, back, self.interface_cells, self.index)
 
 
 def vanishing(

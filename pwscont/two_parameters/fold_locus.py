@@ -23,13 +23,14 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.character import Character
+from pwscont.system.ending import Ending
 from pwscont.system.system import PiecewiseSystem
 from pwscont.two_parameters.alpha_range import ALL, AlphaRange
 from pwscont.two_parameters.family import Family, MakeSystem
 
 
 @final
-class FoldLocus(PiecewiseSystem):
+class FoldLocus(PiecewiseSystem, Ending):
     """The locus of a smooth fold while a second parameter moves.
 
     Its unknowns are (z, v, alpha), its parameter is mu:

@@ -42,7 +42,7 @@ FLAT = 1e-4
 
 
 @final
-class Crossing(StrEnum):
+class Passing(StrEnum):
     """What alpha does where a curve passes a transition."""
 
     FOLD = "fold"
@@ -73,7 +73,7 @@ class LocusPart:
 
     Attributes
     ----------
-    crossing : Crossing
+    crossing : Passing
         A fold; a transition that alpha passes; or one with a vertical piece on one side, where
         one alpha has infinitely many solutions.
     label : str
@@ -82,7 +82,7 @@ class LocusPart:
         Points (z, alpha, mu), mu monotone.
     """
 
-    crossing: Crossing
+    crossing: Passing
     label: str
     points: Array
 
@@ -294,10 +294,10 @@ def _on(graph: BranchGraph, piece: Piece, mu: float) -> Array:
     return np.append(found, mu)
 
 
-def _crossing(value: float) -> Crossing:
+def _crossing(value: float) -> Passing:
     if value == 0.0:
-        return Crossing.VERTICAL
-    return Crossing.FOLD if value > 0.0 else Crossing.TRANSITION
+        return Passing.VERTICAL
+    return Passing.FOLD if value > 0.0 else Passing.TRANSITION
 
 
 def _cut(locus: Locus, piece: Piece, bracket: tuple[float, float]) -> Array:

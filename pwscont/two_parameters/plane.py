@@ -19,9 +19,9 @@ from pwscont.graph.presentation import number
 from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.loci import (
     SAME_LOCUS,
-    Crossing,
     Locus,
     LocusPart,
+    Passing,
     follow_transitions,
     parts_of,
 )
@@ -177,7 +177,7 @@ class Plane:
 
         Two loci begin to be folds at one point of the plane; it is listed once.
         """
-        folds = [s.lowest for some in self.parts for s in some if s.crossing is Crossing.FOLD]
+        folds = [s.lowest for some in self.parts for s in some if s.crossing is Passing.FOLD]
         lowest = min((float(x[-1]) for x in folds), default=math.inf)
         scale = np.array([np.ptp(self.alphas), np.ptp(self.mus)])
         tips: list[Array] = []

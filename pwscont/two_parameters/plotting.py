@@ -19,7 +19,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
 from pwscont.graph.presentation import number
 from pwscont.scenes.plotting import symbol
-from pwscont.two_parameters.loci import Crossing
+from pwscont.two_parameters.loci import Passing
 from pwscont.two_parameters.plane import Plane, Sector
 from pwscont.two_parameters.regions import area_and_centre
 from pwscont.two_parameters.scene import PlaneScene
@@ -27,10 +27,10 @@ from pwscont.two_parameters.table import how_many
 
 SHADES = {0: "#f4e3d7", 1: "#ffffff", 2: "#e6eef5", 3: "#cfe0ee", 4: "#b5d0e6", 5: "#94bcdb"}
 DARKEST = "#6fa3cc"
-LINES: dict[Crossing, dict[str, Any]] = {
-    Crossing.FOLD: {"color": "C3", "linewidth": 2.2, "zorder": 4},
-    Crossing.TRANSITION: {"color": "0.25", "linewidth": 1.0, "zorder": 3},
-    Crossing.VERTICAL: {
+LINES: dict[Passing, dict[str, Any]] = {
+    Passing.FOLD: {"color": "C3", "linewidth": 2.2, "zorder": 4},
+    Passing.TRANSITION: {"color": "0.25", "linewidth": 1.0, "zorder": 3},
+    Passing.VERTICAL: {
         "color": "white",
         "linewidth": 1.2,
         "zorder": 4,
@@ -38,9 +38,9 @@ LINES: dict[Crossing, dict[str, Any]] = {
     },
 }
 NAMES = {
-    Crossing.FOLD: "fold",
-    Crossing.TRANSITION: "transition",
-    Crossing.VERTICAL: "infinitely many solutions",
+    Passing.FOLD: "fold",
+    Passing.TRANSITION: "transition",
+    Passing.VERTICAL: "infinitely many solutions",
 }
 #: Points of loci without a mark, if they are not where loci meet.
 UNMARKED = (Kind.START,)
@@ -190,7 +190,7 @@ def _set_axes(ax: Axes, scene: PlaneScene, window: tuple[tuple[float, float], ..
 def _legend(plane: Plane) -> list[Any]:
     """Return a handle for every kind of line and every number of solutions that occurs."""
     crossings = {s.crossing for some in plane.parts for s in some}
-    lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Crossing if c in crossings]
+    lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Passing if c in crossings]
     shades = {sector.count: sector for sector in plane.sectors}
     patches = [
         Patch(facecolor=_shade(shades[n]), edgecolor="0.6", label=how_many(shades[n]))

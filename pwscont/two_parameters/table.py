@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pwscont.graph.presentation import number
-from pwscont.two_parameters.loci import Crossing, LocusPart
+from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Plane, Sector
 
 if TYPE_CHECKING:
     from pwscont.two_parameters.scene import PlaneScene
 
 WORDS = {
-    Crossing.FOLD: "fold",
-    Crossing.TRANSITION: "transition",
-    Crossing.VERTICAL: "transition, with infinitely many solutions on it",
+    Passing.FOLD: "fold",
+    Passing.TRANSITION: "transition",
+    Passing.VERTICAL: "transition, with infinitely many solutions on it",
 }
 
 

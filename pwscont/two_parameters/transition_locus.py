@@ -25,6 +25,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.system.ending import Ending
 from pwscont.system.system import PiecewiseSystem
 from pwscont.two_parameters.alpha_range import ALL, AlphaRange
 from pwscont.two_parameters.family import Family, MakeSystem
@@ -34,7 +35,7 @@ SIDE = True
 
 
 @final
-class TransitionLocus(PiecewiseSystem):
+class TransitionLocus(PiecewiseSystem, Ending):
     """The locus of one transition while a second parameter moves.
 
     Its unknowns are (z, alpha), its parameter is mu:

@@ -10,9 +10,8 @@ from matplotlib.animation import PillowWriter
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.graph import Piece
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Piece
 from pwscont_coulomb.elastic.pictures import (
     draw_body,
     draw_boundary,

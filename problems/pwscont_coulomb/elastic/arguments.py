@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 
 
 def check_kind(name: str, given: Any, *kinds: type[Any]) -> None:

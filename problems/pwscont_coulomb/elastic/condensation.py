@@ -10,7 +10,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.contact_boundary import ContactNodes

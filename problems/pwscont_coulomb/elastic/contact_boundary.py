@@ -26,10 +26,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, named
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont import InvalidInputError
+from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, counted, finite_array, named
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.edges import Edges
 from pwscont_coulomb.elastic.loads import Field, Region, evaluate

@@ -25,7 +25,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.edges import Edges, edges
 from pwscont_coulomb.elastic.loads import Field, evaluate
 from pwscont_coulomb.elastic.meshes import check_elements, element_for, library

@@ -16,7 +16,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.extending import Array, Indices, Matrix
 
 #: Unknowns of a leaf, about: smaller leaves cost overhead, larger ones fill.
 LEAF = 64

@@ -7,7 +7,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.extending import Array, Indices
 
 #: Gauss points and weights on [0, 1]: exact to degree 7.
 POINTS, WEIGHTS = (np.polynomial.legendre.leggauss(4) + np.array([[1.0], [0.0]])) / 2.0

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, counted
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, card, counted
 from pwscont_coulomb.elastic.arguments import check_kind, listed
 from pwscont_coulomb.elastic.contact_boundary import (
     ContactBoundary,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.extending import Array, Indices, Matrix
 
 #: What is wrong when a factorisation fails.
 NOT_DEFINITE = (

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array
+from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.problem import ElasticProblem

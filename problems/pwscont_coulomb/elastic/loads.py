@@ -13,8 +13,8 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array
 
 Region: TypeAlias = str | Callable[[Array], Any]
 Field: TypeAlias = Any

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 from pwscont_coulomb.elastic.arguments import check_number
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 

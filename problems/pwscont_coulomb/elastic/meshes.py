@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.mesh_files import read_mesh
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated

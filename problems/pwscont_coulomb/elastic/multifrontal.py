@@ -23,8 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
-from pwscont.basics.arrays import Array, Indices, Matrix
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.dissection import Dissection, dissect
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
 

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import named
-from pwscont.basics.rounding import CONVERGED
+from pwscont import InvalidInputError
+from pwscont.extending import CONVERGED, Array, named
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.elastic_body import ElasticBody

@@ -7,11 +7,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont import Character
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, counted
-from pwscont.graph import Solution
+from pwscont import Character, InvalidInputError
+from pwscont.extending import Array, Indices, Solution, card, counted
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.modes import Mode, modes

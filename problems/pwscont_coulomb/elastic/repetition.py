@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Indices
+from pwscont.extending import Indices
 
 #: How to come by a mesh that lists each cell once.
 ONCE = (

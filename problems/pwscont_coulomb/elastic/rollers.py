@@ -21,9 +21,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.rounding import EPS
+from pwscont import InvalidInputError
+from pwscont.extending import EPS, Array, Indices
 
 #: A unit vector is across a direction when its part along it is below this: an edge as short as
 #: this part of the mesh has a normal that errs by so much.

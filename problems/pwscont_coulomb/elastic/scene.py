@@ -10,14 +10,18 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from pwscont import Character, Journal, Scene
-from pwscont.basics.looks import named
-from pwscont.continuation.omissions import Omission
-from pwscont.continuation.plan import Report, uninterrupted
-from pwscont.graph import Solution
-from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.graph_answer import GraphAnswer
-from pwscont.scenes.scene import Panel
+from pwscont import Character, Journal, Panel, Scene
+from pwscont.extending import (
+    Answer,
+    GraphAnswer,
+    Omission,
+    Report,
+    Runnable,
+    Solution,
+    named,
+    uninterrupted,
+    values_within,
+)
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover

@@ -10,8 +10,8 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array
 from pwscont_coulomb.elastic.contact_boundary import ContactBoundary
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.loads import BodyForce, Support

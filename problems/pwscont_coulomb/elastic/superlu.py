@@ -19,8 +19,8 @@ from typing import final
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from pwscont.basics.arrays import Array, Indices, Matrix
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
 
 #: Right-hand sides solved at once.

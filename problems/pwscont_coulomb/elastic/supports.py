@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.loads import Support, evaluate
 from pwscont_coulomb.elastic.regions import facets_of

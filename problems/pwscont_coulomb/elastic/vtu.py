@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.extending import Array, Indices
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.recovery import BodyState

@@ -52,7 +52,7 @@ class TangentCone:
         Isolated rays, and the extreme rays of faces.
     dimension : int
         Largest dimension of a cone of solutions: 1 unless the corner is degenerate.
-    riding : bool
+    along_interface : bool
         Whether a ray runs along an interface instead of into a cell.
     exact : bool
         Whether all cells that meet here were tried; otherwise there may be more rays.
@@ -60,7 +60,7 @@ class TangentCone:
 
     rays: tuple[Ray, ...]
     dimension: int
-    riding: bool
+    along_interface: bool
     exact: bool
 
     @property
@@ -70,7 +70,7 @@ class TangentCone:
             return Kind.PARTIAL_CORNER
         if not self.rays:
             return Kind.ISOLATED
-        if self.dimension > 1 or self.riding:
+        if self.dimension > 1 or self.along_interface:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
             return Kind.NONSMOOTH_BRANCH_POINT
@@ -98,9 +98,11 @@ def fan(
     for found in _directions(slices):
         ray = _ray(system, metric, x, error, found)
         if not any(parallel(ray, other) for other in rays):
-            rays.append(_with_index(ray, zero) if ray.shared else ray)
+            rays.append(_with_index(ray, zero) if ray.interface_cells else ray)
     dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
-    return TangentCone(tuple(rays), dimension, any(ray.shared for ray in rays), exact)
+    return TangentCone(
+        tuple(rays), dimension, any(bool(ray.interface_cells) for ray in rays), exact
+    )
 
 
 def _directions(slices: list[Slice]) -> list[Direction]:
@@ -148,7 +150,7 @@ def _ray(
             if _bends_into(curve, ray.state):
                 return ray
     riding = Curve(Selection(system, characters[0], characters), metric)
-    return replace(_on(riding, x, tangent, error), shared=characters)
+    return replace(_on(riding, x, tangent, error), interface_cells=characters)
 
 
 def _on(curve: Curve, x: Array, tangent: Array, error: Array) -> Ray:

@@ -1,0 +1,248 @@
+"""dH/dz and dH/dx of bodies with many contact nodes, for :mod:`~pwscont_coulomb.coulomb`."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.extending import (
+    Array,
+    BorderedFactor,
+    Core,
+    Factor,
+    Indices,
+    Interior,
+    StructuredJacobian,
+    drifted,
+    power_of_two,
+    row_scale,
+)
+from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
+from pwscont_coulomb.modes import Mode
+
+
+@final
+class ContactMatrix:
+    """dH/dz for one mode of every node, shape (n + 2 p, n + 2 p).
+
+    Parameters
+    ----------
+    algebra : ContactAlgebra
+    mode : ndarray of int, shape (p,)
+    friction : ndarray, shape (p,)
+    """
+
+    __array_ufunc__ = None
+
+    def __init__(self, algebra: ContactAlgebra, mode: Indices, friction: Array) -> None:
+        self.algebra = algebra
+        self.touches = mode != Mode.NO_CONTACT
+        #: A guided node has no tangential row but lam_t = 0.
+        self.sticks = (mode == Mode.STICK) & algebra.slides
+        #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
+        self.slip = friction * np.where(self.touches & ~self.sticks, 1.0, 0.0)
+        self.slip = np.where(mode == Mode.SLIP_MINUS, -self.slip, self.slip)
+        keys = np.zeros(algebra.n)
+        keys[algebra.normal[self.touches]] = np.inf
+        keys[algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
+        self.displacements = Displacements(algebra, keys)
+
+    def __matmul__(self, z: Array) -> Array:
+        """Return the product with a vector: the terms of H that are linear in z."""
+        u, normal, tangential = self._parts(z)
+        a = self.algebra
+        product = np.empty_like(z)
+        product[: a.n] = a.A @ u
+        product[a.normal] -= normal
+        product[a.tangential] -= tangential
+        push = a.r * u[a.normal]
+        product[a.n : a.n + a.p] = np.where(self.touches, push, normal)
+        sliding = tangential - self.slip * (normal - push)
+        product[a.n + a.p :] = np.where(self.sticks, a.r * u[a.tangential], sliding)
+        return product
+
+    def __rmatmul__(self, y: Array) -> Array:
+        """Return the product of a row with the matrix."""
+        v, normal, tangential = self._parts(y)
+        a = self.algebra
+        sliding = np.where(self.sticks, 0.0, tangential)
+        product = np.empty_like(y)
+        product[: a.n] = a.A @ v
+        product[a.normal] += a.r * (np.where(self.touches, normal, 0.0) + self.slip * sliding)
+        product[a.tangential] += a.r * np.where(self.sticks, tangential, 0.0)
+        free = np.where(self.touches, 0.0, normal)
+        product[a.n : a.n + a.p] = free - v[a.normal] - self.slip * sliding
+        product[a.n + a.p :] = sliding - v[a.tangential]
+        return product
+
+    def magnitudes(self, z: Array) -> Array:
+        """Return the product of the magnitudes of the entries with z >= 0."""
+        u, normal, tangential = self._parts(z)
+        a = self.algebra
+        product = np.empty_like(z)
+        product[: a.n] = a.elastic_magnitudes(u)
+        product[a.normal] += normal
+        product[a.tangential] += tangential
+        push = a.r * u[a.normal]
+        product[a.n : a.n + a.p] = np.where(self.touches, push, normal)
+        sliding = tangential + np.abs(self.slip) * (normal + push)
+        product[a.n + a.p :] = np.where(self.sticks, a.r * u[a.tangential], sliding)
+        return product
+
+    def largest_in_rows(self, scale: Array) -> Array:
+        """Return about the largest magnitude in each row with columns multiplied by ``scale``."""
+        u, normal, tangential = self._parts(scale)
+        a = self.algebra
+        largest = np.empty_like(scale)
+        largest[: a.n] = a.largest * u.max()
+        largest[a.normal] = np.maximum(largest[a.normal], normal)
+        largest[a.tangential] = np.maximum(largest[a.tangential], tangential)
+        push = a.r * u[a.normal]
+        largest[a.n : a.n + a.p] = np.where(self.touches, push, normal)
+        bound = np.abs(self.slip) * np.maximum(normal, push)
+        sliding = np.maximum(tangential, bound)
+        largest[a.n + a.p :] = np.where(self.sticks, a.r * u[a.tangential], sliding)
+        return largest
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self.algebra.solver.sign(self.displacements)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for right-hand sides, shape (..., n + 2 p)."""
+        force, normal, tangential = self._parts(rhs)
+        a = self.algebra
+        load = force[..., a.normal] + normal
+        g = force.copy()
+        g[..., a.normal] = np.where(self.touches, normal / a.r, load)
+        sliding = tangential + force[..., a.tangential] - self.slip * load
+        g[..., a.tangential] = np.where(self.sticks, tangential / a.r, sliding)
+        u, elastic = self._displaced(self.displacements.scale * g)
+        excess = elastic - force
+        solution = np.empty_like(rhs)
+        found, pressure, shear = self._parts(solution)
+        found[...] = u
+        pressure[...] = np.where(self.touches, excess[..., a.normal], normal)
+        sliding = tangential + self.slip * (pressure - normal)
+        shear[...] = np.where(self.sticks, excess[..., a.tangential], sliding)
+        return solution
+
+    def _displaced(self, rhs: Array) -> tuple[Array, Array]:
+        """Return u of M u = g, scaled, and A u, which tells the residual at no cost."""
+        a, M = self.algebra, self.displacements
+        while True:
+            x = a.solver.solve(M, rhs)
+            u = a.D * x
+            force = u @ a.A  # A is symmetric
+            if not drifted(rhs, x, M.product(x, force)) or not a.solver.renew(M):
+                return u, force
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix, shape (n + 2 p,)."""
+        force, normal, tangential = self._parts(rhs)
+        a, unit = self.algebra, self.displacements.unit
+        v = np.zeros(a.n)
+        v[a.normal] = np.where(self.touches, -normal - self.slip * tangential, 0.0)
+        v[a.tangential] = np.where(self.sticks, -tangential, 0.0)
+        h = np.where(unit, 0.0, force - a.A @ v)
+        w = self.displacements.scale * a.solver.solve_transposed(self.displacements, a.D * h)
+        w[unit] = 0.0
+        v += w
+        v[a.normal] -= self.slip * w[a.tangential]
+        excess = (force - a.A @ v)[a.normal], (force - a.A @ v)[a.tangential]
+        solution = np.empty_like(rhs)
+        solution[: a.n] = v
+        sliding = tangential + v[a.tangential]
+        shear = np.where(self.sticks, excess[1] / a.r, sliding)
+        solution[a.n + a.p :] = shear
+        push = excess[0] / a.r - self.slip * shear
+        solution[a.n : a.n + a.p] = np.where(self.touches, push, normal + v[a.normal])
+        return solution
+
+    def _parts(self, z: Array) -> tuple[Array, Array, Array]:
+        """Return the parts of a vector that belong to u, lam_nu and lam_t."""
+        n, p = self.algebra.n, self.algebra.p
+        return z[..., :n], z[..., n : n + p], z[..., n + p :]
+
+
+@final
+class ContactJacobian(StructuredJacobian):
+    """dH/d(z, alpha): a :class:`ContactMatrix` and the column for alpha."""
+
+    def __init__(self, matrix: ContactMatrix, column: Array) -> None:
+        self.matrix, self.column = matrix, column
+        self.shape = (len(column), len(column) + 1)
+        self._interior: tuple[Array, Array, Interior] | None = None
+
+    def __matmul__(self, x: Array) -> Array:
+        product: Array = self.matrix @ x[:-1] + x[-1] * self.column
+        return product
+
+    def __rmatmul__(self, y: Array) -> Array:
+        return np.append(self.matrix.__rmatmul__(y), self.column.dot(y))
+
+    def __abs__(self) -> _Magnitudes:
+        return _Magnitudes(self)
+
+    def toarray(self) -> Array:
+        """Return the same matrix as a dense one, column by column."""
+        size = len(self.column)
+        columns = [self.matrix @ unit for unit in np.eye(size)]
+        return np.column_stack([*columns, self.column])
+
+    def bordered(self, row: Array, scale: Array) -> Factor:
+        """Factorise [J; row] by the elimination of the module."""
+        rows, interior = self._split(scale)
+        scaled = row * scale
+        whole = row_scale(rows, scaled)
+        whole[:-1] = rows
+        return BorderedFactor(interior, scaled / whole[-1], whole, scale)
+
+    def _split(self, scale: Array) -> tuple[Array, Interior]:
+        """Return what the rows are divided by, and the part for z; remembered for one scale."""
+        if self._interior is None or self._interior[0] is not scale:
+            largest = self.matrix.largest_in_rows(scale[:-1])
+            rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
+            core = _ScaledCore(self.matrix, rows, scale[:-1])
+            self._interior = scale, rows, Interior.at_once(core, self.column * scale[-1] / rows)
+        return self._interior[1], self._interior[2]
+
+
+@final
+class _Magnitudes:
+    """|J|, for products with vectors that are not negative."""
+
+    def __init__(self, jacobian: ContactJacobian) -> None:
+        self._jacobian = jacobian
+
+    def __matmul__(self, x: Array) -> Array:
+        jacobian = self._jacobian
+        product: Array = jacobian.matrix.magnitudes(x[:-1]) + x[-1] * np.abs(jacobian.column)
+        return product
+
+
+@final
+class _ScaledCore(Core):
+    """Solves with the matrix whose rows are divided and columns multiplied."""
+
+    def __init__(self, matrix: ContactMatrix, rows: Array, columns: Array) -> None:
+        self._matrix, self._rows, self._columns = matrix, rows, columns
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self._matrix.sign
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return self._matrix.solve(rhs * self._rows) / self._columns
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n + 2 p)."""
+        return self.solve(rhs)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._rows * self._matrix.solve_transposed(rhs / self._columns)

@@ -1,0 +1,50 @@
+"""Contact nodes that cannot reach the obstacle, and the problem without them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pwscont import Character, PiecewiseSystem
+from pwscont.extending import Array, Indices, Reduction
+from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.modes import SIGNS, Mode
+
+#: Rounding in the bound by which nodes are left out is far below this part of it.
+REACH_MARGIN = 1e-6
+
+
+def without_far_nodes(
+    body: ContactBody, energies: Array, with_nodes: Callable[[Indices], PiecewiseSystem]
+) -> Reduction | None:
+    """Return what remains without the nodes that cannot touch, None where all may.
+
+    Parameters
+    ----------
+    body : ContactBody
+    energies : ndarray
+        f.A^-1 f of loads whose convex hull holds all loads.
+    with_nodes : callable
+        Returns the problem with only some of its contact nodes.
+    """
+    reach = body.reach(energies)
+    far = body.gap > reach * (1.0 + REACH_MARGIN)
+    far[np.argmin(body.gap - reach)] = False  # at least one node remains
+    if not far.any():
+        return None
+    n, p, kept = body.n, body.p, np.flatnonzero(~far)
+    return Reduction(
+        system=with_nodes(kept),
+        kept=np.concatenate([np.arange(n), n + kept, n + p + kept]),
+        tests=(3 * kept[:, np.newaxis] + np.arange(3)).ravel(),
+        idle=Character(SIGNS[Mode.NO_CONTACT] * p),
+        reasons=tuple(_reason(body, int(i), float(reach[i])) for i in np.flatnonzero(far)),
+    )
+
+
+def _reason(body: ContactBody, i: int, reach: float) -> str:
+    return (
+        f"node {body.numbers[i]} cannot touch: it moves by at most {reach:.3g} of its gap "
+        f"{body.gap[i]:.3g} (energy bound)"
+    )

@@ -1,0 +1,148 @@
+"""How many solutions there are at a value of alpha, and which."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
+from pwscont.graph.refinement import refine
+from pwscont.graph.structure import Structure
+
+
+class Queries(Structure):
+    """What can be asked of a branch graph; see :class:`pwscont.BranchGraph`."""
+
+    def count(self, alpha: float) -> int | float:
+        """Return the number of solutions at ``alpha``; infinite on a vertical piece.
+
+        A solution at which two pieces meet counts once.
+        """
+        self._inside(alpha)
+        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
+            return math.inf
+        return len(self._through(alpha)) + len(self._nodes_at(alpha))
+
+    def solutions(self, alpha: float) -> list[Solution]:
+        """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
+
+        On a vertical piece these are its two ends.
+
+        Raises
+        ------
+        InvalidInputError
+            If alpha lies outside the interval.
+        SystemNeededError
+            If a curved piece must be corrected and the graph was loaded without its system.
+        """
+        self._inside(alpha)
+        at_nodes = [self._solution_at(node) for node in self._nodes_at(alpha)]
+        between = [
+            refine(self.system, piece, alpha, self.interval, self.quantities)
+            for piece in self._through(alpha)
+        ]
+        return sorted(at_nodes + between, key=lambda solution: solution.piece)
+
+    def _solution_at(self, node: int) -> Solution:
+        point, pieces = self.point(node), self.pieces_at(node)
+        if not pieces:
+            return self._isolated(point)
+        piece, index = pieces[0], self._index(node)
+        return Solution(
+            z=point.z,
+            alpha=point.alpha,
+            character=piece.character,
+            label=piece.label,
+            det_sign=index,
+            piece=piece.id,
+            kind=point.kind,
+            error=point.error,
+            digits=point.digits,
+            quantities=point.quantities,
+        )
+
+    def _isolated(self, point: SpecialPoint) -> Solution:
+        """Return a solution from which no piece leaves; its cell is that of the point itself."""
+        character, label = Character(()), "unknown"
+        if self.system is not None:
+            character = self.system.character(point.z, point.alpha)
+            label = self.system.label(character)
+        known = (point.kind, point.error, point.digits, point.quantities)
+        return Solution(point.z, point.alpha, character, label, 0, -1, *known)
+
+    def multiplicity(self) -> list[Stretch]:
+        """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+
+        The number holds at every regular alpha of the stretch; each entry says whether it holds
+        at its ends as well (``lo_closed``, ``hi_closed``). Single values of alpha with another
+        number, such as folds, are found by :meth:`with_count` and :meth:`count`.
+        """
+        table: list[tuple[float, float, int]] = []
+        for lo, hi in pairwise(self.breaks()):
+            count = len(self._over(0.5 * (lo + hi)))
+            if table and table[-1][2] == count:
+                table[-1] = (table[-1][0], hi, count)
+            else:
+                table.append((lo, hi, count))
+        return [self._stretch(*row) for row in table]
+
+    def _stretch(self, lo: float, hi: float, count: int) -> Stretch:
+        return Stretch(lo, hi, count, self.count(lo) == count, self.count(hi) == count)
+
+    def with_count(self, count: int) -> list[Stretch]:
+        """Return all stretches and single values of alpha with exactly ``count`` solutions."""
+        stretches = [stretch for stretch in self.multiplicity() if stretch[2] == count]
+        covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
+        single = [
+            Stretch(alpha, alpha, count, True, True)
+            for alpha in self.breaks()
+            if self.count(alpha) == count
+            and alpha not in covered
+            and not any(lo < alpha < hi for lo, hi, _ in stretches)
+        ]
+        return sorted([*stretches, *single])
+
+    def _index(self, node: int) -> int:
+        """Return the index of the solution at a node: the sum of the signs to its right.
+
+        At the right end of the interval, of those to its left; both sums agree elsewhere.
+        """
+        alpha, pieces = self.point(node).alpha, self.pieces_at(node)
+        right = [p for p in pieces if not p.is_vertical and self.same(p.interval[0], alpha)]
+        left = [p for p in pieces if not p.is_vertical and self.same(p.interval[1], alpha)]
+        at_hi = bool(self.same(alpha, self.interval[1]))
+        return sum(piece.det_sign for piece in (left if at_hi else right))
+
+    def _inside(self, alpha: float) -> None:
+        lo, hi = self.interval
+        if not lo <= alpha <= hi:
+            raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
+
+    @cached_property
+    def _extent(self) -> Array:
+        """Smallest and largest alpha of each piece, shape (number of pieces, 2)."""
+        return np.array([piece.interval for piece in self.pieces]).reshape(-1, 2)
+
+    def _over(self, alpha: float) -> list[Piece]:
+        """Return the pieces that pass over an alpha at which there is no node."""
+        lo, hi = self._extent.T
+        return [self.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
+
+    def _through(self, alpha: float) -> list[Piece]:
+        """Return the pieces that have ``alpha`` strictly inside."""
+        lo, hi = self._extent.T
+        inside = (lo < alpha) & (alpha < hi) & ~self.same(lo, alpha) & ~self.same(hi, alpha)
+        return [self.pieces[i] for i in np.flatnonzero(inside)]
+
+    @cached_property
+    def _alphas(self) -> Array:
+        return np.array([point.alpha for point in self._points])
+
+    def _nodes_at(self, alpha: float) -> list[int]:
+        return [self._points[i].id for i in np.flatnonzero(self.same(self._alphas, alpha))]

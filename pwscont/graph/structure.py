@@ -1,0 +1,190 @@
+"""Pieces and the special points that they join: what a branch graph is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.kind import Kind
+from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.system.system import PiecewiseSystem
+
+NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
+
+
+class Structure:
+    """Pieces, special points, and how they hang together; see :class:`pwscont.BranchGraph`."""
+
+    def __init__(
+        self,
+        points: Iterable[SpecialPoint],
+        pieces: Iterable[Piece],
+        interval: tuple[float, float],
+        *,
+        starts: Iterable[SpecialPoint] = (),
+        system: PiecewiseSystem | None = None,
+        parameter: str = "alpha",
+        searched: SearchScope = NOT_SEARCHED,
+        record: Mapping[str, Function] | None = None,
+        names: Sequence[str] | None = None,
+    ) -> None:
+        self.interval = interval
+        self.searched = searched
+        self.system = system
+        self.parameter = parameter
+        given, within = list(points), list(starts)
+        #: What its states can be asked for by name.
+        self.quantities = _quantities([*given, *within], system, record, names)
+        self.starts = tuple(_asked(point, self.quantities) for point in within)
+        self._nodes = {point.id: _asked(point, self.quantities) for point in given}
+        self._by_id = {piece.id: piece for piece in sorted(pieces, key=lambda piece: piece.id)}
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All pieces by id."""
+        return tuple(self._by_id.values())
+
+    @cached_property
+    def _points(self) -> tuple[SpecialPoint, ...]:
+        return tuple(self._nodes[i] for i in sorted(self._nodes))
+
+    @cached_property
+    def _touching(self) -> dict[int, list[Piece]]:
+        """The pieces that begin or end at each node."""
+        touching: dict[int, list[Piece]] = {node: [] for node in self._nodes}
+        for piece in self.pieces:
+            for node in {piece.start, piece.end}:
+                touching[node].append(piece)
+        return touching
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the unknowns; empty where a graph has neither a system nor points."""
+        some = self.system.size if self.system else next((len(p.z) for p in self._points), None)
+        return () if some is None else self.quantities.names(some)
+
+    def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
+        """Return the special points, of one kind if given.
+
+        Parameters
+        ----------
+        kind : str, optional
+            A value of :class:`~pwscont.basics.kind.Kind`, such as "nonsmooth fold", or a kind
+            of one's own detector that is in the graph.
+        """
+        everything = [*self._points, *self.starts]
+        kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
+        if kind is not None and kind not in kinds:
+            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(kinds)}")
+        return [point for point in everything if kind is None or point.kind == kind]
+
+    def point(self, node: int) -> SpecialPoint:
+        """Return the special point with this id."""
+        return self._nodes[node]
+
+    def components(self) -> list[list[Piece]]:
+        """Return the pieces of each connected component, in the order in which they follow."""
+        joined = nx.Graph()
+        joined.add_nodes_from(self._nodes)
+        joined.add_edges_from((piece.start, piece.end) for piece in self.pieces)
+        return [self._at_any(nodes) for nodes in sorted(nx.connected_components(joined), key=min)]
+
+    def _at_any(self, nodes: set[int]) -> list[Piece]:
+        ids = {piece.id for node in nodes for piece in self._touching[node]}
+        return [self._by_id[i] for i in sorted(ids)]
+
+    def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
+        """Return the special points of a component in the order of its orientation.
+
+        Parameters
+        ----------
+        component : sequence of Piece
+            One of :meth:`components`, without branch points.
+        orientation : int
+            +1 or -1 (Janovsky and Ligursky 2012, Definition 1).
+        """
+        nodes = [component[0].start, *(piece.end for piece in component)]
+        return [self.point(node) for node in nodes[::orientation]]
+
+    def pieces_at(self, node: int) -> list[Piece]:
+        """Return the pieces that begin or end at a special point."""
+        return list(self._touching[node])
+
+    def path(self, a: Solution, b: Solution) -> list[Piece]:
+        """Return the pieces of a shortest way along the branches from one solution to another.
+
+        Parameters
+        ----------
+        a, b : Solution
+            Answers of :meth:`solutions`.
+
+        Returns
+        -------
+        list of Piece
+            From the piece of ``a`` to the piece of ``b``; empty where no way connects them.
+        """
+        joints = nx.Graph()
+        joints.add_nodes_from(piece.id for piece in self.pieces)
+        for node in self._nodes:
+            joints.add_edges_from(combinations((p.id for p in self.pieces_at(node)), 2))
+        try:
+            return [self._by_id[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
+        except nx.NetworkXNoPath:
+            return []
+
+    def same(self, a: Array | float, b: float) -> Any:
+        """Tell whether values of alpha are one, but for rounding."""
+        lo, hi = self.interval
+        return np.abs(np.asarray(a) - b) <= SAME_ALPHA * max(abs(b), hi - lo)
+
+    def clean(self, alpha: float) -> float:
+        """Return zero where alpha is nothing but rounding."""
+        return 0.0 if bool(self.same(alpha, 0.0)) else alpha
+
+    def breaks(self) -> list[float]:
+        """Return both ends of the interval and the alphas of all nodes, without repetition."""
+        lo, hi = self.interval
+        breaks = [lo]
+        for alpha in sorted(self.clean(point.alpha) for point in self._points):
+            if not self.same(alpha, breaks[-1]) and not self.same(alpha, hi):
+                breaks.append(alpha)
+        return [*breaks, hi]
+
+    @cached_property
+    def verticals(self) -> list[Piece]:
+        """The pieces on which alpha is one value."""
+        return [piece for piece in self.pieces if piece.is_vertical]
+
+
+def _quantities(
+    points: Sequence[SpecialPoint],
+    system: PiecewiseSystem | None,
+    record: Mapping[str, Function] | None,
+    names: Sequence[str] | None,
+) -> Quantities:
+    """Return what a graph can be asked for by name; names come from its points if need be."""
+    naming: Naming = names if names is not None or system is None else system.names
+    if naming is None:
+        naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
+    known = Quantities(naming)
+    unknowns = known.names(len(points[0].z)) if record and points else ()
+    return Quantities(naming, checked_record(record, unknowns))
+
+
+def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
+    """Return a point that can be asked by name; what it knows already, it keeps."""
+    kept = point.quantities.record
+    if kept:
+        quantities = Quantities(quantities.naming, {**kept, **quantities.record})
+    return replace(point, quantities=quantities)

@@ -1,0 +1,26 @@
+"""Systems that mean nothing beyond some of their tests."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from pwscont.basics.character import Character
+from pwscont.system.system import PiecewiseSystem
+
+
+class Ending(ABC):
+    """A system whose curves end at some interfaces, as the locus of a transition does."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def end(self, character: Character, tests: frozenset[int]) -> str | None:
+        """Return why a curve in this cell ends where all of ``tests`` vanish.
+
+        None where it goes on in another cell.
+        """
+
+
+def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int]) -> str | None:
+    """Return why a curve of a system ends where ``tests`` vanish, None where it does not."""
+    return system.end(character, tests) if isinstance(system, Ending) else None
