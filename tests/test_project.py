@@ -109,6 +109,16 @@ def test_every_module_that_is_named_exists():
         assert not missing, f"{path}: {missing}"
 
 
+def test_every_method_that_the_manual_names_exists():
+    for path in sources():
+        if path.suffix == ".py" and path.parent.name != "examples":
+            continue
+        words = path.read_text(encoding="utf-8")
+        for name, member in re.findall(r"`([A-Z]\w+)\.(\w+)`", words):
+            owner = getattr(pwscont, name, None)
+            assert owner is None or hasattr(owner, member), f"{path}: {name}.{member}"
+
+
 def test_contributing_lists_the_rooms_top_floor_first():
     rooms = re.findall(r"^\| `(\w+)` \|", text("CONTRIBUTING.md"), re.MULTILINE)
     assert rooms[::-1] == import_module("test_architecture").ROOMS

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
-    if sys.stdout is None:  # closed by who started us
+    if sys.stdout is None:  # closed by the program that started this one
         return _failed("standard output is closed: redirect it to a file, or to /dev/null")
     try:
         parser = _parser()
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = int(options.command(options))
         sys.stdout.flush()
         return status
-    except BrokenPipeError:  # who reads, such as head, has seen enough
+    except BrokenPipeError:  # the reader, such as head, has seen enough
         _close_output()
         return 0
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Floor 3: all solutions of systems that are affine in z, by a search over their cells."""
+"""All solutions of systems that are affine in z, by a search over their cells."""
 
 from pwscont.enumeration.face import Face
 from pwscont.enumeration.slices import Point, Slice, det_sign, solve_exactly, solve_slice

@@ -8,15 +8,15 @@ ever computed (docs/theory, F10).
 Failure modes and answers
 -------------------------
 - Rounding errors of the updates add up: whoever solves compares the residual with
-  :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large;
-  there is one as well after a number of updates that costs one part in ten.
+  :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large.
+  After a number of updates the matrix is factorised afresh anyway, which costs one part in ten.
 - The new matrix is nearly singular, or the update loses digits: small pivots of the update show
-  it, and the matrix is factorised afresh. It is inverted only where it is well conditioned;
+  that, and the matrix is factorised afresh. A matrix is inverted only where it is well conditioned;
   an LU factorisation with partial pivoting serves bordered solves also at folds.
 - Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
   a fresh factorisation is cheaper than the update, and is not inverted before an update asks.
 - Someone solves with an older matrix: every solve names its matrix, and the rows are replaced
-  back; nothing is ever solved with the wrong one.
+  back, so that no system is ever solved with the wrong matrix.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Runnable(ABC):
     """A named problem, ready to run from the command line.
 
     A package offers one by an entry point of the group ``pwscont.scenes`` whose value is a
-    function without arguments that returns it.
+    function that returns it; the parameters of the function, all with defaults, are settings.
 
     Attributes
     ----------

@@ -66,7 +66,7 @@ class Scene(Runnable):
     """A system, an interval of its parameter, and what to report and draw.
 
     A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
-    function without arguments that returns the scene.
+    function that returns the scene; its parameters, all with defaults, are settings.
 
     Attributes
     ----------

@@ -16,8 +16,8 @@ from pwscont.curve.uncertainty import magnitude
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
-#: The curve is beside the cubic through two of its points by less than this part of the chord; a
-#: step is accepted where it is a tenth of this at points inside.
+#: The curve is off the cubic through two of its points by less than this part of the chord; a step
+#: is accepted where the curve is off by a tenth of this at points inside.
 BESIDE = 1e-3
 #: Where the inside of a step is looked at, as a part u of it: 3 u^2 - 2 u^3 is the golden section.
 INSIDE = 0.4209
