@@ -139,7 +139,7 @@ def aside(scale: Array) -> Array:
 
 def most_modes(blocks: Sequence[Block]) -> int:
     """Return the number of modes of the block that has the most."""
-    return max(len(block.modes) for block in blocks)
+    return max((len(block.modes) for block in blocks), default=1)
 
 
 def affine(

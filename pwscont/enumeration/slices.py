@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from typing import Any, final
 
 import numpy as np
@@ -23,68 +24,26 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import is_same, slack_of_values, uncertainty
+from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
 from pwscont.enumeration.face import Face, face_of
-from pwscont.enumeration.options import Problem, reduce
+from pwscont.enumeration.options import Problem, aside, reduce
+from pwscont.enumeration.point import Point, Slice
 from pwscont.enumeration.tree import Choices, leaves
 from pwscont.linear.factorise import last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
+#: Up to this many cells all are tried, whatever depends on what.
+FEW_CELLS = 64
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Point:
-    """An isolated solution.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-        The point (z, alpha).
-    error : ndarray, shape (k, n + 1)
-        Samples of its error.
-    characters : sequence of Character
-        The cells in whose closure it lies; one unless it lies on an interface.
-    det_sign : int
-        Sign of det(dH/dz) in the first of them.
-    known_signs : tuple of int
-        The signs in all of them, where they are known; else empty.
-    """
-
-    x: Array
-    error: Array
-    characters: Sequence[Character]
-    det_sign: int
-    known_signs: tuple[int, ...] = ()
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Slice:
-    """All solutions at one alpha.
-
-    Attributes
-    ----------
-    points : tuple of Point
-    faces : tuple of Face
-    undecided : int
-        Cells of which rounding leaves open whether they hold a solution.
-    exact : bool
-        Whether the points were found in exact arithmetic.
-    """
-
-    points: tuple[Point, ...]
-    faces: tuple[Face, ...]
-    undecided: int = 0
-    exact: bool = False
 
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
@@ -96,6 +55,11 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     metric : Metric
     alpha : float
     """
+    return _by_parts(system, metric, alpha) or _at_once(system, metric, alpha)
+
+
+def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
+    """Return all solutions, by choosing the modes of all blocks together."""
     problem = reduce(system, metric.scale[:-1], alpha)
     if problem is None:
         return Slice((), ())
@@ -109,6 +73,67 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
         else:
             points.add(choices)
     return Slice(tuple(points.points()), tuple(faces), points.undecided)
+
+
+def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
+    """Return in how many cells a slice is solved: of independent parts the sum, not the product."""
+    blocks = system.blocks()
+    parts = Table.of(system, alpha, aside(metric.scale[:-1])).parts()
+    return sum(prod(len(blocks[i].modes) for i in part.blocks) for part in parts)
+
+
+def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
+    """Return all solutions part by part; None where there is one part, or few cells."""
+    if prod(len(block.modes) for block in system.blocks()) <= FEW_CELLS:
+        return None
+    table = Table.of(system, alpha, aside(metric.scale[:-1]))
+    parts = table.parts()
+    if len(parts) == 1:
+        return None
+
+    def solve(part: PartSlice) -> Slice:
+        scale = part.magnitudes(metric.scale[part.unknowns])
+        around = Metric(np.append(scale, 1.0))
+        found = _at_once(part, around, 0.0)
+        points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
+        return replace(found, points=tuple(points))
+
+    found = solve_parts(table, parts, solve)
+    if found is None:
+        return None
+    points = [
+        _whole(system, metric, alpha, partial, cells_of(table, parts, partial)) for partial in found
+    ]
+    return Slice(tuple(filter(None, points)), (), points.count(None))
+
+
+def _whole(
+    system: SlicewiseLinearSystem, metric: Metric, alpha: float, found: Partial, cells: Cells
+) -> Point | None:
+    """Return a solution that was found part by part as one of the whole system."""
+    selection = Selection(system, cells[0])
+    root = _root(Curve(selection, metric), np.append(found.z, alpha))
+    if isinstance(root, Failure):
+        return None
+    error = uncertainty(root)
+    slack = slack_of_values(selection.test_gradients(root.x), root.x, error, metric.scale)
+    if not (selection.tests(root.x) >= -slack).all():
+        return None
+    return Point(root.x, error, cells, root.factor.sign, in_doubt=found.in_doubt)
+
+
+def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
+    """Tell whether a solution is on an interface, but for rounding, and in one cell only."""
+    if len(point.characters) > 1:
+        return False
+    if point.in_doubt is not None:
+        return point.in_doubt
+    selection = Selection(system, point.characters[0])
+    gradients = selection.test_gradients(point.x)
+    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
+    if isinstance(system, PartSlice):
+        slack += CONFIDENCE * system.inherited_slack()[selection.bounding]
+    return bool((selection.tests(point.x) <= slack).any())
 
 
 def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
@@ -239,6 +264,9 @@ class _Points:
             self.undecided += 1
             return None
         error = uncertainty(root)
+        if isinstance(self._system, PartSlice):
+            more = self._system.inherited_error(root, selection.character)
+            error = np.vstack([error, more])
         known = _Known(root.x, error, self._holds(root.x, error), root.factor.sign, [])
         return known if known.lies_in(one).all() else None
 
@@ -247,6 +275,8 @@ class _Points:
         tests = self._system.test_functions(x[:-1], self._alpha)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
+        if isinstance(self._system, PartSlice):
+            slack += CONFIDENCE * self._system.inherited_slack()
         return [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in self._problem.blocks

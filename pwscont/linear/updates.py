@@ -1,20 +1,22 @@
-"""Solves with a matrix that changes a few rows at a time, each change in O(m^2).
+"""Solves with a matrix that changes a few rows at a time, each change in O(m k).
 
-Where one row r of M is replaced, M' = M + e (r' - r)^T, and the inverse changes by a matrix of
-rank one (Sherman and Morrison); with k rows the same holds with rank k (Woodbury). The sign of the
-determinant is multiplied by that of the (k, k) matrix E^T M' M^-1 E, so that no determinant is
-ever computed (docs/theory, F10).
+Where row r of M is replaced, M' = M + e_r d^T, the inverse changes by a matrix of rank one (Sherman
+and Morrison): M'^-1 = M^-1 - w d^T M^-1 / (1 + d.w), with w column r of M^-1. The changes since the
+inverse was formed are kept as vectors w and d (the product form); after a number of them
+they are subtracted from the inverse all at once, by products of matrices. The sign of the
+determinant is multiplied by that of 1 + d.w, so that no determinant is ever computed (docs/theory,
+F10).
 
 Failure modes and answers
 -------------------------
-- Rounding errors of the updates add up: whoever solves compares the residual with
+- Rounding errors of the changes add up: whoever solves compares the residual with
   :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large.
-  After a number of updates the matrix is factorised afresh anyway, which costs one part in ten.
-- The new matrix is nearly singular, or the update loses digits: small pivots of the update show
-  that, and the matrix is factorised afresh. A matrix is inverted only where it is well conditioned;
-  an LU factorisation with partial pivoting serves bordered solves also at folds.
+  After a number of changes the matrix is factorised afresh anyway, which costs one part in ten.
+- The new matrix is nearly singular, or the change loses digits: 1 + d.w is small beside its terms,
+  and the matrix is factorised afresh. Only well conditioned matrices are inverted; an LU
+  factorisation with partial pivoting serves bordered solves also at folds.
 - Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
-  a fresh factorisation is cheaper than the update, and is not inverted before an update asks.
+  a fresh factorisation is cheaper than the changes, and is not inverted before a change asks.
 - Someone solves with an older matrix: every solve names its matrix, and the rows are replaced
   back, so that no system is ever solved with the wrong matrix.
 """
@@ -22,7 +24,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -35,14 +37,16 @@ from pwscont.linear.cores import regularise, sign_of_pivots
 #: inverse has drifted. What is solved for are corrections and directions, whose points are
 #: corrected afterwards: nine digits are enough.
 DRIFT = 1e-9
-#: An update loses as many digits as its pivots are smaller than the rows that they come from.
+#: A change loses as many digits as its pivot is smaller than the terms that it is the sum of.
 SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
 #: Up to this part of all rows are replaced at once; twice the bare ratio of operations.
 FEW_ROWS = 1.0 / 16.0
-#: After this many updates per row the matrix is factorised afresh.
+#: After this many changes per row the matrix is factorised afresh.
 MANY_UPDATES = 0.5
+#: So many changes are subtracted from the inverse at once.
+TOGETHER = 48
 #: Columns of a matrix that are copied at a time.
 PART = 64
 
@@ -95,97 +99,97 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """Updates an explicit inverse while few rows change; one array of m^2 numbers.
+    """Keeps an explicit inverse, and the changes of rows since; one array of m^2 numbers.
 
     Attributes
     ----------
     updates, factorisations : int
-        How often the one and the other was done, since the beginning.
+        How often rows were replaced and the whole was factorised, since the beginning.
     """
 
     def __init__(self) -> None:
         self.updates = self.factorisations = 0
-        self._keys: Array | None = None
-        self._matrix: Array  # the inverse; before the first update the LU factorisation
+        self._last: RowMatrix | None = None
+        self._matrix: Array  # the inverse; before the first change the LU factorisation
         self._pivots: Indices | None = None  # of the LU factorisation
         self._size = 0.0  # one-norm of the factorised matrix
         self._sign = 0
-        self._since = 0  # updates since the last factorisation
+        self._since = 0  # changes since the last factorisation
+        self._changes = Changes(0)
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for one right-hand side, or several."""
         self._take(matrix)
-        return self._solve(rhs)
+        if self._pivots is not None:
+            return _solved(self._matrix, self._pivots, rhs, 0)
+        return self._changes.applied(rhs @ self._matrix.T)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
         self._take(matrix)
         if self._pivots is not None:
             return _solved(self._matrix, self._pivots, rhs, 1)
-        product: Array = rhs @ self._matrix
+        product: Array = self._changes.transposed(rhs) @ self._matrix
         return product
 
     def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant, by updates."""
+        """Return the sign of the determinant, by the signs of all changes."""
         self._take(matrix)
         return self._sign
 
     def renew(self, matrix: RowMatrix) -> bool:
-        """Factorise afresh where there was an update since the last time."""
-        if self._keys is matrix.keys and not self._since:
+        """Factorise afresh where there was a change since the last time."""
+        if self._is_at(matrix) and not self._since:
             return False
         self._factorise(matrix)
         return True
 
-    def _solve(self, rhs: Array) -> Array:
-        if self._pivots is not None:
-            return _solved(self._matrix, self._pivots, rhs, 0)
-        product: Array = rhs @ self._matrix.T
-        return product
+    def _is_at(self, matrix: RowMatrix) -> bool:
+        return self._last is not None and self._last.keys is matrix.keys
 
     def _take(self, matrix: RowMatrix) -> None:
         """Bring the inverse to this matrix, if it is at another one."""
-        if self._keys is matrix.keys:
+        if self._is_at(matrix):
             return
-        if self._keys is None or not self._update(matrix, self._keys):
+        if self._last is None or not self._update(matrix, self._last):
             self._factorise(matrix)
-        self._keys = matrix.keys
+        self._last = matrix
 
     def _factorise(self, matrix: RowMatrix) -> None:
-        self._keys = None
+        self._last = None
         self._matrix = np.empty(0)  # room for the new one
         dense = matrix.dense()
         self._size = _one_norm(dense)
         self._matrix, self._pivots = _overwritten(dense)
         self._sign = sign_of_pivots(self._matrix.diagonal(), self._pivots)
-        self._keys, self._since = matrix.keys, 0
+        self._last, self._since, self._changes = matrix, 0, Changes(len(matrix.keys))
         self.factorisations += 1
 
-    def _update(self, matrix: RowMatrix, keys: Array) -> bool:
-        """Replace rows of the matrix with ``keys``; False where a factorisation serves better."""
-        m, changed = len(keys), np.flatnonzero(keys != matrix.keys)
+    def _update(self, matrix: RowMatrix, last: RowMatrix) -> bool:
+        """Replace rows of the last matrix; False where a factorisation serves better."""
+        m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
         if len(changed) > max(2, FEW_ROWS * m) or self._since >= max(8, MANY_UPDATES * m):
             return False
         if not self._inverted():
             return False
-        products = np.asfortranarray(matrix.rows(changed) @ self._matrix)  # (k, m)
-        pivots, columns = products[:, changed], self._matrix[:, changed]
-        smallest = np.linalg.svd(pivots, compute_uv=False)[-1]
-        if not smallest > SMALL_PIVOT * np.abs(products).max():
-            return False
-        self._sign *= int(np.linalg.slogdet(pivots)[0])
-        products[np.arange(len(changed)), changed] -= 1.0
-        self._subtract(columns, np.linalg.inv(pivots) @ products)
+        differences = matrix.rows(changed) - last.rows(changed)
+        for row, difference in zip(changed, differences, strict=True):
+            if not self._replace(int(row), difference):
+                return False
         self._since += 1
         self.updates += 1
         return True
 
-    def _subtract(self, columns: Array, rows: Any) -> None:
-        """Subtract a product of low rank from the inverse, in place."""
-        columns, rows = np.asfortranarray(columns), np.asfortranarray(rows)
-        self._matrix = blas.dgemm(-1.0, columns, rows, 1.0, self._matrix, overwrite_c=1)
+    def _replace(self, row: int, difference: Array) -> bool:
+        """Change one row; False where that loses too many digits."""
+        if self._changes.count == TOGETHER:
+            self._matrix = self._changes.subtracted(self._matrix)
+            self._changes = Changes(len(difference))
+        pivot = self._changes.add(self._changes.applied(self._matrix[:, row]), difference)
+        self._sign *= int(np.sign(pivot))
+        return pivot != 0.0
 
     def _inverted(self) -> bool:
         """Turn the LU factorisation into the inverse, where it is regular enough."""
@@ -198,8 +202,66 @@ class Updating(RowSolver):
         return True
 
 
-def _equal(a: Array | None, b: Array) -> bool:
-    return a is not None and np.array_equal(a, b)
+@final
+class Changes:
+    """Rows that were replaced since an inverse was formed: M^-1 = (I - W L^-1 D) M_0^-1.
+
+    The columns of W are those of the inverses at the time of each change, the rows of D what was
+    added; L is lower triangular, with the pivots 1 + d.w on its diagonal, and d.w of earlier w
+    below.
+
+    Parameters
+    ----------
+    size : int
+        m.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.count = 0
+        self._w = np.empty((TOGETHER if size else 0, size))
+        self._d = np.empty_like(self._w)
+        self._lower = np.zeros((len(self._w), len(self._w)), order="F")
+
+    def add(self, w: Array, difference: Array) -> float:
+        """Add a change and return its pivot, zero where it would lose too many digits."""
+        k, terms = self.count, difference * w
+        pivot = 1.0 + float(terms.sum())
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + float(np.abs(terms).sum())):
+            return 0.0
+        self._w[k], self._d[k] = w, difference
+        self._lower[k, :k], self._lower[k, k] = self._w[:k] @ difference, pivot
+        self.count += 1
+        return pivot
+
+    def applied(self, solution: Array) -> Array:
+        """Return solutions, shape (m,) or (l, m), from those before the changes."""
+        k = self.count
+        if not k:
+            return solution
+        parts = self._solved(self._d[:k] @ solution.T, 0)
+        changed: Array = solution - parts.T @ self._w[:k]
+        return changed
+
+    def transposed(self, rhs: Array) -> Array:
+        """Return right-hand sides for the transposed matrix before the changes."""
+        k = self.count
+        if not k:
+            return rhs
+        parts = self._solved(self._w[:k] @ rhs.T, 1)
+        changed: Array = rhs - parts.T @ self._d[:k]
+        return changed
+
+    def subtracted(self, inverse: Array) -> Array:
+        """Return the inverse after the changes, in place."""
+        k = self.count
+        parts = self._solved(self._d[:k] @ inverse, 0)
+        result: Array = blas.dgemm(-1.0, self._w[:k].T, parts, 1.0, inverse, overwrite_c=1)
+        return result
+
+    def _solved(self, rhs: Array, transposed: int) -> Array:
+        lower = self._lower[: self.count, : self.count]
+        parts: Array = lapack.dtrtrs(lower, rhs, lower=1, trans=transposed)[0]
+        return parts if rhs.ndim > 1 else parts.reshape(-1)
 
 
 def _one_norm(matrix: Array) -> float:

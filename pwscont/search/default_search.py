@@ -7,6 +7,8 @@ from itertools import islice
 from math import prod
 
 from pwscont.basics.arrays import Array
+from pwscont.curve.metric import Metric
+from pwscont.enumeration import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import BringsSearches, Search
@@ -59,6 +61,8 @@ def _most_complete(
     interfaces = cells * sum(len(block.tests) for block in blocks)
     if isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES:
         return AllTransitions()
+    if cells > MANY_CELLS:
+        cells = cells_to_try(system, Metric.of(system, interval), interval[0])
     if cells <= MANY_CELLS:
         return _ends_and_slices(cells, interval)
     return _added_up(from_many, system)

@@ -25,7 +25,15 @@ from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.curve.uncertainty import has_digits, is_same, magnitude, slack_of_values
-from pwscont.enumeration import Face, Point, Slice, det_sign, solve_exactly, solve_slice
+from pwscont.enumeration import (
+    Face,
+    Point,
+    Slice,
+    det_sign,
+    is_in_doubt,
+    solve_exactly,
+    solve_slice,
+)
 from pwscont.graph.records import FEW_DIGITS, Solution, significant
 from pwscont.linear.factorise import last_unit
 from pwscont.system.box import Box
@@ -120,12 +128,7 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
 def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
     """Tell whether a solution lost its digits, or is on an interface but in one cell only."""
     digits = significant(magnitude(point.x, point.error), point.x, metric.scale)
-    if digits < FEW_DIGITS or len(point.characters) > 1:
-        return digits < FEW_DIGITS
-    selection = Selection(system, point.characters[0])
-    gradients = selection.test_gradients(point.x)
-    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
-    return bool((selection.tests(point.x) <= slack).any())
+    return digits < FEW_DIGITS or is_in_doubt(system, metric, point)
 
 
 def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str:

@@ -10,6 +10,7 @@ Most corners are simple and need none of this, see :mod:`pwscont.transitions.cor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -25,11 +27,11 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.uncertainty import magnitude_of_values
-from pwscont.enumeration import Point, Slice, solve_slice
+from pwscont.enumeration import Cells, Point, Slice, solve_slice
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.index import index_along
-from pwscont.transitions.corner.linearised import Linearised
+from pwscont.transitions.corner.linearised import Linearised, in_parts
 from pwscont.transitions.corner.simple import Direction, simple_corner
 from pwscont.transitions.rays import Ray, state_on
 
@@ -89,7 +91,7 @@ def fan(
             tuple(_ray(system, metric, x, error, found) for found in simple), 1, False, True
         )
     signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-    cone = Linearised(system, metric, x, zero, signs)
+    cone = in_parts(system, metric, x, zero, signs) or Linearised(system, metric, x, zero, signs)
     around = Metric(np.append(metric.scale, 1.0))
     exact = cone.is_small
     solve = solve_slice if exact else _sample_slice
@@ -106,11 +108,15 @@ def fan(
 
 
 def _directions(slices: list[Slice]) -> list[Direction]:
-    points = [(p.x[:-1], tuple(p.characters)) for s in slices for p in s.points]
+    points = [(p.x[:-1], _listed(p.characters)) for s in slices for p in s.points]
     corners = [
         (c[:-1], (face.character,)) for s in slices for face in s.faces for c in face.corners
     ]
     return points + corners
+
+
+def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
+    return cells.listed() if isinstance(cells, Cells) else tuple(cells)
 
 
 def _sample_slice(cone: SlicewiseLinearSystem, metric: Metric, side: float) -> Slice:

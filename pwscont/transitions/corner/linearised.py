@@ -18,8 +18,10 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.curve.metric import Metric
+from pwscont.enumeration import Table, aside, is_regular, most_cells
+from pwscont.linear.factorise import last_unit
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.simple import Admits
+from pwscont.transitions.corner.simple import FEW_CELLS, Admits
 
 #: All cells at a corner are tried up to this number: eight contact nodes.
 MANY_CELLS = 4**8
@@ -108,7 +110,14 @@ class Linearised(SlicewiseLinearSystem):
         """Whether all cells that meet here can be tried."""
         if not isinstance(self._system, SlicewiseLinearSystem):
             return len(self._zero) <= MANY_TESTS
-        return prod(len(block.modes) for block in self.blocks()) <= MANY_CELLS
+        blocks = self.blocks()
+        if prod(len(block.modes) for block in blocks) <= MANY_CELLS:
+            return True
+        return most_cells(self.table().parts(), blocks) <= MANY_CELLS
+
+    def table(self) -> Table:
+        """Return the problem in numbers, from which its independent parts are seen."""
+        return Table.of(self, 0.0, aside(self._scale))
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the system's blocks, with only the modes of the cells that meet here."""
@@ -135,3 +144,25 @@ class Linearised(SlicewiseLinearSystem):
             cells.setdefault(self._system.cell(character), character.signs)
         rows = tuple(range(self.size - 1))
         return Block(tuple(range(len(signs.signs))), rows, tuple(cells.values()))
+
+
+def in_parts(
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    zero: frozenset[int],
+    signs: npt.NDArray[np.bool_],
+) -> Linearised | None:
+    """Return the cone problem with the condition on alpha alone, so that it falls into parts.
+
+    None where that does not help, or where a ray may be vertical and would not be seen: if all
+    parts are regular in all cells, none is.
+    """
+    cone = Linearised(system, metric, x, zero, signs, last_unit(len(x)))
+    if not isinstance(system, SlicewiseLinearSystem):
+        return None
+    if prod(len(block.modes) for block in cone.blocks()) <= FEW_CELLS:
+        return None
+    table = cone.table()
+    parts = table.parts()
+    return cone if len(parts) > 1 and is_regular(table, parts, metric.scale) else None

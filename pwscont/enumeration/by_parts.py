@@ -1,0 +1,321 @@
+"""All solutions of one slice, part by part (docs/theory, F13).
+
+Every solution of the parts before it makes a small slice of a part, which is solved like any other.
+What the solution before is uncertain by goes into the slice as an uncertainty of its constants.
+
+Failure modes and answers
+-------------------------
+- A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
+  solved at once, as far as there are not too many cells.
+- A solution lies on interfaces of many parts: its cells are all combinations of theirs, made when
+  asked for.
+- What is found part by part is refined in the whole system, and must lie in its closed cell there.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.root import Root
+from pwscont.enumeration.options import affine, bounding, most_modes
+from pwscont.enumeration.parts import Part, parts_of
+from pwscont.enumeration.point import Point, Slice
+from pwscont.system.system import Block, SlicewiseLinearSystem
+
+#: Constants that are a smaller part of typical ones are taken for zero.
+TINY = 1e-150
+#: So many cells of one solution are listed.
+MOST_LISTED = 4**6
+#: In parts with more cells not all of them are looked at.
+MOST_CELLS = 4**6
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A slice of a system in numbers: rows of H for every mode, and the tests.
+
+    Attributes
+    ----------
+    rows : list of (ndarray, ndarray)
+        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in its k-th mode.
+    tests : tuple of ndarray
+        Gradients by z, shape (m, n), and values at z = 0, shape (m,).
+    blocks : tuple of Block
+    bounding : list of list of list of int
+        For every mode of every block, which tests bound it.
+    """
+
+    rows: list[tuple[Array, Array]]
+    tests: tuple[Array, Array]
+    blocks: tuple[Block, ...]
+    bounding: list[list[list[int]]]
+
+    @classmethod
+    def of(cls, system: SlicewiseLinearSystem, alpha: float, dx: Array) -> Table:
+        """Ask a system for everything; that it is affine is held to at ``dx``."""
+        zero, blocks = np.zeros(system.size), system.blocks()
+        tests = np.array(system.test_functions(zero, alpha), dtype=float)
+        gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
+        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
+        bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
+        return cls(rows, (gradients, tests), blocks, bounds)
+
+    def parts(self) -> list[Part]:
+        """Return the parts of the slice, each after those that it depends on."""
+        pattern = np.any([matrix != 0.0 for matrix, _ in self.rows], axis=0)
+        return parts_of(pattern, self.tests[0] != 0.0, self.blocks)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Partial:
+    """A solution of some parts.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+        Zero where no part has decided yet.
+    error : ndarray, shape (k, n)
+        Samples of its error.
+    cells : tuple of sequence of Character
+        For each part the cells of that part in whose closure it lies.
+    in_doubt : bool
+        Whether rounding leaves open, in some part, in which cells it lies.
+    """
+
+    z: Array
+    error: Array
+    cells: tuple[Sequence[Character], ...] = ()
+    in_doubt: bool = False
+
+    def with_part(self, part: Part, point: Point) -> Partial:
+        """Return the solution with what one more part says."""
+        z, error = self.z.copy(), np.zeros((len(point.error), len(self.z)))
+        z[part.unknowns] = point.x[:-1]
+        error[-len(self.error) :] = self.error  # the last samples are what was inherited
+        error[:, part.unknowns] = point.error[:, :-1]
+        in_doubt = self.in_doubt or bool(point.in_doubt)
+        return Partial(z, error, (*self.cells, point.characters), in_doubt)
+
+
+@final
+class PartSlice(SlicewiseLinearSystem):
+    """One part of a slice, where the parts before it have a known solution.
+
+    Parameters
+    ----------
+    table : Table
+    part : Part
+    before : Partial
+    """
+
+    def __init__(self, table: Table, part: Part, before: Partial) -> None:
+        self.size = len(part.unknowns)
+        self.unknowns, self._before = part.unknowns, before
+        known, rows = np.abs(before.z), part.rows
+        self._rows = [(J[rows], J[rows] @ before.z + r[rows]) for J, r in table.rows]
+        #: Sizes of the terms of these constants, in every mode.
+        self._terms = np.max([np.abs(J[rows]) @ known + np.abs(r[rows]) for J, r in table.rows], 0)
+        blocks = [table.blocks[i] for i in part.blocks]
+        tests = [test for block in blocks for test in block.tests]
+        self._all_gradients = table.tests[0][tests]
+        self._values = self._all_gradients @ before.z + table.tests[1][tests]
+        self._test_terms = np.abs(self._all_gradients) @ known + np.abs(table.tests[1][tests])
+        place = {test: i for i, test in enumerate(tests)}
+        row = {int(r): i for i, r in enumerate(part.rows)}
+        self._blocks = tuple(
+            Block(tuple(place[t] for t in b.tests), tuple(row[r] for r in b.rows), b.modes)
+            for b in blocks
+        )
+        self._bounds = [
+            [[place[t] for t in tests] for tests in table.bounding[i]] for i in part.blocks
+        ]
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the blocks of the part."""
+        return self._blocks
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return the tests of the blocks of the part."""
+        values: Array = self._all_gradients[:, self.unknowns] @ z + self._values
+        return values
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return their gradients, with a column of zeros for the idle parameter."""
+        rows = self._all_gradients[:, self.unknowns]
+        return np.column_stack([rows, np.zeros(len(rows))])
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the rows of the part."""
+        matrix, values = self._in_cell(character)
+        value: Array = matrix[:, self.unknowns] @ z + values
+        return value
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant Jacobian, with a column of zeros for the idle parameter."""
+        matrix = self._in_cell(character)[0][:, self.unknowns]
+        return np.column_stack([matrix, np.zeros(self.size)])
+
+    def bounding_tests(self, character: Character) -> list[int]:
+        """Return the tests of each block that bound its mode."""
+        modes = zip(self._bounds, self._modes(character), strict=True)
+        return [test for bounds, mode in modes for test in bounds[mode]]
+
+    def _modes(self, character: Character) -> list[int]:
+        """Return which mode each block is in."""
+        signs = character.signs
+        return [b.modes.index(tuple(signs[t] for t in b.tests)) for b in self._blocks]
+
+    def _in_cell(self, character: Character) -> tuple[Array, Array]:
+        """Return the rows of a cell, by all unknowns of the system, and their values at z = 0."""
+        matrix, values = (+whole for whole in self._rows[0])
+        for block, mode in zip(self._blocks, self._modes(character), strict=True):
+            rows = list(block.rows)
+            matrix[rows], values[rows] = self._rows[mode][0][rows], self._rows[mode][1][rows]
+        return matrix, values
+
+    def inherited_error(self, root: Root, character: Character) -> Array:
+        """Return what the error of the parts before makes of a root, shape (k, size + 1)."""
+        residual = self._before.error @ self._in_cell(character)[0].T
+        residual = np.vstack([np.diag(EPS * self._terms), residual])
+        return root.factor.solve_all(np.column_stack([residual, np.zeros(len(residual))]))
+
+    def inherited_slack(self) -> Array:
+        """Return how far the tests may be off by the error of the parts before."""
+        spread = np.hypot.reduce(self._all_gradients @ self._before.error.T, axis=1)
+        slack: Array = EPS * self._test_terms + np.abs(spread)
+        return slack
+
+    def magnitudes(self, scale: Array) -> Array:
+        """Return typical magnitudes of the unknowns, small where the constants of the part are.
+
+        Parameters
+        ----------
+        scale : ndarray, shape (size,)
+            Typical magnitudes in the system.
+        """
+        usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
+        part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
+        return scale * part if TINY < part < 1.0 else scale
+
+
+@final
+class Cells(Sequence[Character]):
+    """All combinations of the cells of parts, made when asked for.
+
+    Parameters
+    ----------
+    tests : list of tuple of int
+        Which tests of the system those of each part are.
+    cells : list of sequence of Character
+    size : int
+        Number of tests of the system.
+    """
+
+    def __init__(
+        self, tests: Sequence[Sequence[int]], cells: Sequence[Sequence[Character]], size: int
+    ) -> None:
+        self._tests, self._cells, self._size = tests, cells, size
+
+    def __len__(self) -> int:
+        return min(prod(map(len, self._cells)), sys.maxsize)
+
+    def listed(self) -> tuple[Character, ...]:
+        """Return all cells; where they are too many, those unlike the first in one part only."""
+        if len(self) <= MOST_LISTED:
+            return tuple(self)
+        found, stride = [self[0]], 1
+        for cells in self._cells:
+            found += [self._at(stride * k) for k in range(1, len(cells))]
+            stride *= len(cells)
+        return tuple(found)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        return self._at(index)
+
+    def _at(self, index: int) -> Character:
+        signs = [True] * self._size
+        for tests, cells in zip(self._tests, self._cells, strict=True):
+            index, mine = divmod(index, len(cells))
+            for test, sign in zip(tests, cells[mine].signs, strict=True):
+                signs[test] = sign
+        return Character(signs)
+
+
+def solve_parts(
+    table: Table, parts: Sequence[Part], solve: Callable[[PartSlice], Slice]
+) -> list[Partial] | None:
+    """Return the solutions of all parts together, None where a part cannot be decided.
+
+    Parameters
+    ----------
+    table : Table
+    parts : sequence of Part
+    solve : callable
+        Solves the slice of one part.
+    """
+    n = len(table.rows[0][1])
+    found = [Partial(np.zeros(n), np.zeros((1, n)))]
+    for part in parts:
+        longer: list[Partial] = []
+        for before in found:
+            check_budget()
+            slice_ = solve(PartSlice(table, part, before))
+            if slice_.faces or slice_.undecided:
+                return None
+            longer += [before.with_part(part, point) for point in slice_.points]
+        found = longer
+    return found
+
+
+def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
+    """Return the cells of the system in whose closure a solution lies."""
+    tests = [[t for i in part.blocks for t in table.blocks[i].tests] for part in parts]
+    return Cells(tests, found.cells, len(table.tests[1]))
+
+
+def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
+    """Tell whether every part has a regular matrix in each of its cells, as far as they are few.
+
+    Then H = 0 with all constants zero has no solution but zero.
+    """
+    return all(_is_regular(table, part, scale) for part in parts)
+
+
+def _is_regular(table: Table, part: Part, scale: Array) -> bool:
+    blocks = [table.blocks[i] for i in part.blocks]
+    modes = [range(len(block.modes)) for block in blocks]
+    if prod(map(len, modes)) > MOST_CELLS:
+        return False
+    matrices = [J[np.ix_(part.rows, part.unknowns)] * scale[part.unknowns] for J, _ in table.rows]
+    place = {int(row): i for i, row in enumerate(part.rows)}
+    for picks in product(*modes):
+        matrix = +matrices[0]
+        for block, pick in zip(blocks, picks, strict=True):
+            rows = [place[row] for row in block.rows]
+            matrix[rows] = matrices[pick][rows]
+        if np.linalg.matrix_rank(_unit_rows(matrix), tol=GUARD * EPS * len(matrix)) < len(matrix):
+            return False
+    return True
+
+
+def _unit_rows(matrix: Array) -> Array:
+    sizes = np.abs(matrix).max(axis=1, keepdims=True)
+    unit: Array = matrix / np.where(sizes > 0.0, sizes, 1.0)
+    return unit

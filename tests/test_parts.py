@@ -1,0 +1,186 @@
+"""Systems that fall into parts: slices and corners against brute force and closed forms."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from pwscont import Block, Character, PiecewiseLinearSystem, enumerate_solutions, explore, trace
+from pwscont.enumeration.parts import most_cells, parts_of
+
+
+class Chained(PiecewiseLinearSystem):
+    """A z + B |z| = a + alpha b, with parts of a given size, each coupled to those before.
+
+    The test functions are the unknowns, in another order than the parts.
+    """
+
+    def __init__(self, rng, sizes, spread=1.0):
+        self.size = n = sum(sizes)
+        self.A, self.B = np.zeros((n, n)), np.zeros((n, n))
+        at = 0
+        for size in sizes:
+            own = slice(at, at + size)
+            self.A[own, : at + size] = spread * rng.normal(size=(size, at + size))
+            self.A[own, own] += np.eye(size)
+            self.B[own, own] = rng.normal(size=(size, size)) * rng.choice([0.3, 2.0])
+            at += size
+        self.a, self.b = rng.normal(size=(2, n))
+        self.order = rng.permutation(n)
+        parts = np.split(np.arange(n), np.cumsum(sizes)[:-1])
+        self.parts = [tuple(part.tolist()) for part in parts]
+
+    def test_functions(self, z, alpha):
+        return z[self.order]
+
+    def signs(self, character):
+        signs = np.empty(self.size)
+        signs[self.order] = np.where(character.signs, 1.0, -1.0)
+        return signs
+
+    def residual(self, z, alpha, character):
+        return self.A @ z + self.B @ (self.signs(character) * z) - self.a - alpha * self.b
+
+    def blocks(self):
+        place = np.argsort(self.order)
+        return tuple(
+            Block(
+                tuple(int(place[i]) for i in part),
+                part,
+                tuple(product((True, False), repeat=len(part))),
+            )
+            for part in self.parts
+        )
+
+    def by_brute_force(self, alpha):
+        """Return all z with a sign pattern that is their own."""
+        found = []
+        for signs in product((1.0, -1.0), repeat=self.size):
+            z = np.linalg.solve(self.A + self.B * np.array(signs), self.a + alpha * self.b)
+            if (z * signs >= 0.0).all():
+                found.append(z)
+        return found
+
+
+@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("sizes", [(1,) * 8, (2, 1, 3, 1, 1), (3, 3, 2)])
+def test_slices_in_parts_against_brute_force(seed, sizes):
+    system = Chained(np.random.default_rng([seed, len(sizes)]), sizes)
+    for alpha in (-1.3, 0.7):
+        expected = system.by_brute_force(alpha)
+        found = enumerate_solutions(system, alpha)
+        assert len(found) == len(expected)
+        for z in expected:
+            assert min(np.abs(solution.z - z).max() for solution in found) < 1e-9 * (
+                1.0 + np.abs(z).max()
+            )
+        for solution in found:
+            signs = np.sign(solution.z)
+            assert solution.det_sign == np.sign(np.linalg.det(system.A + system.B * signs))
+
+
+def test_there_are_slices_with_several_solutions():
+    """Else the comparison above would say little."""
+    counts = [
+        len(Chained(np.random.default_rng([seed, 5]), (2, 1, 3, 1, 1)).by_brute_force(0.7))
+        for seed in range(40)
+    ]
+    assert max(counts) > 4
+    assert counts.count(0) > 0
+
+
+class Diodes(PiecewiseLinearSystem):
+    """A chain of n diodes with equal thresholds: one solution at every alpha."""
+
+    def __init__(self, n):
+        self.size = n
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return (1.0 + character.array) * z - np.append(alpha, 0.05 * z[:-1])
+
+    def blocks(self):
+        return tuple(Block((k,), (k,), ((True,), (False,))) for k in range(self.size))
+
+    def solution(self, alpha):
+        slope = 2.0 if alpha >= 0.0 else 1.0
+        return alpha / slope * (0.05 / slope) ** np.arange(self.size)
+
+
+@pytest.mark.parametrize("alpha", [-0.5, 0.0, 0.5])
+@pytest.mark.parametrize("n", [8, 16, 30])
+def test_a_chain_of_diodes_has_one_solution(n, alpha):
+    (found,) = enumerate_solutions(Diodes(n), alpha)
+    np.testing.assert_allclose(found.z, Diodes(n).solution(alpha), rtol=1e-12, atol=1e-300)
+
+
+@pytest.mark.parametrize("n", [12, 24, 60])
+def test_all_ways_on_from_a_corner_of_many_diodes(n):
+    system = Diodes(n)
+    graph = trace(system, (system.solution(-1.0), -1.0), (-1.0, 1.0))
+    assert graph.guarantee == "balanced"
+    assert [graph.count(alpha) for alpha in (-0.5, 0.5)] == [1, 1]
+    np.testing.assert_allclose(graph.solutions(0.5)[0].z, system.solution(0.5), rtol=1e-9)
+
+
+def test_explore_is_sure_of_a_long_chain():
+    graph = explore(Diodes(24), (-1.0, 1.0))
+    assert graph.count(0.5) == 1
+    assert graph.guarantee == "complete but for closed loops"
+
+
+class Detached(PiecewiseLinearSystem):
+    """z_k + s_k |z_k| = alpha for each k by itself: with s_k = -2 there is a fold at alpha = 0."""
+
+    def __init__(self, folds):
+        self.slopes = np.where(folds, -2.0, 0.5)
+        self.size = len(folds)
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return z + self.slopes * np.where(character.array, z, -z) - alpha
+
+    def blocks(self):
+        return tuple(Block((k,), (k,), ((True,), (False,))) for k in range(self.size))
+
+
+@pytest.mark.parametrize("folds", [1, 2, 3])
+def test_branches_of_detached_parts_multiply(folds):
+    """Each fold has two solutions for alpha < 0 and none beyond."""
+    system = Detached(np.arange(9) < folds)
+    graph = explore(system, (-1.0, 1.0))
+    assert graph.count(-0.5) == 2**folds
+    assert graph.count(0.5) == 0
+    (corner,) = (p for p in graph.special_points() if p.alpha == 0.0)
+    assert len(graph.pieces_at(corner.id)) == 2**folds
+
+
+def test_parts_come_after_what_they_need():
+    pattern = np.eye(5, dtype=bool)
+    pattern[0, 3] = pattern[3, 0] = True  # a part of two
+    pattern[2, 0] = pattern[1, 2] = pattern[4, 1] = True
+    blocks = [Block((k,), (k,), ((True,), (False,))) for k in range(5)]
+    tests = np.eye(5, dtype=bool)
+    parts = parts_of(pattern, tests, blocks)
+    assert [sorted(part.rows.tolist()) for part in parts] == [[0, 3], [2], [1], [4]]
+    assert most_cells(parts, blocks) == 4
+    tests[3, 4] = True  # what chooses the mode of row 3 depends on everything
+    assert len(parts_of(pattern, tests, blocks)) == 1
+
+
+def test_without_a_pairing_there_is_one_part():
+    pattern = np.eye(4, dtype=bool)
+    pattern[3] = [True, False, False, False]
+    blocks = [Block((k,), (k,), ((True,), (False,))) for k in range(4)]
+    assert len(parts_of(pattern, np.eye(4, dtype=bool), blocks)) == 1
+
+
+def test_the_signs_of_a_character_as_an_array():
+    character = Character((True, False, True))
+    assert character.array.tolist() == [True, False, True]
+    with pytest.raises(ValueError, match="read-only"):
+        character.array[0] = False
