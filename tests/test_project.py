@@ -109,6 +109,15 @@ def test_every_module_that_is_named_exists():
         assert not missing, f"{path}: {missing}"
 
 
+def test_every_fact_that_is_cited_stands_in_the_theory():
+    facts = set(re.findall(r"^(F\d+), ", text("docs/theory.rst"), re.MULTILINE))
+    for path in sources():
+        words = path.read_text(encoding="utf-8")
+        cited = set(re.findall(r"docs/theory,\s+(F\d+)", words))
+        assert cited <= facts, f"{path}: {cited - facts}"
+        assert not re.search(r"of the design|design\.md", words), path
+
+
 def test_every_method_that_the_manual_names_exists():
     for path in sources():
         if path.suffix == ".py" and path.parent.name != "examples":
