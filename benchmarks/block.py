@@ -1,15 +1,13 @@
 """Time and memory of a block against contact nodes p and unknowns n, stage by stage.
 
-    python benchmarks/block.py [NODES ...] [--curved 200] [--cholmod-to 400]
-        [--into docs/data/scale.json]
+    python benchmarks/block.py [NODES ...] [--curved 200] [--into docs/data/scale.json]
 
-The block of the scene ``block`` is compressed, then sheared from alpha = -2 to 2: from slipping to
-the left as a whole to slipping to the right as a whole, about 2 p transitions. Every size runs in
-processes of its own, one for time and one for memory. Columns:
+The block of the scene ``block`` under constant pressure and a shear that is alpha, from -2 to 2:
+from all nodes in slip to the left to all in slip to the right, about 2 p transitions. Every size
+runs in processes of its own, one for time and one for memory. Columns:
 
 - p, n: contact nodes, unknowns of the mesh;
-- assembly: mesh, stiffness, supports (s); condensation: to 2 p unknowns (s); CHOLMOD: the same by
-  scikit-sparse where it is installed and p is at most that of ``--cholmod-to`` (s);
+- assembly: mesh, stiffness, supports (s); condensation: to 2 p unknowns (s);
 - tracing: the whole path (s); start: its part until the first piece (s); pieces; ms per transition
   without the start; to 1,000: seconds until the 1,000th transition;
 - recovery: the displacements of the whole mesh at one point (s);
@@ -27,7 +25,6 @@ alpha = 1. Set OPENBLAS_NUM_THREADS=1 where other programs run.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import resource
 import subprocess
@@ -38,7 +35,6 @@ from typing import Any
 import numpy as np
 from condensation import timed
 from figures import store
-from pwscont_coulomb.elastic import Cholmod
 from pwscont_coulomb.elastic.scenes import block_body
 from scale import memory, path
 
@@ -51,7 +47,6 @@ COLUMNS = {
     "n": "{:8d}",
     "assembly": "{:8.3f}",
     "condensation": "{:12.3f}",
-    "CHOLMOD": "{:8.2f}",
     "tracing": "{:8.2f}",
     "start": "{:7.3f}",
     "pieces": "{:6d}",
@@ -107,19 +102,13 @@ def space(nodes: int) -> dict[str, Any]:
     return memory(block_body(nodes).condensed().along_load, INTERVAL, sliding_left)
 
 
-def by_cholmod(nodes: int) -> dict[str, Any]:
-    """Return the seconds of condensation by CHOLMOD."""
-    body = block_body(nodes)
-    return {"CHOLMOD": timed(lambda: body.condensed(Cholmod()))[1]}
-
-
 def curved(nodes: int) -> dict[str, Any]:
     """Return pieces and seconds with the friction coefficient as parameter."""
     system = block_body(nodes).condensed().along_friction(1.0)
     return {"p": nodes} | path(system, FRICTIONS)[1]
 
 
-MEASURES = {"times": times, "memory": space, "cholmod": by_cholmod, "curved": curved}
+MEASURES = {"times": times, "memory": space, "curved": curved}
 
 
 def apart(name: str, nodes: int) -> dict[str, Any]:
@@ -130,13 +119,11 @@ def apart(name: str, nodes: int) -> dict[str, Any]:
     return row
 
 
-def measured(nodes: int, cholmod_to: int) -> dict[str, Any]:
+def measured(nodes: int) -> dict[str, Any]:
     """Return the row of one size."""
     row = apart("times", nodes)
     if row["tracing"] < LONGEST:
         row |= apart("memory", nodes)
-    if nodes <= cholmod_to and importlib.util.find_spec("sksparse"):
-        row |= apart("cholmod", nodes)
     return row
 
 
@@ -157,7 +144,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure a block stage by stage.")
     parser.add_argument("nodes", nargs="*", type=int, default=[10, 20, 50, 100, 200, 400, 1000])
     parser.add_argument("--curved", type=int, default=200)
-    parser.add_argument("--cholmod-to", type=int, default=400)
     parser.add_argument("--into", type=Path, help="a file of data to put the figures into")
     parser.add_argument("--only", choices=MEASURES, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -167,10 +153,8 @@ def main() -> None:
     print("  ".join(name.rjust(_width(name, form)) for name, form in COLUMNS.items()))
     rows = []
     for nodes in options.nodes:
-        rows.append(measured(nodes, options.cholmod_to))
+        rows.append(measured(nodes))
         print(shown(rows[-1]), flush=True)
-    if not importlib.util.find_spec("sksparse"):
-        print("CHOLMOD is left out: scikit-sparse is not installed")
     found = apart("curved", options.curved)
     print("F from 0.1 to 2, p = {p}: {pieces} pieces, {tracing:.2f} s".format(**found))
     if options.into:

@@ -11,14 +11,13 @@
 - factor: what is stored (MB); peak: most memory held during condensation (MB, by tracemalloc, the
   matrix itself not counted), and its ratio to the factor;
 - load, recover: one condensed load, one full field (ms);
-- solves: elimination with SuperLU or CHOLMOD and one solution per kept unknown (s), where asked
-  for with ``--solves``; CHOLMOD only where scikit-sparse is installed.
+- solves: elimination with SuperLU and one solution per kept unknown (s), where asked for with
+  ``--solves``.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import subprocess
 import sys
@@ -28,7 +27,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pwscont_coulomb.elastic import Cholmod, Multifrontal, SuperLU
+from pwscont_coulomb.elastic import Multifrontal, SuperLU
 from pwscont_coulomb.elastic.scenes import block_body
 from scipy.sparse.linalg import splu
 
@@ -46,7 +45,6 @@ COLUMNS = {
     "load ms": "{:7.1f}",
     "recover ms": "{:10.1f}",
     "SuperLU solves s": "{:16.2f}",
-    "CHOLMOD solves s": "{:16.2f}",
 }
 
 
@@ -68,8 +66,6 @@ def measure(nodes: int, solves: bool) -> dict[str, Any]:
     row |= memory(given)
     if solves:
         row["SuperLU solves s"] = timed(lambda: SuperLU().eliminate(*given))[1]
-        if importlib.util.find_spec("sksparse"):
-            row["CHOLMOD solves s"] = timed(lambda: Cholmod().eliminate(*given))[1]
     return row
 
 

@@ -34,7 +34,7 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
-STAGES = ("assembly", "condensation", "CHOLMOD", "tracing", "recovery")
+STAGES = ("assembly", "condensation", "tracing", "recovery")
 
 
 def draw_scale(into: Path) -> None:
@@ -42,7 +42,7 @@ def draw_scale(into: Path) -> None:
     data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     stages, each = figure.subplots(1, 2)
-    for name, marker, color in zip(STAGES, "so^D*", COLORS[:5], strict=True):
+    for name, marker, color in zip(STAGES, "soD*", COLORS[:4], strict=True):
         stages.loglog(*_series(data["block"], name), marker=marker, color=color, label=name)
     for name, marker, color in (("block", "D", COLORS[0]), ("strip", "v", COLORS[1])):
         each.loglog(*_series(data[name], "ms each"), marker=marker, color=color, label=name)

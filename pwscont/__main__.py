@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The commands ``pwscont`` and ``python -m pwscont``: what must happen before numpy is loaded.
 
 - BLAS takes the number of its threads from the environment when it is loaded. The matrices here

@@ -16,7 +16,7 @@ A *scene* of its own kind is a :class:`Runnable` that returns an :class:`Answer`
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import Kind
-from pwscont.basics.looks import card, counted
+from pwscont.basics.looks import card, counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.continuation.omissions import Omission
@@ -110,6 +110,7 @@ __all__ = [
     "locate_point",
     "locate_sign_change",
     "locate_zero",
+    "named",
     "newton",
     "power_of_two",
     "row_scale",

@@ -385,8 +385,25 @@ class Clock:
         return self.now
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), None])
+def test_progress_is_shown_on_terminals_only(monkeypatch, stream):
+    if stream is None:
+        monkeypatch.setattr(sys, "stderr", None)
+    clock = Clock()
+    progress = Progress("F", stream, clock)
+    clock.now += 10.0 * FIRST
+    progress(3, 0.25)
+    progress.close()
+    assert stream is None or stream.getvalue() == ""
+
+
 def test_progress_is_silent_for_a_second():
-    clock, stream = Clock(), io.StringIO()
+    clock, stream = Clock(), Terminal()
     progress = Progress("F", stream, clock)
     for clock.now in (100.0, 100.5, 100.0 + FIRST - 1e-3):
         progress(1, 0.0)
@@ -395,7 +412,7 @@ def test_progress_is_silent_for_a_second():
 
 
 def test_progress_after_a_second_is_one_line():
-    clock, stream = Clock(), io.StringIO()
+    clock, stream = Clock(), Terminal()
     progress = Progress("F", stream, clock)
     clock.now += FIRST
     progress(3, 0.25)
@@ -409,7 +426,7 @@ def test_progress_after_a_second_is_one_line():
 
 
 def test_the_rate_is_that_of_the_last_seconds():
-    clock, stream = Clock(), io.StringIO()
+    clock, stream = Clock(), Terminal()
     progress = Progress("F", stream, clock)
     for clock.now, pieces in [(101.0, 100), (102.0, 200), (107.0, 205), (112.0, 210)]:
         progress(pieces, 0.0)
@@ -426,6 +443,7 @@ def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
         return progress
 
     monkeypatch.setattr(running, "Progress", late)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     status, out, err = run(capsys, "run", name, "--json")
     assert status == 0
     assert json.loads(out)["scene"] == name

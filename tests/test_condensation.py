@@ -1,6 +1,5 @@
 """The interior eliminated: the same graph, fields that satisfy everything, each elimination."""
 
-import importlib.util
 import tracemalloc
 
 import numpy as np
@@ -9,7 +8,6 @@ import scipy.sparse as sp
 import skfem
 from elastic_bodies import jammed, pressed, square, strip, violations
 from pwscont_coulomb.elastic import (
-    Cholmod,
     ContactBoundary,
     ElasticBody,
     Lame,
@@ -27,16 +25,9 @@ from sweeps import swept
 from pwscont import explore
 from pwscont.basics.errors import InvalidInputError
 
-HAS_CHOLMOD = importlib.util.find_spec("sksparse") is not None
-ELIMINATIONS = [
-    Multifrontal(),
-    SuperLU(),
-    pytest.param(
-        Cholmod(), marks=pytest.mark.skipif(not HAS_CHOLMOD, reason="scikit-sparse is missing")
-    ),
-]
+ELIMINATIONS = [Multifrontal(), SuperLU()]
 every_elimination = pytest.mark.parametrize(
-    "elimination", ELIMINATIONS, ids=["Multifrontal", "SuperLU", "Cholmod"]
+    "elimination", ELIMINATIONS, ids=["Multifrontal", "SuperLU"]
 )
 
 

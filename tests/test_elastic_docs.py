@@ -47,7 +47,7 @@ def test_the_block_is_in_the_state_that_its_picture_shows():
     assert np.count_nonzero(state.modes == Mode.SLIP_PLUS) == 9
     assert state.modes[0] == Mode.SLIP_MINUS
     text = " ".join(PAGE.split())
-    assert "ten nodes stick, nine slip to the right, the first one has slipped to the left" in text
+    assert "ten nodes stick, nine slip to the right, the first one slips to the left" in text
 
 
 @pytest.mark.parametrize("row", CONDENSED)

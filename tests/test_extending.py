@@ -2,23 +2,23 @@
 
 import inspect
 import re
-from pathlib import Path
 
 import pytest
+from pages import blocks
 
 import pwscont
 from pwscont import extending
 
-PAGE = (Path(__file__).parents[1] / "docs" / "extending.rst").read_text(encoding="utf-8")
-BLOCK = re.compile(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", re.MULTILINE)
-
 
 def test_the_page_runs_from_top_to_bottom():
-    blocks = [re.sub(r"^   ", "", code, flags=re.MULTILINE) for code in BLOCK.findall(PAGE)]
-    assert len(blocks) == 6
+    *codes, package = blocks("extending.rst")
+    assert len(codes) == 7
+    assert package.startswith('"""')  # a file of its own, see test_own_package.py
     names = {}
-    for code in blocks:
-        exec(code, names)
+    for code in codes:
+        exec(compile(code, "extending.rst", "exec"), names)
+    with pytest.raises(pwscont.InvalidInputError, match="half_width must be positive, got -1"):
+        names["circle"](half_width=-1.0)
 
 
 SEAMS = [extending.Stepper, extending.TransitionDetector, extending.Search]
@@ -37,4 +37,4 @@ def test_every_type_of_a_seam_is_public(seam):
 
 def test_all_names_are_there():
     assert all(hasattr(extending, name) for name in extending.__all__)
-    assert extending.__all__ == sorted(extending.__all__)
+    assert len(set(extending.__all__)) == len(extending.__all__)

@@ -83,7 +83,7 @@ print(graph)
 
 # %%
 # The entries of ``multiplicity`` are triples that know whether their number holds at both of
-# their ends. ``where`` asks the other way round: where are there exactly so many?
+# their ends. ``with_count`` asks the other way round: where are there exactly so many?
 for stretch in graph.multiplicity():
     print(f"{stretch.ends:<13} {stretch[2]}")
 for number in (2, 4, 5):

@@ -15,7 +15,8 @@ slip-           unit vector             A_t + F A_nu
 
 and the rows of A for the displacements that are in no contact. All rows are A_i - k_i A_nu of
 the same node, or unit vectors: the number k_i, infinite for a unit vector, says which. A node that
-changes its mode changes at most two of them (fact F9), and the sign of det M is that of det(dH/dz).
+changes its mode changes at most two rows (docs/theory, F9), and the sign of det M is that of
+det(dH/dz).
 
 Failure modes and answers
 -------------------------

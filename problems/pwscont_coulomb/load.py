@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem
-from pwscont.extending import Array, Indices, Matrix, finite_array
+from pwscont.extending import Array, Indices, Matrix, finite_array, named
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
@@ -30,6 +30,9 @@ class AffineLoad:
     def __init__(self, f0: Any, f1: Any) -> None:
         self.f0 = finite_array("f0", f0)
         self.f1 = finite_array("f1", f1, self.f0.shape)
+
+    def __repr__(self) -> str:
+        return named(self, f"f0 + alpha f1, n = {len(self.f0)}")
 
     def __call__(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""

@@ -1,1 +1,1 @@
-"""Floor 0: arrays, errors, characters, tolerances, and what a run is allowed to cost."""
+"""Ground floor: arrays, errors, characters, tolerances, and what a run is allowed to cost."""

@@ -1,16 +1,16 @@
 """What is left of the limits of a run, and how a run ends that is out of them or interrupted.
 
 Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
-method, the loop over steps. It needs to know nothing of the run that it belongs to.
+method, the loop over steps. Who calls needs to know nothing of the run that the work is for.
 
 Failure modes and answers
 -------------------------
 - Ctrl-C while the graph is being changed would leave it in pieces: during a run the first Ctrl-C
   only sets a flag, which the next check sees. A second one, for a residual that hangs, raises at
   once.
-- A run within a run, such as a homotopy that searches a start: it ends with the outer one, and
-  the outer one is told.
-- Threads other than the main one get no Ctrl-C: there no handler is installed. One that the
+- A run within a run, such as a homotopy that searches a start: the inner run ends with the outer
+  one, and the outer one is told.
+- Threads other than the main one get no Ctrl-C: no handler is installed there. A handler that the
   program has installed itself is left alone.
 """
 
@@ -35,11 +35,11 @@ _current: ContextVar[Budget | None] = ContextVar("budget", default=None)
 
 @final
 class OutOfBudget(KeyboardInterrupt):
-    """A limit has run out; what holds for Ctrl-C holds for it."""
+    """A limit has run out: the run ends as it does after Ctrl-C."""
 
 
 def check_budget() -> None:
-    """Go on, or raise if the run that this belongs to has to end.
+    """Go on, or raise if the run that is going on has to end.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.looks import MOST_LETTERS, short
 
 
 @final
@@ -73,7 +74,8 @@ class Character:
         return hash(self._signs)
 
     def __repr__(self) -> str:
-        return f"Character(signs={self.signs})"
+        number = f", {len(self._signs)} signs" if len(self._signs) > MOST_LETTERS else ""
+        return f"Character({short(str(self))}{number})"
 
     def __reduce__(self) -> tuple[type[Character], tuple[tuple[bool, ...]]]:
         return Character, (self.signs,)

@@ -18,7 +18,7 @@ class InvalidSystemError(PwscontError, ValueError):
 
 
 class UnknownNameError(PwscontError, KeyError):
-    """Nothing is called so; the message names what is there, and what is close."""
+    """A name that nothing has; the message lists the names there are, and close ones."""
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""  # a KeyError would show the repr

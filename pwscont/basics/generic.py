@@ -1,4 +1,4 @@
-"""Numbers related to no simple ones: directions that no problem was made normal or parallel to."""
+"""Generic numbers: directions that no problem was made normal or parallel to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pwscont.basics.arrays import Array
 
 
 def generic(size: int, shift: float = 0.0) -> Array:
-    """Return numbers between -1 and 1, the same in every run; other ones for each shift."""
+    """Return numbers between -1 and 1, the same in every run; other numbers for each shift."""
     numbers: Array = np.cos(generic_angles(size, shift))
     return numbers
 

@@ -11,9 +11,11 @@ from pwscont.basics.arrays import Array
 MOST_UNKNOWNS = 6
 #: and of longer words, such as those of a body with many contact nodes, so many letters.
 MOST_LETTERS = 72
+#: What the names of unknowns begin with where the user gave none.
+UNNAMED = ("z[0]",)
 
 
-def counted(count: int, noun: str) -> str:
+def counted(count: int | float, noun: str) -> str:
     """Return a number with its noun, such as ``3 pieces``."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
@@ -23,12 +25,22 @@ def short(words: str) -> str:
     return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 4]} ..."
 
 
+def named(thing: object, *words: object) -> str:
+    """Return the name of a thing's class with what to know of the thing in brackets."""
+    return f"{type(thing).__name__}({', '.join(map(str, words))})"
+
+
+def at(x: Array) -> str:
+    """Return a point (z, alpha) in words, where the names of the unknowns are not at hand."""
+    return f"alpha={x[-1]:.10g}, {state(UNNAMED, x[:-1])}"
+
+
 def state(names: Sequence[str], z: Array) -> str:
     """Return the first unknowns, by name if they have one, and how many there are."""
     values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
     dots = ["..."] if len(z) > MOST_UNKNOWNS else []
     rest = f" {len(z)} unknowns" if dots else ""
-    if names[:1] == ("z[0]",):
+    if names[:1] == UNNAMED:
         return f"z=[{', '.join([*values, *dots])}]{rest}"
     shown = [f"{name}={value}" for name, value in zip(names, values, strict=False)]
     return ", ".join([*shown, *dots]) + rest

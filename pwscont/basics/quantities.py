@@ -142,7 +142,7 @@ class Quantities:
         return {name: self.value(name, z, alpha) for name in self.record}
 
     def attempted(self, z: Array, alpha: float) -> dict[str, float | str]:
-        """Return all recorded quantities at a state, in place of one that fails what happened."""
+        """Return all recorded quantities at a state; for one that fails, why."""
         return dict(self._attempts(z, alpha))
 
     def _attempts(self, z: Array, alpha: float) -> Iterator[tuple[str, float | str]]:

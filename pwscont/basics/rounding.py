@@ -1,6 +1,6 @@
 """The tolerances, each named once and derived from the unit roundoff.
 
-Every one is relative; what it multiplies is said where it is used.
+Every tolerance is relative; what it multiplies is said where the tolerance is used.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import sys
 EPS = sys.float_info.epsilon
 
 #: Newton has converged when its last correction is below this times the size of the point.
-#: The correction after it would be of the order of its square: below rounding.
+#: The next correction would be of the order of its square, which is below rounding.
 CONVERGED = 1e-11
 
 #: A quantity is zero when it is below this many times the rounding error of its own terms.

@@ -1,1 +1,1 @@
-"""Floor 8: accuracy and time of the steppers on problems whose answer is known."""
+"""Accuracy and time of the steppers on problems whose answer is known."""

@@ -6,14 +6,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pwscont.commands.completion import add_scene
+from pwscont.commands.examples import with_examples
 from pwscont.scenes.settings import add_settings
 
 
 def add_to(commands: Any) -> None:
     """Register the sub-command with the sub-parsers of the command line."""
-    bench = commands.add_parser("bench", help="measure accuracy and time of the steppers")
+    words = "measure accuracy and time of the steppers"
+    bench = commands.add_parser("bench", help=words, **with_examples("bench"))
     bench.set_defaults(command=_bench)
-    bench.add_argument("scene", nargs="*", metavar="SCENE", help="default: all with a known answer")
+    add_scene(bench, "default: all with a known answer", nargs="*")
     bench.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write picture and data there"
     )

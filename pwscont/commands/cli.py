@@ -1,4 +1,4 @@
-"""The command line: ``pwscont scenes`` and ``pwscont run SCENE``."""
+"""The command line: ``pwscont scenes``, ``pwscont run SCENE`` and ``pwscont bench``."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont.basics.errors import PwscontError
+from pwscont.commands import bench_arguments
 from pwscont.commands.arguments import spread
+from pwscont.commands.completion import add_scene, complete
+from pwscont.commands.examples import with_examples
 from pwscont.commands.looks import add_looks
 from pwscont.commands.run import run_scene
 from pwscont.scenes.registry import described_scene, scene_names
@@ -25,14 +27,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
-    if sys.stdout is None:  # closed by who started us
+    if sys.stdout is None:  # closed by the program that started this one
         return _failed("standard output is closed: redirect it to a file, or to /dev/null")
     try:
-        options = _parser().parse_args(list(spread(given)))
+        parser = _parser()
+        complete(parser)
+        options = parser.parse_args(list(spread(given)))
         status = int(options.command(options))
         sys.stdout.flush()
         return status
-    except BrokenPipeError:  # who reads, such as head, has seen enough
+    except BrokenPipeError:  # the reader, such as head, has seen enough
         _close_output()
         return 0
     except KeyboardInterrupt:
@@ -67,16 +71,16 @@ def _close_output() -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="pwscont", description="Follow the solutions of piecewise-smooth systems."
-    )
+    words = "Follow the solutions of piecewise-smooth systems."
+    parser = argparse.ArgumentParser(prog="pwscont", **with_examples("", description=words))
     parser.add_argument("--version", action="version", version=f"pwscont {version('pwscont')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     scenes = commands.add_parser("scenes", help="list the scenes")
     scenes.set_defaults(command=_scenes)
-    run = commands.add_parser("run", help="compute a scene and print what was found")
+    words = "compute a scene and print what was found"
+    run = commands.add_parser("run", help=words, **with_examples("run"))
     run.set_defaults(command=run_scene)
-    run.add_argument("scene", metavar="SCENE", help="a name from 'pwscont scenes'")
+    add_scene(run, "a name from 'pwscont scenes'")
     run.add_argument(
         "--at",
         action="append",
@@ -100,9 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
     )
-    import_module("pwscont.commands.bench_arguments").add_to(
-        commands
-    )  # by name: it stands above us
+    bench_arguments.add_to(commands)
     return parser
 
 

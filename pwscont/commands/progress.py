@@ -1,7 +1,8 @@
-"""A line of progress for runs that take longer than a second."""
+"""A line of progress on a terminal, for runs that take longer than a second."""
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections import deque
@@ -16,6 +17,8 @@ WINDOW = 10.0  # seconds over which the rate is taken
 @final
 class Progress:
     """Shows how many pieces are done, and how many per second lately; silent for short runs.
+
+    Silent, too, where the line would end up in a file or in another program.
 
     How long it will take is not said: nobody knows how many pieces there are.
 
@@ -38,7 +41,8 @@ class Progress:
         self._parameter = parameter
         self._stream = sys.stderr if stream is None else stream
         self._clock = clock
-        self._next = clock() + FIRST
+        on_terminal = self._stream is not None and self._stream.isatty()
+        self._next = clock() + FIRST if on_terminal else math.inf
         self._recent = deque([(clock(), 0)])
         self._shown = False
 

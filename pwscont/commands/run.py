@@ -108,7 +108,7 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
         journal.close()
         raise
     except BaseException:
-        if journal.trouble:  # it may lack what was found since, and would be in the way
+        if journal.trouble:  # the journal lacks later pieces
             journal.remove()
         journal.close()
         raise
@@ -130,8 +130,8 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
 
 
 def _make_way(path: Path) -> None:
-    """Remove the journal of a run that lacks nothing, or has nothing yet; refuse to lose more."""
-    journal = Journal(path)  # refuses one that another process is writing
+    """Remove the journal of a finished run, or one without pieces; refuse to lose pieces."""
+    journal = Journal(path)  # refuses a journal that another process is writing
     if not journal.is_finished and len(journal):
         journal.close()
         raise InvalidInputError(

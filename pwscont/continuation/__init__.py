@@ -1,4 +1,4 @@
-"""Floor 6: the loops, trace and explore."""
+"""The loops, trace and explore."""
 
 from pwscont.continuation.explore import explore
 from pwscont.continuation.trace import trace

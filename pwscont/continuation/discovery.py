@@ -1,7 +1,7 @@
 """Discovery: rays leave nodes, pieces arrive at nodes, until no ray is left.
 
-Two pieces meet at one node if it has a ray on the same cell, at the same place, in the
-opposite direction: that is how loops close and how nothing is drawn twice.
+A piece arrives at a known node if the node has a ray on the same cell, at the same place, in the
+opposite direction: that is how loops close, and how no piece is followed twice.
 """
 
 from __future__ import annotations
@@ -165,9 +165,9 @@ class Discovery:
         return replace(walk, arrival=arrival)
 
     def _reach(self, walk: FollowedPiece, place: Place, begin: int) -> int:
-        """Return the node at which a walk from another one arrived, and take its ray there.
+        """Return the node at which a walk arrived, and take the ray back from there.
 
-        One that stops so close to where it began that it seems to be there has not gone round.
+        A walk that stops so close to its beginning that both seem to be one node is no loop.
         """
         matches = [self._match(ray) for ray in walk.arrival.rays]
         near = next(filter(None, matches), None)
@@ -188,7 +188,7 @@ class Discovery:
         """Add to a node the rays that only this arrival shows.
 
         Transitions apart by no more than rounding may be one corner or two special points,
-        depending on where they are reached from; what is known of both is joined.
+        depending on where they are reached from; the rays known from either side are joined.
         """
         news = [ray for ray in arrival.rays if self._match(ray) is None]
         if not news:
@@ -203,7 +203,7 @@ class Discovery:
     def _match(self, ray: Ray) -> tuple[int, int] | None:
         """Return the node and ray that ``ray`` is, if it is known.
 
-        At a branch point several rays of one cell leave one place: the best aligned is it.
+        At a branch point several rays of one cell leave one place: the best aligned is taken.
         """
         best, found, towards = 0.0, None, direction(ray)
         candidates = chain.from_iterable(self._by_cell[cell] for cell in names(ray))
@@ -225,7 +225,7 @@ class Discovery:
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
 
-        One that lies on an interface only for all that rounding can tell is one of both sides.
+        A start that rounding alone puts on an interface is a point of the pieces on both sides.
         """
         rays = arrival.rays
         two_sided = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD, Kind.EVENT)

@@ -2,14 +2,14 @@
 
 Failure modes and answers
 -------------------------
-- Special points come closer and closer for a while, and then no more: nothing is stopped because of
-  it. Only where a path was stopped for another reason is it said that they seem to accumulate.
-- They come closer so slowly that they reach any alpha (the square roots of the whole numbers): the
+- Special points come closer and closer for a while, and then no more: no path is stopped for that.
+  That points seem to accumulate is said only of a path that was stopped for another reason.
+- Special points come closer so slowly that they reach any alpha (roots of the whole numbers): the
   differences must shrink fast enough for their sum to be finite, by Raabe's test.
 - Several kinds of special points take turns: every second, third or fourth is looked at, too.
 - A path with many equal teeth, each in cells of its own, ends: a path repeats itself only in the
   same cells, shifted by the same vector again and again, at the same alphas.
-- One that repeats itself for a while may end all the same: a user who sets limits decides.
+- A path that repeats itself for a while may end all the same: a user who sets limits decides.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ EVERY = 13
 TERMS, MOST_TURNS = 6, 4
 #: How far 1 / (1 - q) may stray from a straight line, q the ratio of successive differences.
 STRAY = 0.25
-#: Its slope: 0 for geometric sequences, 1/2 for 1 / k, 1 where the sum is no longer finite.
+#: Largest slope of that line: 0 for geometric sequences, 1/2 for 1 / k, 1 where the sum diverges.
 STEEPEST = 0.8
 #: Periods after which a path is taken to repeat itself, and their longest length in pieces.
 PERIODS, LONGEST = 8, 8

@@ -27,7 +27,7 @@ from pwscont.transitions.rays import Ray
 
 #: A piece of more steps is lost: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
-#: Where so many steps of a piece were too long to see what happens within them it is singular.
+#: A piece is singular where so many of its steps were too long to see what happens within them.
 MOST_BLOCKED = 200
 
 
@@ -36,7 +36,7 @@ MOST_BLOCKED = 200
 class FollowedPiece:
     """A piece: its points, shape (k, n + 1), and where it arrived.
 
-    It is cut where the budget of the run was spent before its end.
+    The piece is cut where the budget of the run was spent before the end of the piece.
     """
 
     points: Array
@@ -44,7 +44,7 @@ class FollowedPiece:
     is_cut: bool = False
 
     def sharing(self, ray: Ray) -> FollowedPiece:
-        """Return the walk with what its first ray knows of an interface at its end as well.
+        """Return the walk with what ``ray``, its first one, knows of an interface, at its end too.
 
         Beyond an event a piece goes on along the same interface.
         """

@@ -3,23 +3,23 @@
 A run is the same sequence of walks each time, and walks are all that takes long. So a run goes on
 where it stopped by being repeated with the walks that the journal knows.
 
-The file is a line that names it, and records behind each other, each with a checksum and never
-written to again. So whatever is lost at the end, what stands before it is the journal of a run
-that was stopped earlier, and leads to the same graph.
+The file is a line that says what the file is, and records behind each other, each with a checksum
+and never written to again. So whatever is lost at the end, the rest is the journal of a run that
+was stopped earlier, and leads to the same graph.
 
 Failure modes and answers
 -------------------------
 - The process is killed between any two instructions, or the power fails: a last record that is
   not whole is left out.
-- Bytes change: a checksum does not fit, and the journal is refused. It covers the place in the
-  file, too, so that no record is missing between others.
+- Bytes change: a checksum does not fit, and the journal is refused. A checksum covers the place of
+  its record in the file, too, so that no record is missing between others.
 - The disk is full: the run goes on and is not recorded any more, see ``Journal.trouble``.
 - Two processes work on one journal: the first locks it until it ends, however it ends.
 - The journal is of another problem, perhaps one that begins alike: names, interval, stepper, and
   the values of H and of the tests at generic points are compared before any work, and each walk
   with the ray from which it was recorded.
-- The search yields its starts while pieces are followed: starts are recorded, too, so that later
-  ones cannot overtake what is known.
+- The search yields its starts while pieces are followed: starts are recorded, too, so that in the
+  repeated run each comes at its turn.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.locking import lock
@@ -123,6 +124,9 @@ class Journal:
     def __len__(self) -> int:
         """Return the number of finished pieces."""
         return len(self._places[WALK])
+
+    def __repr__(self) -> str:
+        return named(self, self.path, counted(len(self), "finished piece"))
 
     @property
     def is_finished(self) -> bool:

@@ -7,10 +7,10 @@ Failure modes and answers
 -------------------------
 - Steps of differences that fit magnitudes of one step over a function of magnitude 1e-9: what
   Newton finds then is no solution, and of no magnitude in particular. Magnitudes count only where
-  solutions found with them have them.
+  the solutions that are found with them are of these magnitudes.
 - Unknowns of different magnitudes: each has its own, in a second round.
-- No solution but zero is found: by how much each unknown must change for H to change as much as it
-  is off tells whether magnitudes of one are far off.
+- No solution but zero is found: each unknown is changed until H changes by as much as H is off
+  zero; the size of that change tells whether magnitudes of one are far off.
 - An unknown that is zero in all solutions found has no magnitude: that of the largest is taken.
 - A tail that decays along a chain: what is next to nothing beside the largest is not measured by
   itself.
@@ -34,11 +34,11 @@ from pwscont.system.system import PiecewiseSystem
 
 #: Magnitudes that differ by less than this factor are alike.
 ALIKE = 100.0
-#: Solutions larger than this would take that many steps; smaller ones would lose as many digits.
+#: Larger solutions would take more steps than these, smaller ones would lose too many digits.
 LARGE, SMALL = 1e3, 1e-6
 #: Jacobians that differ by more than this part do not see the same function.
 DIFFERENT = 1e-3
-#: What is tried where solutions give no hint: from one outwards.
+#: Magnitudes to try where solutions give no hint: from one outwards.
 TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
 ROUNDS = 3
 #: An unknown that is smaller than this part of the largest is a tail.

@@ -100,7 +100,7 @@ def default_detectors(
 ) -> tuple[TransitionDetector, ...]:
     """Return what must be watched: straight pieces neither fold nor branch within a cell.
 
-    Branch points come before folds, for alpha may turn at one.
+    Branch points come before folds, for alpha may turn at a branch point.
     """
     always = (IntervalEnds(*interval), BoundingTests())
     if isinstance(stepper, ExactLinear):
@@ -125,10 +125,10 @@ class Plan:
     metric : Metric
         That of the followed system.
     box : Box
-        The bounds and periods of its unknowns.
+        The bounds and periods of the unknowns of the followed system.
     stepper : Stepper
     added : tuple of TransitionDetector
-        Those that were given, beside the default ones.
+        The detectors that a user gave, beside the default ones.
     """
 
     system: PiecewiseSystem
@@ -186,7 +186,7 @@ class Plan:
     ) -> BranchGraph:
         """Return the graph of everything that is reached from starts of the followed system.
 
-        Where the budget is spent it is the graph of what was found.
+        Where the budget is spent, the graph has what was found until then.
         """
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))

@@ -45,8 +45,8 @@ def measured(
 ) -> tuple[Plan, Iterator[Found]]:
     """Return a plan with typical magnitudes of z, and its starts.
 
-    A system that gives none is measured by its first solutions; where these are far from one, by
-    solutions found again with what fits them.
+    A system that gives no magnitudes is measured by its first solutions; where these are far from
+    one, by solutions found again with magnitudes that fit.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def measured(
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
-    """Return the first starts and the others; where none is found that is said when asked."""
+    """Return the first starts and the others; if none is found, the others raise why."""
     try:
         return list(islice(starts, FIRST)), starts
     except StartNotFoundError as error:

@@ -1,8 +1,8 @@
 """What is remembered of a ray that was followed: enough to know it again.
 
 A ray is known by its cells, its place and its direction. Directions are compared by the cosine
-between them, for which a few projections do as well as all components: those of one direction
-agree, and those of two that differ clearly do not.
+between them, for which a few projections do as well as all components: the projections of equal
+directions agree, those of directions that differ clearly do not.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pwscont.transitions.rays import Ray
 
 #: Up to this many unknowns directions are kept whole.
 WHOLE = 64
-#: Projections of longer ones.
+#: Projections that are kept of longer directions.
 PROJECTIONS = 16
 #: Longer names of cells are replaced by a digest, in bytes.
 DIGEST = 20

@@ -1,1 +1,1 @@
-"""Floor 3: one smooth curve: metric, Newton, predictors, correctors, step sizes."""
+"""One smooth curve: metric, Newton, predictors, correctors, step sizes."""

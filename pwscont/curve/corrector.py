@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve, State
@@ -36,6 +37,9 @@ class Corrected:
     iterations: int
     factor: Factor
     contraction: float
+
+    def __repr__(self) -> str:
+        return named(self, self.state, counted(self.iterations, "iteration"))
 
 
 class Corrector(ABC):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import final
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.system.selection import Selection
@@ -55,3 +56,6 @@ class State:
     def alpha(self) -> float:
         """The parameter value."""
         return float(self.x[-1])
+
+    def __repr__(self) -> str:
+        return named(self, at(self.x), f"orientation {self.orientation:+d}")

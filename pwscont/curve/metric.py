@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.linear.factorise import power_of_two
 from pwscont.system.box import Box
@@ -52,6 +53,10 @@ class Metric:
         self._period = period[self._turning] if period is not None else _NONE
         self.binary = power_of_two(scale)
         self._weight = 1.0 / scale**2
+
+    def __repr__(self) -> str:
+        lo, hi = self.interval
+        return named(self, f"{len(self.scale)} magnitudes", f"alpha in [{lo:.6g}, {hi:.6g}]")
 
     @classmethod
     def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:

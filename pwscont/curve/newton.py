@@ -1,23 +1,24 @@
 """Newton's method for one selection and one more equation, the border.
 
-With the border t . (x - predicted) = 0 it is a corrector, with kappa_i = 0 it locates a
+With the border t . (x - predicted) = 0 Newton is a corrector, with kappa_i = 0 it locates a
 transition, with alpha = constant it finds a solution.
 
 Failure modes and answers
 -------------------------
 - The selection is undefined far from its cell: non-finite values are a failure, and the caller
   shortens its step.
-- H need not be defined outside the interval of alpha: an iterate that leaves it is a failure.
+- H need not be defined outside the interval of alpha: an iterate that leaves the interval is a
+  failure.
 - Newton converges from far away, to another curve: the sizes of its corrections are kept, by
   whose first ratio the caller judges (Deuflhard 2011, chapter 5).
 - Scale: convergence is judged by the correction of each unknown relative to its own size, which
   neither the units of z nor those of the equations change.
-- Ill conditioning: corrections stall at the condition number times rounding. They are accepted
+- Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
   there, and the error estimate says how few digits are left.
 - An iteration too many costs as much as the rest of a step: where quadratic contraction lets
-  hope that one or two corrections more are enough, they are computed with the old factorisation
-  (each shrinks by what the last one changed). It is marked as stale: next to a branch point the
-  tangent turns within them.
+  hope that one or two corrections more are enough, these are computed with the old factorisation
+  (each shrinks by what the last one changed). The factorisation is marked as stale: next to a
+  branch point the tangent turns within these corrections.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ MOST_CHORDS = 2
 #: A correction that is not smaller than this part of the one before does not converge any more.
 STALLED = 0.1
 #: A factorisation is stale where it changes by more than this part within the last correction.
-#: A direction that it is corrected with by no more than this part is right to rounding.
+#: A direction that such a factorisation corrects by no more than this part is right to rounding.
 TURNED = math.sqrt(CONVERGED)
 
 
@@ -100,6 +101,6 @@ def contraction(size: float, before: float) -> float:
     """Return the ratio of the next two corrections, if convergence is quadratic.
 
     d -> c d^2 turns the ratio q of two corrections into q^2 for the next two; after the first
-    correction c is not known, and taken for one.
+    correction the factor c is not known, and taken for one.
     """
     return (size / before) ** 2 if before > 0.0 else size

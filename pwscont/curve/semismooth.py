@@ -12,10 +12,10 @@ Failure modes and answers
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
-- Divergence: so far out that rounding hides the residual, no step reduces it. Where an error is as
-  large as the point itself, nothing is known, and it is no solution.
-- Ill conditioning: a solution can be so uncertain that its correction never converges. Where no
-  step reduces the residual any more and the correction is nothing but rounding, it is one.
+- Divergence: so far out that rounding hides the residual, no step reduces it. A point whose error
+  is as large as the point itself is no solution.
+- Ill conditioning: a solution can be so uncertain that its correction never converges. A point is
+  a solution where no step reduces the residual any more and the correction is nothing but rounding.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def _as_good_as_it_gets(
 ) -> tuple[Array, Array] | Failure:
     """Return a point whose residual no step reduces, if it is a solution within rounding.
 
-    So near a known solution it is that one again.
+    Within rounding of a known solution it is the known one again, and refused.
     """
     again = (replace(root, error=np.abs(metric.difference(root.x, other))) for other in known)
     if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):

@@ -1,4 +1,4 @@
-"""Floor 3: all solutions of systems that are affine in z, by a search over their cells."""
+"""All solutions of systems that are affine in z, by a search over their cells."""
 
 from pwscont.enumeration.by_parts import Cells, Table, is_regular
 from pwscont.enumeration.face import Face

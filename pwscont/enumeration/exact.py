@@ -14,9 +14,9 @@ Failure modes and answers
 - Cost: the numbers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded: selections that agree on an interface do so to rounding
-  only. A solution as close to it as that makes uncertain may be in both cells, where it is found
-  twice and merged by its error, or in none: cells that miss their solution by no more than its
-  error are counted as undecided unless the solution was found in another cell.
+  only. A solution that close to an interface may lie in both cells, is then found twice, and merged
+  by its error; or it lies in none: cells that miss their solution by no more than its error are
+  counted as undecided unless the solution was found in another cell.
 - Cells with infinitely many solutions: counted, not solved.
 """
 

@@ -166,8 +166,9 @@ def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
     """Tell whether two points of exact cells are one.
 
-    Equal ones are. Two that only their errors do not tell apart are one where the signs agree: by
-    F1 such a curve crosses the interface between them. Where they differ it turns back there.
+    Equal points are. Points that only their errors do not tell apart are one where the signs agree:
+    by F1 the curve crosses the interface between their cells. Where the signs differ the curve
+    turns back at the interface, and there are two points.
     """
     if np.array_equal(a.x, b.x):
         return True

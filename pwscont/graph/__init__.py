@@ -1,4 +1,4 @@
-"""Floor 5: the branch graph, its queries and its file."""
+"""The branch graph, its queries and its file."""
 
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Piece, Solution, SpecialPoint

@@ -1,6 +1,6 @@
 """Places of a system that knows which unknowns determine the others.
 
-Of the four unknowns of a contact node its mode fixes two. Only the others are stored.
+The mode of a contact node fixes two of its four unknowns. Only the other two are stored.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Where special points are, stored so that thousands of them are cheap.
 
-A piece begins and ends at special points: all three share one place. What the estimate of an
-error says are its first digits, and only these are kept.
+A piece begins and ends at special points, and shares their places. Only the first digits of an
+estimate of an error mean anything, and only these are kept.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """What is known about the completeness of a graph, in words: what, and where.
 
 The sum of signs can change only where a piece ends that does not go on (docs/theory, F4). So where
-it is not what it must be, the ends around that stretch tell why: a piece was stopped, or the model
-ends there. Where all pieces go on, a branch is missing; or one stands there twice.
+the sum is not what it must be, the ends around that stretch tell why: a piece was stopped, or the
+model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
 
 Failure modes and answers
 -------------------------
 - A branch that the system itself ends takes its sign along: the sums on both sides of such an end
-  are compared without it.
+  are compared without that sign.
 - A solution that stands twice is told from two that are close by their errors.
 """
 

@@ -1,1 +1,1 @@
-"""Floor 2: linear algebra with matrices of every structure."""
+"""Linear algebra with matrices of every structure."""

@@ -3,9 +3,10 @@
 Failure modes and answers
 -------------------------
 - The full rows and the full column would fill a sparse factorisation: they are added one after
-  the other to an LU of the part of J for z. First those that make up for its rank, then alpha.
-- That part has lost two ranks, which happens where two curves that cross are both vertical: the
-  whole matrix is factorised, sparse, whatever that costs.
+  the other to an LU of the part of J for z, first the borders that make up for the rank which that
+  part lacks, then the column of alpha.
+- The part for z lacks two ranks, where two curves that cross are both vertical: the whole matrix is
+  factorised, sparse, whatever that costs.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.looks import named
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.cores import Core, banded_core
 from pwscont.linear.factor import Factor
@@ -56,6 +57,9 @@ class BandedJacobian(StructuredJacobian):
             )
         self.bands, self.lower, self.upper, self.column = bands, lower, upper, column
         self.shape = (n, n + 1)
+
+    def __repr__(self) -> str:
+        return named(self, f"{self.shape}", f"{self.lower} below, {self.upper} above the diagonal")
 
     def tocsc(self) -> Any:
         """Return the same matrix as a scipy.sparse one."""

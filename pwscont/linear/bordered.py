@@ -25,8 +25,8 @@ from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import Core
 from pwscont.linear.factor import Factor, power_of_two
 
-#: Plain elimination loses as many digits as B^-1 b is larger than b. Up to this growth it is left
-#: at that: what it loses of a Newton correction is below rounding of the unknowns.
+#: Plain elimination loses as many digits as B^-1 b is larger than b. Up to this growth nothing is
+#: done about the loss: what is lost of a Newton correction is below rounding of the unknowns.
 GROWTH = 1e4
 
 
@@ -56,7 +56,7 @@ class Interior:
 
     @classmethod
     def at_once(cls, core: Core, column: Array, beside: Array | None = None) -> Interior:
-        """Return one that solves for everything together, where that costs as much as one.
+        """Return an interior whose solves are done together, where all cost as much as one.
 
         Also for f, shape (n,), if it is given ``beside``.
         """

@@ -21,7 +21,8 @@ from pwscont.linear.factor import Factor
 def bordered_sparse(jacobian: Matrix, row: Array, scale: Array) -> Factor | None:
     """Factorise [J; row] for a sparse J by its part for z.
 
-    None where there is no LU of that part; ``scale`` as for :func:`~.linalg.bordered`.
+    None where there is no LU of that part; ``scale`` is that of
+    :func:`pwscont.linear.factorise.bordered`.
     """
     scaled, row = columns_scaled(jacobian, scale), row * scale
     rows = row_scale(largest_in_rows(scaled), row)

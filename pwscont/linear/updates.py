@@ -2,7 +2,7 @@
 
 Where row r of M is replaced, M' = M + e_r d^T, the inverse changes by a matrix of rank one (Sherman
 and Morrison): M'^-1 = M^-1 - w d^T M^-1 / (1 + d.w), with w column r of M^-1. The changes since the
-inverse was formed are kept as vectors w and d (the product form, fact F11); after a number of them
+inverse was formed are kept as vectors w and d (the product form); after a number of them
 they are subtracted from the inverse all at once, by products of matrices. The sign of the
 determinant is multiplied by that of 1 + d.w, so that no determinant is ever computed (docs/theory,
 F10).
@@ -10,15 +10,15 @@ F10).
 Failure modes and answers
 -------------------------
 - Rounding errors of the changes add up: whoever solves compares the residual with
-  :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large;
-  there is one as well after a number of changes that costs one part in ten.
+  :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large.
+  After a number of changes the matrix is factorised afresh anyway, which costs one part in ten.
 - The new matrix is nearly singular, or the change loses digits: 1 + d.w is small beside its terms,
-  and the matrix is factorised afresh. It is inverted only where it is well conditioned; an LU
+  and the matrix is factorised afresh. Only well conditioned matrices are inverted; an LU
   factorisation with partial pivoting serves bordered solves also at folds.
 - Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
   a fresh factorisation is cheaper than the changes, and is not inverted before a change asks.
 - Someone solves with an older matrix: every solve names its matrix, and the rows are replaced
-  back; nothing is ever solved with the wrong one.
+  back, so that no system is ever solved with the wrong matrix.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Floor 7: scenes, tables, pictures and the command line."""
+"""Named problems, ready to run: scenes, tables and pictures."""

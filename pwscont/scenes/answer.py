@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
@@ -34,7 +35,7 @@ class Runnable(ABC):
     """A named problem, ready to run from the command line.
 
     A package offers one by an entry point of the group ``pwscont.scenes`` whose value is a
-    function without arguments that returns it.
+    function that returns it; the parameters of the function, all with defaults, are settings.
 
     Attributes
     ----------
@@ -51,6 +52,13 @@ class Runnable(ABC):
     resumable: ClassVar[bool] = False
     #: Whether its pictures show a body, with displacements.
     has_body: ClassVar[bool] = False
+
+    def __repr__(self) -> str:
+        return named(self, f"{self.name}: {short(self.title)}")
+
+    def _repr_html_(self) -> str:
+        rows = [("title", self.title), ("parameter", self.parameter)]
+        return card(f"{type(self).__name__} {self.name}", rows)
 
     def with_journal(self, journal: Journal) -> Runnable:
         """Return the same scene with a journal of its finished pieces."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
+from pwscont.basics.looks import counted, named
 from pwscont.graph import BranchGraph, Solution
 from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.graph.records import attempted
@@ -23,6 +24,9 @@ class GraphAnswer(Answer):
     scene: Shown
     graph: BranchGraph
     at: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        return named(self, self.scene, counted(len(self.graph.pieces), "piece"))
 
     def as_text(self) -> str:
         """Return branches, transitions, numbers of solutions, and the solutions asked for."""

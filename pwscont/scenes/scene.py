@@ -24,12 +24,12 @@ from pwscont.transitions.events import Stop
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Scene(Runnable):
     """A system, an interval of its parameter, and what to report and draw.
 
     A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
-    function without arguments that returns the scene.
+    function that returns the scene; its parameters, all with defaults, are settings.
 
     Attributes
     ----------

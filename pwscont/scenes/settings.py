@@ -9,7 +9,8 @@ from typing import Any, get_type_hints
 
 from pwscont.basics.errors import InvalidInputError
 
-WORDS = {int: "a whole number", float: "a number", str: "a text"}
+WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
+TRUTH = {"true": True, "false": False}
 
 
 def add_settings(command: argparse.ArgumentParser) -> None:
@@ -58,7 +59,7 @@ def described(make: Callable[..., Any]) -> str:
 
 def _value(scene: str, name: str, text: str, kind: Callable[[str], Any]) -> Any:
     try:
-        return kind(text)
-    except ValueError as error:
+        return TRUTH[text.lower()] if kind is bool else kind(text)
+    except (ValueError, KeyError) as error:
         word = WORDS.get(kind, kind)  # type: ignore[call-overload]
         raise InvalidInputError(f"{name} of scene {scene} must be {word}, got {text!r}") from error

@@ -1,4 +1,4 @@
-"""Floor 5: where tracing can start, found without being told."""
+"""Where tracing can start, found without being told."""
 
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import enumerate_solutions

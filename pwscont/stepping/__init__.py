@@ -1,4 +1,4 @@
-"""Floor 3: steppers, each of which owns one step along a curve."""
+"""Steppers, each of which owns one step along a curve."""
 
 from pwscont.stepping.exact_linear import ExactLinear
 from pwscont.stepping.natural_parameter import NaturalParameter

@@ -4,21 +4,21 @@ Failure modes and answers
 -------------------------
 - The corrector converges far from the prediction, on another part of the curve: the correction
   is measured against the step.
-- It converges on a neighbouring sheet of the same selection: the prediction was off by as much as
-  the sheets are apart, so Newton is not in its quadratic regime, and the ratio of its first two
-  corrections is not small (Deuflhard 2011, chapter 5).
-- Both accept by chance, where the sheets are much closer than the step: the cubic between the two
-  points, which the graph interpolates, then leads from one sheet to the other, and at points inside
-  the step it is off by the part of their distance that it has crossed there.
+- The corrector converges on a neighbouring sheet of the same selection: the prediction was off by
+  as much as the sheets are apart, so Newton is not in its quadratic regime, and the ratio of its
+  first two corrections is not small (Deuflhard 2011, chapter 5).
+- Both measures accept by chance, where the sheets are much closer than the step: the cubic between
+  the two points, which the graph interpolates, then leads from one sheet to the other, and inside
+  the step the cubic is off by the part of the sheets' distance that it has crossed there.
 - Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
-  of its point is estimated, and what is no larger than that tells nothing.
+  of its point is estimated, and measures no larger than that error tell nothing.
 - The check itself must be cheap: a point inside costs one residual and one solution with the
   factorisation that the corrector leaves. One point is enough if it is well chosen: where the cubic
   has crossed a golden section of the distance between the sheets, of all parts the one whose
   multiples stay farthest from whole numbers, so that no sheet between passes for the curve.
-- Over many sheets at once even that may pass: for Fibonacci numbers the golden multiple is nearly
-  whole. Such a jump needs a large correction: there a second point is looked at, and the larger the
-  correction, the closer the cubic must be.
+- A jump over many sheets at once may pass even so: for Fibonacci numbers the golden multiple is
+  nearly whole. Such a jump needs a large correction: there a second point is looked at, and the
+  larger the correction, the closer the cubic must be.
 
 What stays unseen: sheets that are closer than about a thousandth of a step.
 """
@@ -45,12 +45,12 @@ SLOWEST = 0.1
 OFF = 0.1 * BESIDE
 #: Where the correction is a larger part of the step than this, the cubic is looked at twice.
 SURE = 3e-3
-#: Where it is larger than this, the cubic must be the closer to the curve.
+#: Where the correction is larger than this part, the cubic must be the closer to the curve.
 CLOSE = 1e-2
 #: Where the cubic is looked at in the second place: at sqrt(3) - 1 of the distance between sheets.
 SECOND = 0.6602
-#: What is not told apart anyway, in the metric: by so much it may be off however short the step is,
-#: where tangents from differences are no better.
+#: The cubic may be off by so much, in the metric, however short the step is: tangents from
+#: differences are no better, and points this close are not told apart anyway.
 NEGLIGIBLE: float = EPS**0.5
 
 

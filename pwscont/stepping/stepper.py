@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
@@ -15,8 +16,8 @@ from pwscont.curve.uncertainty import magnitude
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
-#: The curve is beside the cubic through two of its points by less than this part of the chord; a
-#: step is accepted where it is a tenth of this at points inside.
+#: The curve is off the cubic through two of its points by less than this part of the chord; a step
+#: is accepted where the curve is off by a tenth of this at points inside.
 BESIDE = 1e-3
 #: Where the inside of a step is looked at, as a part u of it: 3 u^2 - 2 u^3 is the golden section.
 INSIDE = 0.4209
@@ -59,6 +60,9 @@ class StraightSegment(Segment):
         """Return the point at distance ``s``, exact but for rounding."""
         return self.start.x + s * self.start.tangent
 
+    def __repr__(self) -> str:
+        return named(self, self.curve.selection, f"from {at(self.start.x)}")
+
     def position(self, x: Array) -> float:
         """Return the distance of ``x`` along the ray."""
         return float(self.curve.metric.covector(self.start.tangent).dot(x - self.start.x))
@@ -91,6 +95,10 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     _inside: Array | None = field(default=None, init=False, repr=False)
+
+    def __repr__(self) -> str:
+        ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
+        return named(self, self.curve.selection, ends)
 
     @property
     def inside(self) -> Array:

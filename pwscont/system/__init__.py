@@ -1,1 +1,1 @@
-"""Floor 1: what a user writes, its selections, and the checks of it."""
+"""What a user writes, its selections, and the checks of it."""

@@ -2,10 +2,10 @@
 
 Failure modes and answers
 -------------------------
-- A solution on a bound is on either side of it by rounding: it is outside only where it is so by
-  more than its error.
-- Zero may be outside the bounds, or on one of them, where H need not make sense: where a search
-  begins is well inside.
+- A solution on a bound is on either side of the bound by rounding: a solution is outside only
+  where it is so by more than its error.
+- Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at
+  points well inside.
 """
 
 from __future__ import annotations

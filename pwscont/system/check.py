@@ -13,6 +13,7 @@ from pwscont.basics.arrays import Array, dense, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
+from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.system.contract import check_contract, checked_size
 from pwscont.system.ending import end_of
@@ -33,6 +34,10 @@ class Report:
 
     def __bool__(self) -> bool:
         return not self.defects
+
+    def __repr__(self) -> str:
+        found = counted(len(self.defects), "defect")
+        return named(self, f"{found} at {counted(self.points, 'point')}")
 
     def __str__(self) -> str:
         if not self.defects:

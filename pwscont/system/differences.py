@@ -2,13 +2,13 @@
 
 Failure modes and answers
 -------------------------
-- Steps in other units than the unknowns are rounding or miss the function: they are taken from
+- Steps in other units than the unknowns are rounding or miss the function: steps are taken from
   typical magnitudes of the unknowns, and from the length of the interval of alpha.
 - A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
   end differences are one-sided, of the same order of accuracy.
-- The step is not what was asked for (alpha between 1e6 and 1e6 + 1): it is divided by the
-  difference of the two arguments, which is exact.
-- A function may return one array again and again: what it returns is copied.
+- The step is not what was asked for (alpha between 1e6 and 1e6 + 1): the values are divided by the
+  difference of their arguments, which is exact.
+- A function may return one and the same array again and again: its values are copied.
 """
 
 from __future__ import annotations

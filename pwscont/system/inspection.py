@@ -21,6 +21,7 @@ from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
+from pwscont.basics.looks import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
 from pwscont.system.all_cells import signs_of_solutions
 from pwscont.system.contract import check_contract, residual_at
@@ -62,10 +63,11 @@ class Defect:
     size: float
 
     def __str__(self) -> str:
-        z = np.array2string(self.z, precision=6)
-        return (
-            f"{self.what} at z = {z}, alpha = {self.alpha:.6g}: off by {self.size:.1e} (relative)"
-        )
+        where = f"{state(UNNAMED, self.z)}, alpha = {self.alpha:.6g}".replace("z=", "z = ")
+        return f"{self.what} at {where}: off by {self.size:.1e} (relative)"
+
+    def __repr__(self) -> str:
+        return named(self, self)
 
 
 def closer_look(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:

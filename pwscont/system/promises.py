@@ -2,9 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- A residual or test function that is promised to be affine and is not: it is compared with its
-  affine model, one evaluation away from where the matrix came from. What is left is compared with
-  the terms, so that neither units nor conditioning raise an alarm.
+- A residual or test function that is promised to be affine and is not: the function is compared
+  with its affine model, one evaluation away from where the matrix came from. The difference is
+  measured by the terms, so that neither units nor conditioning raise an alarm.
 - H jumps at an interface: the residuals of both selections there differ by more than rounding of
   their terms, and by more than the error of the point can change them.
 - H is not finite wherever solutions are looked for: nothing is found, which is no answer.
@@ -162,8 +162,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
 def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bool:
     """Tell whether several tests are next to zero at a point.
 
-    Their signs there are rounding, and may name a cell whose selection agrees with the other one at
-    the corner only. Rows with different gradients differ there as far as the corner is away.
+    The signs of such tests are rounding, and may name a cell whose selection agrees with the other
+    selection at the corner only. Rows with different gradients differ as far as the corner is away.
     """
     near: set[int] = set()
     for side in sides:
@@ -175,8 +175,8 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
     """Tell whether a point lies in the closed cells of both selections, as far as tests can tell.
 
-    A test tells nothing where rounding of one of its terms hides another one: with friction
-    coefficients of 1e13 the cell that it names may be any.
+    A test tells nothing where rounding of one of its terms hides another term: with friction
+    coefficients of 1e13 the cell that the test names may be any.
     """
     for side in sides:
         gradients = np.abs(dense(side.test_gradients(x)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Matrix
 from pwscont.basics.character import Character
+from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
@@ -44,6 +45,9 @@ class Selection:
                 signs.setdefault(int(test), known[test])
         self.bounding: Indices = np.array(list(signs), dtype=np.intp)
         self._side = np.where(list(signs.values()), 1.0, -1.0)
+
+    def __repr__(self) -> str:
+        return named(self, short(self.label), f"of {type(self.system).__name__}")
 
     @cached_property
     def cell(self) -> bytes:

@@ -1,4 +1,4 @@
-"""Floor 4: what ends a smooth piece, where, and which pieces leave from there."""
+"""What ends a smooth piece, where, and which pieces leave from there."""
 
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.branch_point import SmoothBranchPoints

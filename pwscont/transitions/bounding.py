@@ -120,7 +120,7 @@ def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
 def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
     """Tell whether a test is negative inside a step and positive at both ends.
 
-    One that is zero all along has no slope at either end.
+    A test that is zero all along, which has no slope at either end, does not count.
     """
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
     rides = (start.slopes == 0.0) & (end.slopes == 0.0)
@@ -131,7 +131,8 @@ def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
 def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
     """Tell whether tests that vanish within rounding still vanish one after the other.
 
-    The piece that was followed ends at their corner and is none of its rays: it lies between.
+    Where no ray of their corner is the piece that was followed, the piece lies between the
+    interfaces, and meets one after the other.
     """
     return met.kind == Kind.STOPPED and len(zero) > 1
 
@@ -139,8 +140,8 @@ def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
 def _rides(gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array) -> Array:
     """Tell which tests are zero along the piece, to the rounding of their own terms.
 
-    A slope that would not lift a test out of its rounding within the length of the interval,
-    which is one, is zero. Where nothing moves values and slopes are rounding of typical ones.
+    A slope is zero if it would not lift the test out of its rounding within the length of the
+    interval, which is one. Where nothing moves, values and slopes are rounding of typical values.
     """
     rounding = magnitude_of_values(gradients, state.x, state.error)
     zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
@@ -164,7 +165,7 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
 def corner(
     curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
 ) -> SpecialPointFound:
-    """Return the special point at which several interfaces meet, or one is tangent."""
+    """Return the special point at which several interfaces meet, or a tangent one is met."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
     found = fan(curve.selection.system, curve.metric, x, error, zero)
     for ray in found.rays:
@@ -185,9 +186,9 @@ def corner(
 
 
 def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
-    """Return a ray whose error covers where along it each test vanishes that is taken to here.
+    """Return the ray with an error that covers where along the ray each of these tests vanishes.
 
-    Rounding of a test may be far more than what the place of another is uncertain.
+    Rounding of one test may be far more than the place where another vanishes is uncertain.
     """
     state, which = back.state, np.array(sorted(zero), dtype=np.intp)
     system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
@@ -202,9 +203,9 @@ def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
 
 
 def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
-    """Return what vanishes as well where a test does not bound the cell on its other side.
+    """Return the tests that vanish as well where one does not bound the cell on its other side.
 
-    The signs there are rounding: so are the tests that do bound that cell.
+    That cell was named by signs that are rounding: so are the tests that do bound the cell.
     """
     if len(zero) != 1:
         return frozenset()

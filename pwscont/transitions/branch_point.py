@@ -7,10 +7,10 @@ Failure modes and answers
   the curve is bisected only while the step is too long for that.
 - The sign of a state next to the point is rounding: a point just outside the step counts as well.
 - The step jumped from one curve to another that passes close by: the sign flips and no branch
-  point is there. That is a failure, on which the step is shortened until it follows the bend.
-- Two branch points within one step flip the sign twice and go unseen: allow shorter steps. So do
-  points where the sign does not flip: where an even number of eigenvalues vanishes together, as
-  symmetry makes it, and where curves touch.
+  point is there. That is a failure, on which the step is shortened until the steps follow the bend.
+- Two branch points within one step flip the sign twice and go unseen: allow shorter steps. Points
+  where the sign does not flip go unseen, too: where an even number of eigenvalues vanishes
+  together, as symmetry makes it, and where curves touch.
 - Curves that cross to higher order flip the sign but have no two directions to tell apart: the
   piece stops there and says that two branches meet.
 """
@@ -33,7 +33,7 @@ from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
 
-#: A branch point this part of a step outside it belongs to it.
+#: A branch point outside a step belongs to the step within this part of its length.
 SLACK = 0.1
 MOST_HALVINGS = 10
 #: Distance at which the sign of det[J; t^T] is read off, where no walk has brought it along.

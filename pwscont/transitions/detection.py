@@ -8,8 +8,8 @@ Failure modes and answers
   sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
   that neither end knows of is seen by the tests inside the step: at thirds of a long one, at one
   point of a short one.
-- The test that was just crossed starts at zero, with a sign that is rounding: its slope says
-  that it is inside, and a bracket starts where its value is positive.
+- The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
+  says that the step is inside, and a bracket starts where the value of the test is positive.
 """
 
 from __future__ import annotations
@@ -143,8 +143,8 @@ def first_on_curve(
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
-    What comes before an event that was found lies on the segment that ends there: what does not
-    change sign on that one comes later, and is not located.
+    After an event was found, only the segment up to that event is looked at: a function that does
+    not change sign there falls to zero later, and is not located.
     """
     if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
         return Failure(FailureReason.NOT_FINITE)

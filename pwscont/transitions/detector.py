@@ -10,6 +10,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
@@ -60,6 +61,11 @@ class SpecialPointFound:
     x: Array
     message: str
     rays: tuple[Ray, ...]
+
+    def __repr__(self) -> str:
+        return named(
+            self, self.kind, at(self.x), short(self.message), counted(len(self.rays), "ray")
+        )
 
 
 class TransitionDetector(ABC):

@@ -6,9 +6,9 @@ Failure modes and answers
   bracket and beside the cubic of the segment, which is otherwise halved on the curve itself.
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
   :class:`~pwscont.basics.outcome.Failure`, not a point.
-- The curve is nearly tangent: at the angle d, the correction after one of size c is about
+- The curve is nearly tangent: at the angle d, the correction that follows a correction c is about
   c^2 / d, which is not rounding when c is small by itself. Newton goes on until its corrections
-  are rounding; where they never are, the last one counts as an error.
+  are rounding; where they never are, the last correction counts as an error.
 - A straight segment needs no bracket: its prediction is exact and one correction removes the
   rounding that a long ray has gathered.
 """

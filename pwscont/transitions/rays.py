@@ -11,12 +11,12 @@ Failure modes and answers
 - A test counts as zero when it is below the rounding of its own terms plus what the error of
   the point contributes: relative, so units and magnitudes do not matter.
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
-- Interfaces that meet within rounding may be apart all the same: a ray then starts where its own
-  curve is, not at the common point, or it would arrive elsewhere than its curve does.
-- The orientations differ: the user's selections disagree on the interface, which is said and not
-  drawn.
-- H jumps: the system is refused. A jump below rounding is none, one below the error of the point
-  cannot be told from none.
+- Interfaces that meet within rounding may be apart all the same: a ray then starts on its own
+  curve, not at the common point, from where it would arrive elsewhere than its curve does.
+- The orientations differ: the user's selections disagree on the interface. The user is told, and no
+  ray is returned.
+- H jumps: the system is refused. A jump below rounding is none, and a jump below the error of the
+  point cannot be told from none.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
+from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.root import joined
@@ -62,6 +63,9 @@ class Ray:
     state: State
     interface_cells: tuple[Character, ...] = ()
     index: int = 0
+
+    def __repr__(self) -> str:
+        return named(self, self.curve.selection, f"from {at(self.state.x)}")
 
     @property
     def cells(self) -> tuple[bytes, ...]:

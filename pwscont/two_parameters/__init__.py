@@ -1,1 +1,1 @@
-"""Floor 11: families of systems, loci of special points in the plane of two parameters, regions."""
+"""Families of systems, loci of special points in the plane of two parameters, regions."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
+from pwscont.basics.looks import counted, named
 from pwscont.graph.presentation import finite
 from pwscont.scenes.answer import Answer
 from pwscont.scenes.look import DEFAULT_LOOK, Look
@@ -23,6 +24,9 @@ class PlaneAnswer(Answer):
 
     scene: PlaneShown
     plane: Plane
+
+    def __repr__(self) -> str:
+        return named(self, self.scene, counted(len(self.plane.sectors), "sector"))
 
     def as_text(self) -> str:
         """Return loci and sectors."""

@@ -20,6 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.continuation.explore import explore
 from pwscont.continuation.plan import Report, silent, uninterrupted
@@ -84,6 +85,9 @@ class LocusPart:
     crossing: Passing
     label: str
     points: Array
+
+    def __repr__(self) -> str:
+        return named(self, self.crossing, short(self.label), counted(len(self.points), "point"))
 
     @property
     def plane(self) -> Array:

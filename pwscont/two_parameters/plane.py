@@ -11,6 +11,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import UNNAMED, counted, named, short, state
 from pwscont.continuation.plan import Report, silent
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import solve_slice
@@ -44,6 +45,9 @@ class Found:
     label: str
     det_sign: int
 
+    def __repr__(self) -> str:
+        return named(self, short(self.label), f"det {self.det_sign:+d}", state(UNNAMED, self.z))
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +67,9 @@ class Sector:
     regions: tuple[Region, ...]
     solutions: tuple[Found, ...]
     count: int | float
+
+    def __repr__(self) -> str:
+        return named(self, counted(len(self.regions), "region"), counted(self.count, "solution"))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -98,6 +105,12 @@ class Plane:
     sectors: tuple[Sector, ...]
     mixed: tuple[Array, ...] = ()
     levels: tuple[float, ...] = ()
+
+    def __repr__(self) -> str:
+        axes = zip(("alpha", "mu"), (self.alphas, self.mus), strict=True)
+        window = [f"{axis} in [{lo:.6g}, {hi:.6g}]" for axis, (lo, hi) in axes]
+        sizes = [f"{len(self.loci)} loci", counted(len(self.sectors), "sector")]
+        return named(self, *window, *sizes)
 
     @property
     def searched(self) -> str:

@@ -16,6 +16,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 
 #: Strips and trapezoids thinner than this part of the window are none.
@@ -40,6 +41,11 @@ class Region:
     polygon: Array
     inside: Array
     others: Array
+
+    def __repr__(self) -> str:
+        alpha, mu = self.inside
+        corners = counted(len(self.polygon), "corner")
+        return named(self, f"around alpha={alpha:.6g}, mu={mu:.6g}", corners)
 
 
 def regions(

@@ -17,7 +17,7 @@ from pwscont.two_parameters.plane import Plane, Sector
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class PlaneScene(Runnable):
     """A family of systems, and the window of the plane of its two parameters to look at.
 

@@ -3,7 +3,6 @@
 scikit-fem and meshio (the extra ``fem``) are loaded when the first body is made.
 """
 
-from pwscont_coulomb.elastic.cholmod import Cholmod
 from pwscont_coulomb.elastic.condensation import CondensedProblem
 from pwscont_coulomb.elastic.contact_boundary import ContactBoundary
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
@@ -20,7 +19,6 @@ from pwscont_coulomb.elastic.units import Units
 __all__ = [
     "BodyForce",
     "BodyState",
-    "Cholmod",
     "CondensedProblem",
     "ContactBoundary",
     "ElasticBody",

@@ -1,6 +1,6 @@
 """The contact problem in the displacements of the contact nodes alone.
 
-The interior of a body never changes: it is eliminated once (F9 of the design), and the contact
+The interior of a body never changes: it is eliminated once (docs/theory, F9), and the contact
 unknowns are turned into normal and tangential ones. The full field is recovered on demand.
 """
 

@@ -27,7 +27,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from pwscont import InvalidInputError
-from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, finite_array
+from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, counted, finite_array, named
 from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.edges import Edges
 from pwscont_coulomb.elastic.loads import Field, Region, evaluate
@@ -103,6 +103,9 @@ class ContactNodes:
     def count(self) -> int:
         """Number p of contact nodes."""
         return len(self.nodes)
+
+    def __repr__(self) -> str:
+        return named(self, counted(self.count, "node"))
 
     def rotation(self) -> Matrix:
         """Return the (2 p, 2 p) matrix from (x, y) of each node to all u_nu, then all u_t."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from pwscont import InvalidInputError
+from pwscont import MissingPackageError
 
 
 def loaded(name: str) -> Any:
@@ -13,13 +13,13 @@ def loaded(name: str) -> Any:
 
     Raises
     ------
-    InvalidInputError
+    MissingPackageError
         If it is not installed.
     """
     try:
         return import_module(name)
     except ImportError as error:
-        raise InvalidInputError(
+        raise MissingPackageError(
             f"finite element bodies need scikit-fem and meshio, and {name} cannot be imported: "
-            "pip install 'pwscont[fem]'"
+            "pip install scikit-fem meshio, or pip install '.[fem]' in a checkout of pwscont"
         ) from error

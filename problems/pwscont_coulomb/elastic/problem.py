@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pwscont import InvalidInputError
-from pwscont.extending import CONVERGED, Array
+from pwscont.extending import CONVERGED, Array, named
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
@@ -31,6 +31,9 @@ class ElasticProblem(ABC):
     body: ContactBody
     load: AffineLoad
     friction: Array
+
+    def __repr__(self) -> str:
+        return named(self, self.body, f"of {self.elastic}")
 
     def along_load(self, r: Any = None) -> CoulombLoad:
         """Return the system whose parameter alpha is that of the loads."""

@@ -1,8 +1,8 @@
 """Contact nodes that a support holds in one direction: on rollers, such as an axis of symmetry.
 
 A node that may touch needs its normal displacement. Where a roller holds the tangential one, the
-node is *guided*: it touches or not, at the place where it is, and bears no friction. What is
-tangential the support takes; on an axis of symmetry that is nothing.
+node is *guided*: it touches or not, at the place where it is, and bears no friction. Tangential
+forces are the support's; on an axis of symmetry there are none.
 
 Failure modes and answers
 -------------------------

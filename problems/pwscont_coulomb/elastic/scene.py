@@ -20,6 +20,7 @@ from pwscont.extending import (
     Report,
     Runnable,
     Solution,
+    named,
     uninterrupted,
     values_within,
 )
@@ -36,7 +37,7 @@ FRAMES = 24
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ElasticScene(Runnable):
     """An elastic body under a load path, and where its solutions are listed and drawn.
 
@@ -133,6 +134,9 @@ class ElasticAnswer(Answer):
     graph: GraphAnswer
     problem: ElasticProblem
     units: Units = UNITLESS
+
+    def __repr__(self) -> str:
+        return named(self, self.graph.scene, self.problem)
 
     def as_text(self) -> str:
         """Return what the graph says; of a body with many contact nodes, solutions in sum."""

@@ -46,10 +46,11 @@ def triangle_body(material: Material | None = None, friction: float = 4.0) -> El
 
 
 def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
-    """Return a rectangle on a foundation, clamped on top, compressed, and sheared by alpha.
+    """Return a rectangle on a foundation under pressure and shear at once.
 
-    Twice as wide as high, E = 1 and nu = 0.3; the top is pressed down by 1 % of the height and
-    moves to the right by alpha percent of it.
+    Twice as wide as high, E = 1 and nu = 0.3; the top is held 1 % of the height below and alpha
+    percent of it to the right of where it is unloaded. Every alpha is a load of its own: the law
+    is static, and nothing is pressed first and sheared then.
 
     Parameters
     ----------
@@ -126,11 +127,11 @@ class Slot:
 
 
 def wedge_body(nodes: int = 9, friction: float = 0.5) -> ElasticBody:
-    """Return a wedge in a slot that jams: it may stay in while it is pulled out.
+    """Return a wedge in a slot that jams: under one pull it may be in the slot, and out of it.
 
     A wedge with E = 1 hangs on a soft block (E = 0.01) clamped on top. A constant body force
-    spreads it, so that it presses on both walls; alpha pulls it upwards and out. Friction can
-    hold it long after a free wedge, once out, would stay out.
+    spreads it, so that it presses on both walls; alpha is a force that pulls it upwards. Friction
+    can hold the wedge in the slot under a pull under which it can be out as well.
 
     Parameters
     ----------
@@ -155,7 +156,9 @@ ROUNDING = 0.4  # radius of the edges of the tool in press.geo
 
 
 def press_body(friction: float = 0.3) -> ElasticBody:
-    """Return a tool with rounded edges on a table, pressed down, then sheared by alpha.
+    """Return a tool with rounded edges on a table, under pressure and shear at once.
+
+    The top is held by 0.05 below and by 0.05 alpha to the right of where it is unloaded.
 
     The mesh is read from a Gmsh file: 29 contact nodes on curved P2 elements, E = 1, nu = 0.3.
     The gap of a node on a rounded edge is its distance to the table along its own normal.
@@ -185,7 +188,7 @@ def block(nodes: int = 20, friction: float = 0.3) -> ElasticScene:
     """Return the scene of :func:`block_body`."""
     return ElasticScene(
         "block",
-        f"a block compressed and sheared on its foundation, {nodes} contact nodes, "
+        f"a block on its foundation under pressure and shear, {nodes} contact nodes, "
         f"F = {friction:g}",
         partial(block_body, nodes, friction),
         (0.0, 2.0),
@@ -197,7 +200,7 @@ def wedge(nodes: int = 9, friction: float = 0.5) -> ElasticScene:
     """Return the scene of :func:`wedge_body`, with so many contact nodes on each wall."""
     return ElasticScene(
         "wedge",
-        f"a wedge that jams in its slot while it is pulled out, {2 * nodes} contact nodes, "
+        f"a wedge that jams in its slot under an upward pull, {2 * nodes} contact nodes, "
         f"F = {friction:g}",
         partial(wedge_body, nodes, friction),
         (0.0, 0.2),
@@ -209,7 +212,7 @@ def press(friction: float = 0.3) -> ElasticScene:
     """Return the scene of :func:`press_body`."""
     return ElasticScene(
         "press",
-        f"a rounded tool from a Gmsh mesh, pressed and sheared, 29 contact nodes, F = {friction:g}",
+        f"a rounded tool from a Gmsh mesh, pressure and shear, 29 contact nodes, F = {friction:g}",
         partial(press_body, friction),
         (0.0, 1.0),
         at=(0.5,),

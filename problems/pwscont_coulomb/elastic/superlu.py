@@ -34,7 +34,7 @@ class SuperLU(Elimination):
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
         """Eliminate all but the kept unknowns; see :class:`Elimination`."""
-        return SolvedInterior(A, kept, _solver)
+        return SolvedInterior(A, kept)
 
 
 def _solver(interior: Matrix) -> Callable[[Array], Array]:
@@ -59,19 +59,15 @@ class SolvedInterior(Eliminated):
     ----------
     A : scipy.sparse, shape (n, n)
     kept : ndarray of int, shape (k,)
-    solver : callable
-        A_II -> (right-hand sides, shape (n - k, j), or one of shape (n - k,) -> solutions).
     """
 
-    def __init__(
-        self, A: Matrix, kept: Indices, solver: Callable[[Matrix], Callable[[Array], Array]]
-    ) -> None:
+    def __init__(self, A: Matrix, kept: Indices) -> None:
         A = A.tocsr()
         self._n, self._kept = A.shape[0], kept
         self._interior = np.setdiff1d(np.arange(self._n), kept)
         self._coupling = A[self._interior][:, kept].tocsc()
         inner = A[self._interior][:, self._interior]
-        self._solve = solver(inner) if len(self._interior) else np.zeros_like
+        self._solve = _solver(inner) if len(self._interior) else np.zeros_like
         self._schur = self._complement(A[kept][:, kept].toarray())
 
     def _complement(self, block: Array) -> Array:

@@ -3,8 +3,8 @@
 Where tests vanish all along a path, small changes of H move the path into one cell or into several,
 or leave no solution there. What they cannot change is the sum of the signs of det(dH/dz) over the
 solutions nearby, the index (the local degree). At fixed alpha these are the solutions w of
-H'(x; (w, 0)) = e for a generic e (docs/theory, F12): a problem like that of a corner, in which the
-tests that vanish along the path choose the cell.
+H'(x; (w, 0)) = e for a generic e (docs/theory, "Degenerate paths"): a problem like that of a
+corner, in which the tests that vanish along the path choose the cell.
 
 With one test the index is the sign of both sides where they agree, else 0. With several it must be
 computed: all cells may have the sign +1 and the index be 2, or the signs differ and the index be 1.

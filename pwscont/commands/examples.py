@@ -1,0 +1,40 @@
+"""What ``--help`` ends with: examples, each run by a test, and what exit statuses mean."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+#: For each command, "" for the program itself: examples, and what each of them does.
+EXAMPLES: dict[str, dict[str, str]] = {
+    "": {
+        "pwscont scenes": "what is ready to run",
+        "pwscont run example3 -o out": "branches and numbers of solutions, with picture and graph",
+        "pwscont run fig7 --at 0.3": "all solutions at one value of the parameter, too",
+    },
+    "run": {
+        "pwscont run fig7 --at -0.7 0.3": "solutions at two values of the parameter",
+        "pwscont run block -s nodes=8 --at 0.7": "with a setting of the scene",
+        "pwscont run example3 -o out": "write picture and graph into the directory out",
+        "pwscont run fig7 --json": "for other programs",
+        "pwscont run example1 --explain": "say what was left out, and why",
+    },
+    "bench": {
+        "pwscont bench --quick": "few problems, few runs",
+        "pwscont bench fig13 -o out": "one problem; write picture and data, too",
+    },
+}
+
+STATUS = """\
+exit status:
+  0    done, or the reader of the output has seen enough
+  2    wrong input, or files that cannot be read or written: standard error says which
+  130  interrupted; with -o what is finished is kept, and --resume goes on"""
+
+
+def with_examples(command: str, **more: Any) -> dict[str, Any]:
+    """Return the arguments of a parser whose help ends with examples and exit statuses."""
+    width = max(map(len, EXAMPLES[command]))
+    lines = [f"  {line:<{width}}  {what}" for line, what in EXAMPLES[command].items()]
+    epilog = "\n".join(["examples:", *lines, "", STATUS])
+    return more | {"epilog": epilog, "formatter_class": argparse.RawDescriptionHelpFormatter}

@@ -1,0 +1,91 @@
+"""The cheat sheet and the recipes, run as they stand."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pwscont_coulomb
+import pwscont_coulomb.elastic
+import pytest
+from pages import blocks, check_answers, page
+
+import pwscont
+from pwscont.commands.cli import main
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder(tmp_path, monkeypatch):
+    """Write into a fresh folder, without a display."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    import matplotlib.pyplot as plt  # noqa: PLC0415  after the backend is chosen
+
+    plt.switch_backend("Agg")
+    yield
+    plt.close("all")
+
+
+def run(name, skipped=()):
+    """Run a page from top to bottom; return what is there in the end, and the number of answers."""
+    names, answers = {"__name__": "page"}, 0
+    for code in [code for code in blocks(name) if code not in skipped]:
+        exec(compile(code, name, "exec"), names)
+        answers += check_answers(code, names)
+    return names, answers
+
+
+def test_the_cheat_sheet_runs(tmp_path):
+    _, answers = run("cheatsheet.rst")
+    assert answers == 29
+    assert {file.name for file in tmp_path.iterdir()} == {"curve.png", "curve.npz", "run.journal"}
+
+
+@pytest.mark.parametrize("line", re.findall(r"^   \$ (pwscont .+)$", page("cheatsheet.rst"), re.M))
+def test_the_commands_of_the_cheat_sheet_run(capsys, line):
+    assert main(shlex.split(line)[1:]) == 0
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("package", [pwscont, pwscont_coulomb, pwscont_coulomb.elastic])
+def test_the_cheat_sheet_has_every_public_name(package):
+    words = set(re.findall(r"\w+", page("cheatsheet.rst")))
+    assert set(package.__all__) <= words
+
+
+def test_the_cheat_sheet_has_what_a_graph_answers():
+    questions = {name for name in dir(pwscont.BranchGraph) if not name.startswith("_")}
+    inner = {"balances", "breaks", "clean", "names", "pieces_at", "same", "verticals"}
+    words = set(re.findall(r"\.(\w+)", page("cheatsheet.rst")))
+    assert questions - inner <= words
+
+
+SWEEP = next(code for code in blocks("recipes.rst") if "ProcessPoolExecutor" in code)
+
+
+def test_the_recipes_run(tmp_path, capsys):
+    names, answers = run("recipes.rst", [SWEEP])
+    assert answers == 4
+    header, *rows = (tmp_path / "special.csv").read_text(encoding="utf-8").splitlines()
+    assert (header, len(rows)) == ("kind,alpha,u_t,λ_ν", 5)
+    assert capsys.readouterr().out.endswith(f"\n{names['some'].guarantee}\n")
+
+
+def test_cells_of_notebooks_show_something():
+    names, _ = run("recipes.rst", [SWEEP])
+    cells = [code.strip() for code in blocks("recipes.rst") if code.count("\n") <= 2]
+    shown = [eval(cell.splitlines()[-1], names) for cell in cells]
+    assert len(shown) == 2
+    assert all("<table" in thing._repr_html_() for thing in shown)
+
+
+def test_the_parallel_sweep_prints_what_the_page_shows(tmp_path):
+    Path("sweep.py").write_text(SWEEP, encoding="utf-8")
+    for _ in range(2):  # the second time from the files of the first
+        done = subprocess.run(
+            [sys.executable, "sweep.py"], env=os.environ, capture_output=True, text=True, check=True
+        )
+        assert done.stdout == blocks("recipes.rst", "text")[0]
+    assert len(list(Path("sweep").iterdir())) == 6

@@ -1,0 +1,134 @@
+"""The project around the code: one version, a change log, urls, hooks, continuous integration."""
+
+import re
+import tomllib
+from importlib import import_module
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+import pwscont
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def text(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_there_is_one_version():
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    assert PROJECT["tool"]["hatch"]["version"]["path"] == "pwscont/__init__.py"
+    assert re.findall(r'^__version__ = "(.+)"$', text("pwscont/__init__.py"), re.MULTILINE) == [
+        pwscont.__version__
+    ]
+    assert version("pwscont") == pwscont.__version__, "install again"
+
+
+def test_the_change_log_begins_with_this_version():
+    headings = re.findall(r"^## \[(.+)\] - (.+)$", text("CHANGELOG.md"), re.MULTILINE)
+    newest, when = headings[0]
+    assert newest == pwscont.__version__
+    assert when == "unreleased" or re.fullmatch(r"\d{4}-\d\d-\d\d", when)
+
+
+def test_urls_are_named():
+    assert all(url.startswith("https://") for url in PROJECT["project"]["urls"].values())
+
+
+def test_scenes_are_registered():
+    named = PROJECT["project"]["entry-points"]["pwscont.scenes"]
+    offered = {point.name: point.value for point in entry_points(group="pwscont.scenes")}
+    assert named.items() <= offered.items()
+
+
+def test_public_hosts_run_everything_on_every_python():
+    workflow = text(".github/workflows/ci.yml")
+    assert re.findall(r"- run: (.*)", workflow) == [".ci/run"]
+    pythons = re.search(r"python: \[(.*)\]", workflow)[1].replace('"', "").split(", ")
+    assert PROJECT["project"]["requires-python"] == f">={pythons[0]}"
+    assert len(pythons) > 2
+
+
+def test_hooks_are_local_and_part_of_ci():
+    hooks = text(".pre-commit-config.yaml")
+    assert re.findall(r"- repo: (.*)", hooks) == ["local"]
+    entries = re.findall(r"entry: (.*?)(?: --force-exclude)?$", hooks, re.MULTILINE)
+    assert entries == [".venv/bin/ruff check", ".venv/bin/ruff format --check", ".venv/bin/mypy"]
+    assert all(entry in text(".ci/run") for entry in entries)
+
+
+def test_what_is_installed_for_development_has_every_tool():
+    extras = PROJECT["project"]["optional-dependencies"]
+    words = " ".join(extras["dev"])
+    assert all(tool in words for tool in ("ruff", "mypy", "pre-commit", "test,docs"))
+
+
+def test_install_hints_name_what_works():
+    """The package is on no index yet: ``pip install pwscont[...]`` alone finds nothing."""
+    files = [
+        path for folder in ("pwscont", "problems", "docs") for path in (ROOT / folder).rglob("*")
+    ]
+    files = [path for path in files if path.suffix in (".py", ".rst")] + [ROOT / "README.md"]
+    for path in files:
+        assert not re.search(r"pip install '?pwscont", path.read_text(encoding="utf-8")), path
+
+
+def resolves(name):
+    """Tell whether a dotted name is a module, or something in one."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            found = import_module(".".join(parts[:count]))
+        except ImportError:
+            continue
+        for part in parts[count:]:
+            found = getattr(found, part, None)
+        return found is not None
+    return False
+
+
+def sources():
+    """Yield all files in which names of modules are written."""
+    for folder, ending in [("docs", "rst"), ("docs", "py"), ("pwscont", "py"), ("problems", "py")]:
+        yield from (p for p in sorted((ROOT / folder).rglob(f"*.{ending}")) if not is_built(p))
+    yield from (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
+
+
+def is_built(path):
+    return bool({"generated", "gallery", "_build"} & set(path.parts))
+
+
+def test_every_module_that_is_named_exists():
+    for path in sources():
+        words = path.read_text(encoding="utf-8")
+        names = set(re.findall(r"(?<![\w./'\"-])pwscont(?:_coulomb)?(?:\.\w+)+", words))
+        files = set(re.findall(r"(?:pwscont|tests|benchmarks)/[\w/]+\.py", words))
+        missing = [name for name in names if not resolves(name)]
+        missing += [file for file in files if not (ROOT / file).exists()]
+        assert not missing, f"{path}: {missing}"
+
+
+def test_every_fact_that_is_cited_stands_in_the_theory():
+    facts = set(re.findall(r"^(F\d+), ", text("docs/theory.rst"), re.MULTILINE))
+    for path in sources():
+        words = path.read_text(encoding="utf-8")
+        cited = set(re.findall(r"docs/theory,\s+(F\d+)", words))
+        assert cited <= facts, f"{path}: {cited - facts}"
+        assert not re.search(r"of the design|design\.md", words), path
+
+
+def test_every_method_that_the_manual_names_exists():
+    for path in sources():
+        if path.suffix == ".py" and path.parent.name != "examples":
+            continue
+        words = path.read_text(encoding="utf-8")
+        for name, member in re.findall(r"`([A-Z]\w+)\.(\w+)`", words):
+            owner = getattr(pwscont, name, None)
+            known = owner is None or hasattr(owner, member) or member in owner.__doc__
+            assert known, f"{path}: {name}.{member}"
+
+
+def test_contributing_lists_the_rooms_top_floor_first():
+    rooms = re.findall(r"^\| `(\w+)` \|", text("CONTRIBUTING.md"), re.MULTILINE)
+    assert rooms[::-1] == import_module("test_architecture").ROOMS
