@@ -14,6 +14,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.extending import Ending
 
 NAMED = ("branch missing", "stands twice", "was stopped", "ends on purpose", "model")
 
@@ -27,7 +28,7 @@ def assert_says(graph, start, *parts):
         assert part in graph.guarantee
 
 
-class Wall(PiecewiseLinearSystem):
+class Wall(PiecewiseLinearSystem, Ending):
     """z = alpha, which means nothing beyond z = 1/2."""
 
     size = 1

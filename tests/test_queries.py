@@ -51,10 +51,10 @@ def test_ends_of_stretches_at_folds_and_at_the_interval(fig7):
 
 
 def test_where(fig7):
-    assert_stretches(fig7.where(1), [(-2, -1, 1, True, False), (-0.5, 2, 1, False, True)])
-    assert_stretches(fig7.where(2), [(-1, -1, 2, True, True), (-0.5, -0.5, 2, True, True)])
-    assert_stretches(fig7.where(3), [(-1, -0.5, 3, False, False)])
-    assert fig7.where(0) == fig7.where(4) == []
+    assert_stretches(fig7.with_count(1), [(-2, -1, 1, True, False), (-0.5, 2, 1, False, True)])
+    assert_stretches(fig7.with_count(2), [(-1, -1, 2, True, True), (-0.5, -0.5, 2, True, True)])
+    assert_stretches(fig7.with_count(3), [(-1, -0.5, 3, False, False)])
+    assert fig7.with_count(0) == fig7.with_count(4) == []
 
 
 def test_stretches_unpack(fig7):

@@ -170,18 +170,21 @@ class PartSlice(SlicewiseLinearSystem):
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the tests of each block that bound its mode."""
-        modes = zip(self._bounds, self._modes(character), strict=True)
-        return [test for bounds, mode in modes for test in bounds[mode]]
+        bounding = zip(self._bounds, self._modes(character), strict=True)
+        return [test for bounds, mode in bounding if mode is not None for test in bounds[mode]]
 
-    def _modes(self, character: Character) -> list[int]:
-        """Return which mode each block is in."""
+    def _modes(self, character: Character) -> list[int | None]:
+        """Return which mode each block is in, None for signs that are none."""
         signs = character.signs
-        return [b.modes.index(tuple(signs[t] for t in b.tests)) for b in self._blocks]
+        chosen = (tuple(signs[test] for test in block.tests) for block in self._blocks)
+        pairs = zip(self._blocks, chosen, strict=True)
+        return [b.modes.index(mode) if mode in b.modes else None for b, mode in pairs]
 
     def _in_cell(self, character: Character) -> tuple[Array, Array]:
         """Return the rows of a cell, by all unknowns of the system, and their values at z = 0."""
         matrix, values = (+whole for whole in self._rows[0])
         for block, mode in zip(self._blocks, self._modes(character), strict=True):
+            assert mode is not None, "all cells of a part are combinations of modes"
             rows = list(block.rows)
             matrix[rows], values[rows] = self._rows[mode][0][rows], self._rows[mode][1][rows]
         return matrix, values

@@ -96,7 +96,8 @@ def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Fa
     """Return the zero and samples of its error, where it is regular."""
     curve = segment.curve
     straight = isinstance(curve.selection.system, PiecewiseLinearSystem)
-    if straight and (found := corrected(curve, x, *border(x))):
+    exact = straight and not isinstance(segment, CurvedSegment)
+    if exact and (found := corrected(curve, x, *border(x))):
         return Failure(FailureReason.SINGULAR) if found[0].factor.is_singular() else found
     root = newton(curve, border, x, MOST_NEWTON)
     if isinstance(root, Failure):
