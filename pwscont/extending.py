@@ -19,7 +19,6 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.looks import card, counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
@@ -75,7 +74,6 @@ __all__ = [
     "Look",
     "Matrix",
     "Metric",
-    "Omission",
     "Piece",
     "Predictor",
     "Ray",

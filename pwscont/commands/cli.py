@@ -98,9 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     add_settings(run)
     add_looks(run)
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    run.add_argument(
-        "--explain", action="store_true", help="say what the scene leaves out, and why"
-    )
+    run.add_argument("--explain", action="store_true", help="say which parts the run is made of")
     run.add_argument(
         "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
     )

@@ -17,7 +17,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "pwscont run block -s nodes=8 --at 0.7": "with a setting of the scene",
         "pwscont run example3 -o out": "write picture and graph into the directory out",
         "pwscont run fig7 --json": "for other programs",
-        "pwscont run example1 --explain": "say what was left out, and why",
+        "pwscont run example1 --explain": "say which parts the run is made of",
     },
     "bench": {
         "pwscont bench --quick": "few problems, few runs",

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,6 @@ from pwscont.basics.errors import GraphFileError, InvalidInputError
 from pwscont.commands.looks import look_of, with_panels
 from pwscont.commands.progress import Progress
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.omissions import Omission
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.scenes.registry import load_scene
@@ -33,8 +32,8 @@ def run_scene(options: argparse.Namespace) -> int:
         begin = time.perf_counter()
         answer = _solved(kept, at)
         seconds = time.perf_counter() - begin
-        left_out = _omissions(scene, options) if options.explain else None
-        text = _as_json(answer, left_out, seconds) if options.json else _as_text(answer, left_out)
+        plan = scene.plan() if options.explain else {}
+        text = _as_json(answer, plan, seconds) if options.json else _as_text(answer, plan)
         unprinted = _print(text)
         if options.output:
             written = write_whole(answer, options.output, look)
@@ -155,20 +154,11 @@ def make_directory(directory: Path) -> None:
         raise InvalidInputError(f"cannot make the directory {directory}: {reason}") from error
 
 
-def _omissions(scene: Runnable, options: argparse.Namespace) -> list[Omission]:
-    """Return what the scene and the command leave out."""
-    if options.output:
-        return list(scene.omissions())
-    return [*scene.omissions(), Omission("pictures and files", "no -o: matplotlib is not loaded")]
+def _as_text(answer: Answer, plan: Mapping[str, str]) -> str:
+    lines = [f"  {part}: {words}" for part, words in plan.items()]
+    return "\n".join([answer.as_text(), *(["", "What was done"] if lines else []), *lines])
 
 
-def _as_text(answer: Answer, left_out: Sequence[Omission] | None) -> str:
-    lines = [f"  {omission.what}: {omission.why}" for omission in left_out or ()]
-    return "\n".join([answer.as_text(), *(["", "Left out, and why"] if lines else []), *lines])
-
-
-def _as_json(answer: Answer, left_out: Sequence[Omission] | None, seconds: float) -> str:
-    data = answer.as_dict() | {"seconds": seconds}
-    if left_out is not None:
-        data["left_out"] = [omission._asdict() for omission in left_out]
-    return json.dumps(data, ensure_ascii=False)
+def _as_json(answer: Answer, plan: Mapping[str, str], seconds: float) -> str:
+    told = {"plan": dict(plan)} if plan else {}
+    return json.dumps(answer.as_dict() | {"seconds": seconds} | told, ensure_ascii=False)

@@ -1,7 +1,4 @@
-"""What trace and explore do alike: check the input, choose the parts, follow, assemble.
-
-What is chosen here and what is left out, :mod:`pwscont.continuation.omissions` says in words.
-"""
+"""What trace and explore do alike: check the input, choose the parts, follow, assemble."""
 
 from __future__ import annotations
 
@@ -27,6 +24,7 @@ from pwscont.continuation.usable import Usable
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
 from pwscont.linear.threads import few_threads
+from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.system.box import Box
@@ -169,6 +167,17 @@ class Plan:
     def detectors(self) -> tuple[TransitionDetector, ...]:
         """The default detectors, and those that were added."""
         return (*default_detectors(self.stepper, self.interval), *self.added)
+
+    def told(self, search: Search) -> dict[str, str]:
+        """Return the parts of the run in words; what is not among them is not done."""
+        left_out = self.reduction.reasons if self.reduction else ()
+        unknowns = f"{self.followed.size} of {self.system.size}"
+        return {
+            "steps": repr(self.stepper),
+            "watched": ", ".join(type(detector).__name__ for detector in self.detectors),
+            "starts": search.searched(self.followed).what,
+            "unknowns": "; ".join([unknowns, *left_out]),
+        }
 
     def reduced(self, z: Array) -> Array:
         """Return a state of the system as one of the followed system."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report
 from pwscont.scenes.look import DEFAULT_LOOK, Look
 
@@ -93,9 +92,9 @@ class Runnable(ABC):
             If the scene cannot list solutions there.
         """
 
-    def omissions(self) -> Sequence[Omission]:
-        """Return what the scene leaves out, and why; default nothing."""
-        return ()
+    def plan(self) -> Mapping[str, str]:
+        """Return the parts of the run in words; default nothing."""
+        return {}
 
     @abstractmethod
     def solve(self, at: Sequence[float], report: Report) -> Answer:

@@ -9,14 +9,14 @@ from typing import Any, ClassVar, final
 from pwscont.basics.quantities import Function
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.omissions import Omission, omissions
-from pwscont.continuation.plan import Report, silent, uninterrupted
+from pwscont.continuation.plan import Plan, Report, checked_interval, silent, uninterrupted
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.drawn import quantity_named
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import Panel, ParameterPath
 from pwscont.search import Search
+from pwscont.search.default_search import default_search
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
@@ -112,9 +112,11 @@ class Scene(Runnable):
         """Return the values of alpha whose solutions are listed, all of the interval."""
         return values_within(self, self.interval, self.at, wanted)
 
-    def omissions(self) -> tuple[Omission, ...]:
-        """Return what exploring the interval leaves out, and why."""
-        return omissions(self.system, self.interval, self.search, self.stepper)
+    def plan(self) -> dict[str, str]:
+        """Return the parts of the run in words, without following anything."""
+        interval = checked_interval(self.system, self.interval)
+        plan = Plan.of(self.system, interval, self.stepper, self.detectors)
+        return plan.told(self.search or default_search(plan.followed, interval))
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Explore the interval and list the solutions at some values of alpha."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import final
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.continuation.omissions import Omission
 from pwscont.continuation.plan import Report, silent
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.system.system import SlicewiseLinearSystem
@@ -80,12 +79,12 @@ class PlaneScene(Runnable):
             )
         return ()
 
-    def omissions(self) -> tuple[Omission, ...]:
-        """Return what following the loci leaves out, and why."""
-        return (
-            Omission("branches between the loci", "modes stay what they are within a region"),
-            Omission("solutions but for one point per region", "so does their number"),
-        )
+    def plan(self) -> dict[str, str]:
+        """Return the parts of the run in words."""
+        return {
+            "followed": "loci of transitions, between which modes stay what they are",
+            "solved": "one point of each region, in which the number of solutions is one",
+        }
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Run the scene."""

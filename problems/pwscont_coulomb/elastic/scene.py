@@ -16,7 +16,6 @@ from pwscont.extending import (
     Answer,
     GraphAnswer,
     Look,
-    Omission,
     Report,
     Runnable,
     Solution,
@@ -80,12 +79,12 @@ class ElasticScene(Runnable):
         """Return the same scene with a journal."""
         return replace(self, journal=journal)
 
-    def omissions(self) -> tuple[Omission, ...]:
-        """Return what is left out, and why; the rest is known when the body has been built."""
-        return (
-            Omission("displacements inside the body", "they follow from those in contact"),
-            Omission("their recovery", "only made for solutions that are drawn or written"),
-        )
+    def plan(self) -> dict[str, str]:
+        """Return the parts of the run in words."""
+        return {
+            "followed": "the unknowns in contact, to which the body is condensed",
+            "recovered": "displacements inside the body, of solutions that are drawn or written",
+        }
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
         """Return the values of alpha whose solutions are listed, all of the interval."""
