@@ -11,6 +11,9 @@ import numpy as np
 from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.looks import MOST_LETTERS, short
 
+#: The signs as they are printed.
+AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
+
 
 @final
 class Character:
@@ -81,7 +84,7 @@ class Character:
         return Character, (self.signs,)
 
     def __str__(self) -> str:
-        return "".join("+" if sign else "-" for sign in self._signs)
+        return self._signs.translate(AS_TEXT).decode("ascii")
 
 
 @lru_cache(maxsize=64)  # a residual may ask again and again, and a graph holds thousands

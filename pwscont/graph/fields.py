@@ -88,7 +88,9 @@ class Fields:
 
     def numbers(self, key: str) -> Array:
         """Return a list of numbers."""
-        values = [_number(value) for value in self.items(key)]
+        values = self.items(key)
+        if set(map(type, values)) - {float}:
+            values = [_number(value) for value in values]
         if None in values:
             raise self._unfit(key, "a list of numbers")
         return np.array(values, dtype=float)
