@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.arrays import Array, Indices, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, residual_at
@@ -44,7 +44,8 @@ class Selection:
             for test in system.bounding_tests(cell):
                 signs.setdefault(int(test), known[test])
         self.bounding: Indices = np.array(list(signs), dtype=np.intp)
-        self._side = np.where(list(signs.values()), 1.0, -1.0)
+        #: +1 or -1 for each bounding test, by which it is positive inside.
+        self.side: Array = np.where(list(signs.values()), 1.0, -1.0)
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
@@ -74,27 +75,26 @@ class Selection:
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""
-        return self._side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
+        return self.side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
 
     def test(self, x: Array, index: int) -> float:
         """Return one of :meth:`tests`."""
         which = self.bounding[index : index + 1]
         values = self.system.some_tests(x[:-1], float(x[-1]), which)
-        return float(self._side[index] * values[0])
+        return float(self.side[index] * values[0])
+
+    def unsigned_gradients(self, x: Array) -> Matrix:
+        """Return the gradients of the bounding tests themselves, without their :attr:`side`."""
+        return self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
 
     def test_gradients(self, x: Array) -> Matrix:
         """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
-        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
-        return _signed(rows, self._side)
+        rows, side = self.unsigned_gradients(x), self.side[:, np.newaxis]
+        return side * rows if isinstance(rows, np.ndarray) else rows.multiply(side).tocsr()
 
-    def test_gradient(self, x: Array, index: int) -> Matrix:
-        """Return the gradient of one of :meth:`tests`, shape (1, n + 1)."""
-        which = slice(index, index + 1)
-        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding[which])
-        return _signed(rows, self._side[which])
-
-
-def _signed(rows: Matrix, side: Array) -> Matrix:
-    if isinstance(rows, np.ndarray):
-        return side[:, np.newaxis] * rows
-    return rows.multiply(side[:, np.newaxis]).tocsr()
+    def test_gradient(self, x: Array, index: int) -> Array:
+        """Return the gradient of one of :meth:`tests`, shape (n + 1,)."""
+        which = self.bounding[index : index + 1]
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
+        gradient: Array = self.side[index] * dense(rows)[0]
+        return gradient

@@ -25,7 +25,6 @@ from pwscont.transitions.rays import (
     Ray,
     beyond,
     check_continuity,
-    gradient_of,
     inward_ray,
     vanishing,
 )
@@ -51,14 +50,14 @@ class BoundingTests(TransitionDetector):
         selection = curve.selection
         if not len(selection.bounding):  # a smooth system
             return Reading(np.zeros(0), np.zeros(0))
-        gradients = selection.test_gradients(state.x)
-        values, slopes = selection.tests(state.x), gradients @ state.tangent
+        rows = selection.unsigned_gradients(state.x)
+        values, slopes = selection.tests(state.x), selection.side * (rows @ state.tangent)
         sizes = np.abs(values)
         near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
         if np.count_nonzero(near):
             riding = np.flatnonzero(near)
             scale = curve.metric.scale
-            riding = riding[_rides(gradients[riding], values[riding], slopes[riding], state, scale)]
+            riding = riding[_rides(rows[riding], values[riding], slopes[riding], state, scale)]
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -80,10 +79,9 @@ class BoundingTests(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""
         selection = segment.curve.selection
-        test = int(selection.bounding[index])
 
         def function(x: Array) -> tuple[float, Matrix]:
-            return selection.test(x, index), gradient_of(selection, x, test)
+            return selection.test(x, index), selection.test_gradient(x, index)
 
         return locate_zero(segment, function, bracket)
 

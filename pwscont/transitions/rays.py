@@ -25,9 +25,8 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -104,10 +103,9 @@ def vanishing(
     return frozenset(np.flatnonzero(zero).tolist())
 
 
-def gradient_of(selection: Selection, x: Array, test: int) -> Matrix:
+def gradient_of(selection: Selection, x: Array, test: int) -> Array:
     """Return the gradient of one test, positive towards the inside of the cell."""
-    row = selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
-    return row.toarray().ravel() if sp.issparse(row) else row[0]
+    return selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
