@@ -11,6 +11,8 @@ from pwscont import (
     MoorePenrose,
     MultiStart,
     NaturalParameter,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
     PseudoArclength,
     Search,
     Secant,
@@ -22,6 +24,7 @@ from pwscont import (
     check_detector,
     check_search,
     check_stepper,
+    explore,
 )
 from pwscont.extending import (
     CurvedSegment,
@@ -31,6 +34,7 @@ from pwscont.extending import (
     Reading,
     SpecialPointFound,
     State,
+    locate_sign_change,
 )
 from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds
 from pwscont.transitions.events import checked_events
@@ -155,3 +159,111 @@ def test_classes_instead_of_objects_are_refused():
     for check, part in [(check_stepper, PseudoArclength), (check_search, MultiStart)]:
         with pytest.raises(InvalidInputError, match="call it to make one"):
             check(part)
+
+
+class At(TransitionDetector):
+    """Marks where the first unknown passes -1/2, with slopes or without."""
+
+    def __init__(self, locate=locate_sign_change, slopes=1.0):
+        self.located, self.slopes = locate, slopes
+
+    def read(self, curve, state):
+        g, t = state.x[0] + 0.5, self.slopes * state.tangent[0]
+        g = 0.0 if abs(g) < 1e-12 else g
+        return Reading(np.array([g, -g]), np.array([t, -t]))
+
+    def locate(self, segment, index, bracket):
+        return self.located(segment, lambda state: state.x[0] + 0.5, bracket)
+
+    def arrive(self, curve, state, index):
+        forth = Ray(curve, state)
+        return SpecialPointFound("at", state.x, "z is -1/2", (forth.reversed(), forth))
+
+
+class Kink(PiecewiseLinearSystem):
+    """z + max(z, 0) = alpha."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return z + (z if character.signs[0] else 0.0) - alpha
+
+
+@pytest.mark.parametrize("slopes", [1.0, 0.0])
+def test_a_detector_on_straight_pieces(slopes):
+    """With slopes by the ratio test, without them by reading; beyond its point it stays silent."""
+    assert check_detector(At(slopes=slopes))
+    graph = explore(Kink(), (-2.0, 2.0), detectors=[At(slopes=slopes)])
+    found = {str(point.kind): point.alpha for point in graph.special_points()}
+    assert found == pytest.approx({"start": -2.0, "at": -0.5, "transition": 0.0, "end": 2.0})
+    assert graph.guarantee == "complete"
+    assert graph.count(1.0) == 1
+
+
+@pytest.mark.parametrize(
+    ("locate", "words"),
+    [
+        (lambda *_: None, "must return a State or a Failure"),
+        (lambda segment, *_: segment.start, "not zero"),
+    ],
+)
+def test_points_that_are_located_wrongly(locate, words):
+    assert words in str(check_detector(At(locate)))
+
+
+def test_a_stepper_that_goes_back():
+    class Back(Stepper):
+        def step(self, curve, interval, state, before, longest):
+            turned = State(state.x, -state.tangent, state.error, -state.orientation)
+            return PseudoArclength().step(curve, interval, turned, None, longest)
+
+    assert "goes back" in str(check_stepper(Back()))
+
+
+class Smooth(PiecewiseSystem):
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 9.0
+
+    def residual(self, z, alpha, character):
+        return z**3 + z - alpha
+
+
+def returning(value):
+    class Some(Stepper):
+        def step(self, *_):
+            return value
+
+    return Some()
+
+
+@pytest.mark.parametrize("value", [None, (1.0, 2.0)])
+def test_a_stepper_that_returns_no_segment_is_named(value):
+    with pytest.raises(InvalidInputError, match="must return a Segment or a Failure"):
+        explore(Smooth(), (-1.0, 1.0), stepper=returning(value))
+
+
+def test_a_failure_may_have_words_of_its_own():
+    graph = explore(Smooth(), (-1.0, 1.0), stepper=returning(Failure("out of patience")))
+    assert "out of patience" in graph.guarantee
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"read": lambda *_: 1.0}, "read must return a Reading"),
+        ({"read": lambda *_: Reading(np.ones(2), np.zeros(1))}, "vectors alike"),
+        ({"read": lambda *_: Reading(np.array([np.nan]), np.zeros(1))}, "finite values"),
+        ({"locate": lambda *_: 1.0}, "locate must return a State or a Failure"),
+        ({"arrive": lambda *_: None}, "arrive must return a SpecialPointFound"),
+    ],
+)
+@pytest.mark.parametrize("system", [Kink(), Smooth()])
+def test_a_detector_that_breaks_its_contract_is_named(system, changed, words):
+    detector = type("Odd", (At,), {name: staticmethod(f) for name, f in changed.items()})()
+    with pytest.raises(InvalidInputError, match=f"Odd.*{words}"):
+        explore(system, (-2.0, 2.0), detectors=[detector])

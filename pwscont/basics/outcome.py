@@ -55,9 +55,15 @@ class FailureReason(Enum):
 @final
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A step that could not be taken."""
+    """A step that could not be taken.
 
-    trouble: FailureReason
+    Attributes
+    ----------
+    trouble : FailureReason or str
+        What a user reads: of the reasons known here, or in the words of a stepper of one's own.
+    """
+
+    trouble: FailureReason | str
 
     def __str__(self) -> str:
-        return self.trouble.value
+        return self.trouble.value if isinstance(self.trouble, FailureReason) else self.trouble

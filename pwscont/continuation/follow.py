@@ -10,6 +10,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget, current_budget
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import State
@@ -90,12 +91,17 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
-        reading = self.watch.read(curve, reached.state)
+        reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()
             segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 return reached.stopped(str(blocked or segment))
+            if not isinstance(segment, Segment):
+                raise InvalidInputError(
+                    f"{type(self.stepper).__name__}.step must return a Segment or a Failure, got "
+                    f"{segment!r}; check_stepper tells what else is wrong"
+                )
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]

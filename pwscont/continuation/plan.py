@@ -199,7 +199,9 @@ class Plan:
         """
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
-        walker: Follower = PieceFollower(self.stepper, Watch(watched), self.interval, bounds)
+        walker: Follower = PieceFollower(
+            self.stepper, Watch(watched, self.added), self.interval, bounds
+        )
         if journal is not None:
             self._check(journal)
             walker, starts = Recorded(walker, journal), journal.starts(starts)

@@ -192,7 +192,8 @@ class Stepper(ABC):
         before : Segment or None
             The step before on the same piece; None on the first.
         longest : float
-            Upper bound on the length of the step.
+            Upper bound on the length of the step in the curve's metric: there the interval of
+            alpha has length one, and each unknown is measured by its typical magnitude.
 
         Returns
         -------

@@ -54,7 +54,7 @@ class Defect:
     z, alpha
         Where.
     size : float
-        How far off, relative to the size of what was compared.
+        How far off, relative to the size of what was compared; nan where nothing was.
     """
 
     what: str
@@ -64,7 +64,8 @@ class Defect:
 
     def __str__(self) -> str:
         where = f"{state(UNNAMED, self.z)}, alpha = {self.alpha:.6g}".replace("z=", "z = ")
-        return f"{self.what} at {where}: off by {self.size:.1e} (relative)"
+        off = "" if np.isnan(self.size) else f": off by {self.size:.1e} (relative)"
+        return f"{self.what} at {where}{off}"
 
     def __repr__(self) -> str:
         return named(self, self)

@@ -24,7 +24,7 @@ from pwscont.curve.uncertainty import magnitude
 from pwscont.stepping.stepper import Segment
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
@@ -81,6 +81,10 @@ class Bounds(TransitionDetector):
         side = "lower" if self._side[index] > 0.0 else "upper"
         name = self._names[int(self._which[index])]
         return f"{name} reaches its {side} bound {self._limit[index]:.6g}"
+
+    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
+        """Return where each falls to zero, all being affine; what has fallen falls at once."""
+        return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, z_i = bound}."""

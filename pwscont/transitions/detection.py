@@ -22,6 +22,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -45,15 +46,21 @@ class Event:
 
     def arrive(self, curve: Curve) -> SpecialPointFound:
         """Return the special point that the event makes."""
-        return self.detector.arrive(curve, self.state, self.index)
+        found = self.detector.arrive(curve, self.state, self.index)
+        if not (isinstance(found, SpecialPointFound) and found.rays):
+            what = "a SpecialPointFound with at least the ray back"
+            raise _broken(self.detector, "arrive", what, found)
+        return found
 
 
 @final
 class Watch:
     """All detectors of a run as one: their readings are joined end to end."""
 
-    def __init__(self, detectors: Sequence[TransitionDetector]) -> None:
-        self._detectors = detectors
+    def __init__(
+        self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
+    ) -> None:
+        self._detectors, self._added = detectors, added
         self._looking = [
             (i, detector)
             for i, detector in enumerate(detectors)
@@ -63,6 +70,38 @@ class Watch:
     def read(self, curve: Curve, state: State) -> Joined:
         """Return what all detectors read at ``state``."""
         return Joined.of([detector.read(curve, state) for detector in self._detectors])
+
+    def first(self, curve: Curve, state: State) -> Joined:
+        """Return what all detectors read where a piece begins, and look at what they return.
+
+        Raises
+        ------
+        InvalidInputError
+            If a detector returns something else than its contract says.
+        """
+        parts = [detector.read(curve, state) for detector in self._detectors]
+        for detector, part in zip(self._detectors, parts, strict=True):
+            if not isinstance(part, Reading):
+                raise _broken(detector, "read", "a Reading", part)
+            if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
+                what = "values and slopes that are vectors alike"
+                raise _broken(detector, "read", what, part)
+        return Joined.of(parts)
+
+    def check(self, start: Joined, end: Joined) -> None:
+        """Refuse detectors whose number of functions changed, or that read nan of their own.
+
+        Raises
+        ------
+        InvalidInputError
+        """
+        parts = zip(self._detectors, start.parts, end.parts, strict=True)
+        for detector, first, last in parts:
+            if len(first.values) != len(last.values):
+                what = f"{len(first.values)} functions all along a piece"
+                raise _broken(detector, "read", what, last)
+            if detector in self._added and np.isnan(last.values).any():
+                raise _broken(detector, "read", "finite values", last)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Joined, end: Joined
@@ -119,13 +158,14 @@ class Joined:
 def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
     """Return the first event on a straight segment."""
     if np.isnan(start.values).any():
+        watch.check(start, start)
         return Failure(FailureReason.NOT_FINITE)
     distances = watch.falls(segment, start)
     first = int(np.argmin(distances))
     if np.isinf(best := float(distances[first])):
         return Failure(FailureReason.UNBOUNDED)
     detector, index = watch.owner(start, first)
-    state = detector.locate(segment, index, (best, best))
+    state = _located(detector, segment, index, (best, best))
     _check_straight(segment, best, state)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
 
@@ -146,7 +186,10 @@ def first_on_curve(
     After an event was found, only the segment up to that event is looked at: a function that does
     not change sign there falls to zero later, and is not located.
     """
+    if len(start.values) != len(end.values):
+        watch.check(start, end)
     if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
+        watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
     if too_long := watch.needs_shorter_step(segment, start, end):
         return too_long
@@ -201,10 +244,26 @@ def _event(
         bracket = _bracket_of_return(detector, index, segment)
     if bracket is None or isinstance(bracket, Failure):
         return bracket
-    state = detector.locate(segment, index, bracket)
+    state = _located(detector, segment, index, bracket)
     if isinstance(state, Failure):
         return state
     return Event(detector, index, segment.position(state.x), state)
+
+
+def _located(
+    detector: TransitionDetector, segment: Segment, index: int, bracket: tuple[float, float]
+) -> State | Failure:
+    state = detector.locate(segment, index, bracket)
+    if not isinstance(state, State | Failure):
+        raise _broken(detector, "locate", "a State or a Failure", state)
+    return state
+
+
+def _broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
+    return InvalidInputError(
+        f"{type(detector).__name__}.{method} must return {what}, got {got!r}; check_detector tells "
+        "what else is wrong"
+    )
 
 
 def _bracket_of_dip(

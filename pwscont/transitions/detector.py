@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.kind import Kind
 from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure
@@ -22,6 +22,22 @@ FARTHEST = 0.1 / EPS**0.75
 #: Slopes of a pair of functions that are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
+
+
+#: Places on a straight piece at which functions without a slope are read.
+PLACES = 64
+
+
+def ratio_test(values: Array, slopes: Array) -> Array:
+    """Return the distances at which affine functions fall to zero, infinite where they do not.
+
+    One that is negative already falls at once.
+    """
+    falling = slopes < 0.0
+    distances = np.full(len(falling), np.inf)
+    np.divide(np.maximum(values, 0.0), -slopes, out=distances, where=falling)
+    distances[distances > FARTHEST] = np.inf
+    return distances
 
 
 @final
@@ -110,14 +126,40 @@ class TransitionDetector(ABC):
         Returns
         -------
         ndarray, shape (k,)
-            Infinite where it does not. The default holds for functions that are affine along
-            straight pieces (the ratio test); override it for others.
+            Infinite where it does not. The default takes functions with a slope to be affine along
+            straight pieces (the ratio test), and reads those without one, which are not known, at
+            a number of places; override it for others.
         """
-        falling = start.slopes < 0.0
-        distances = np.full(len(falling), np.inf)
-        np.divide(np.maximum(start.values, 0.0), -start.slopes, out=distances, where=falling)
-        distances[distances > FARTHEST] = np.inf
+        positive = start.values > 0.0
+        distances = ratio_test(np.where(positive, start.values, np.inf), start.slopes)
+        unknown = np.flatnonzero(positive & (start.slopes == 0.0))
+        if len(unknown) and np.isfinite(farthest):
+            distances[unknown] = self._falls_by_reading(segment, unknown, farthest)
         return distances
+
+    def _falls_by_reading(self, segment: Segment, which: Indices, farthest: float) -> Array:
+        """Return where functions without a slope fall to zero on a ray, between places."""
+        places = np.linspace(0.0, farthest, PLACES + 1)[:-1]
+        read = np.array([self._values(segment, s)[which] for s in places])
+        distances = np.full(len(which), np.inf)
+        for k, row in enumerate(read.T):
+            fallen = np.flatnonzero((row[:-1] > 0.0) & (row[1:] <= 0.0))
+            if len(fallen):
+                lo, hi = (float(s) for s in places[fallen[0] : fallen[0] + 2])
+                distances[k] = self._first_zero(segment, int(which[k]), lo, hi)
+        return distances
+
+    def _values(self, segment: Segment, s: float) -> Array:
+        start = segment.start
+        state = State(segment.near(s), start.tangent, start.error, start.orientation)
+        return np.asarray(self.read(segment.curve, state).values)
+
+    def _first_zero(self, segment: Segment, index: int, lo: float, hi: float) -> float:
+        """Return, to rounding, where a function that is positive at ``lo`` is so no more."""
+        while lo < (middle := 0.5 * (lo + hi)) < hi:
+            is_positive = self._values(segment, middle)[index] > 0.0
+            lo, hi = (middle, hi) if is_positive else (lo, middle)
+        return hi
 
     @abstractmethod
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:

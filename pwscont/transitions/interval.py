@@ -15,7 +15,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import Segment
 from pwscont.transitions.corner.cone import fan, same_piece
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
@@ -34,6 +34,10 @@ class IntervalEnds(TransitionDetector):
         down, up = alpha - self.lo, self.hi - alpha
         distances = (down if down > same else 0.0, up if up > same else 0.0)
         return Reading(np.array(distances), np.array((slope, -slope)))
+
+    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
+        """Return where each falls to zero, all being affine; what has fallen falls at once."""
+        return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""

@@ -133,7 +133,7 @@ def locate_point(segment: Segment, s: float) -> State | Failure:
 
 
 def locate_sign_change(
-    segment: CurvedSegment,
+    segment: Segment,
     function: Callable[[State], float],
     bracket: tuple[float, float],
     narrow: float = NARROW,
@@ -141,8 +141,11 @@ def locate_sign_change(
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 
     For functions without a gradient: a few corrected points more than Newton needs. ``narrow`` is
-    the part of the segment within which the change is bracketed.
+    the part of the segment within which the change is bracketed. On a straight segment the place is
+    known, from :meth:`~pwscont.TransitionDetector.falls`.
     """
+    if not isinstance(segment, CurvedSegment):
+        return locate_point(segment, bracket[0])
     known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
 
     def along(s: float) -> float:
