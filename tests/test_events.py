@@ -20,6 +20,7 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_change
+from pwscont.scenes.marks import markers_of
 
 
 class Circle(PiecewiseSystem):
@@ -136,8 +137,8 @@ def test_an_event_at_a_transition_is_the_transition():
 class Every(TransitionDetector):
     """Marks where z falls or rises through a level, with a kind of its own."""
 
-    def __init__(self, level):
-        self.level = level
+    def __init__(self, level, kind="level"):
+        self.level, self.kind = level, kind
 
     def read(self, curve, state):
         off, slope = state.x[0] - self.level, state.tangent[0]
@@ -149,7 +150,9 @@ class Every(TransitionDetector):
 
     def arrive(self, curve, state, index):
         forth = Ray(curve, state)
-        return SpecialPointFound("level", state.x, f"level {self.level}", (forth.reversed(), forth))
+        return SpecialPointFound(
+            self.kind, state.x, f"level {self.level}", (forth.reversed(), forth)
+        )
 
 
 def test_a_detector_with_a_kind_of_its_own(tmp_path):
@@ -160,6 +163,16 @@ def test_a_detector_with_a_kind_of_its_own(tmp_path):
     graph.save(tmp_path / "graph.npz")
     kept = BranchGraph.load(tmp_path / "graph.npz").special_points("level")
     assert [p.message for p in kept] == [p.message for p in points]
+
+
+def test_kinds_of_one_s_own_are_told_apart_in_pictures():
+    detectors = [Every(0.8, "high"), Every(-0.2, "low")]
+    graph = trace(Circle(), ([1.0], 0.0), (-2.0, 2.0), detectors=detectors)
+    looks = markers_of(graph)
+    assert looks["high"]["marker"] != looks["low"]["marker"]
+    assert (
+        looks["transition"] == markers_of(trace(Circle(), ([1.0], 0.0), (-2.0, 2.0)))["transition"]
+    )
 
 
 def test_events_survive_a_journal(tmp_path):

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph
-from pwscont.scenes.marks import MARKERS, UNLABELLED, marked, marker_of
+from pwscont.scenes.marks import UNLABELLED, marked, markers_of
 from pwscont.scenes.styles import COLORS, THIN, WIDTH, are_told_apart, color_of
 from pwscont.scenes.symbols import symbol
 
@@ -52,10 +52,9 @@ def _signs(graph: BranchGraph) -> list[Line2D]:
 
 def _marks(graph: BranchGraph) -> list[Line2D]:
     kinds = dict.fromkeys(point.kind for points in marked(graph).values() for point in points)
-    own = [kind for kind in kinds if kind not in MARKERS]
     return [
-        Line2D([], [], color="black", linestyle="none", label=_word(graph, kind), **marker_of(kind))
-        for kind in (*MARKERS, *own)
+        Line2D([], [], color="black", linestyle="none", label=_word(graph, kind), **look)
+        for kind, look in markers_of(graph).items()
         if kind in kinds
     ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import groupby, islice
+from itertools import cycle, groupby, islice
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -37,8 +37,8 @@ MARKERS: dict[str, dict[str, Any]] = {
     Kind.EVENT: {"marker": "*", "markersize": 9},
     Kind.STOPPED: {"marker": "x", "markersize": 9, "markeredgewidth": 2},
 }
-#: How kinds of a user's own detectors are drawn.
-OWN_MARKER: dict[str, Any] = {"marker": "h", "markersize": 8}
+#: The shapes of kinds of a user's own detectors, in the order of their names.
+OWN_MARKERS = "hp<>8dX1"
 #: Kinds without a label: there are many of them, or the mark says all. Others have alpha beside
 #: them, and events their name.
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
@@ -57,6 +57,8 @@ class Mark:
     ----------
     kind, label : str
         The label is empty where the mark says enough.
+    look : dict
+        How matplotlib draws it.
     at : ndarray, shape (2,)
     branch : int
     side : int
@@ -65,6 +67,7 @@ class Mark:
 
     kind: str
     label: str
+    look: dict[str, Any]
     at: Array
     branch: int
     side: int
@@ -76,9 +79,11 @@ class Mark:
         return all(lo <= value <= hi for value, (lo, hi) in zip(self.at, window, strict=True))
 
 
-def marker_of(kind: str) -> dict[str, Any]:
-    """Return how a kind of special point is drawn."""
-    return MARKERS.get(kind, OWN_MARKER)
+def markers_of(graph: BranchGraph) -> dict[str, dict[str, Any]]:
+    """Return how each kind of special point is drawn, those of one's own detectors as well."""
+    kinds = {str(point.kind) for point in graph.special_points()}
+    own = zip(sorted(kinds - {str(kind) for kind in Kind}), cycle(OWN_MARKERS), strict=False)
+    return MARKERS | {kind: {"marker": shape, "markersize": 8} for kind, shape in own}
 
 
 def marked(graph: BranchGraph) -> dict[int, list[SpecialPoint]]:
@@ -106,11 +111,12 @@ def marks_of(
     graph: BranchGraph, mode: Callable[[Character], str], along: Callable[[Array], Array]
 ) -> list[Mark]:
     """Return the marks of a diagram: not those of transitions that its mode does not see."""
-    sides, unseen = _sides(graph), _unseen(graph, mode)
+    sides, unseen, looks = _sides(graph), _unseen(graph, mode), markers_of(graph)
     return [
         Mark(
             point.kind,
             _label(graph, point),
+            looks[point.kind],
             np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
             branch,
             sides.get(point.id, 0),
@@ -156,8 +162,9 @@ def _side(point: SpecialPoint, piece: Piece) -> int:
 def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
     """Draw marks, those of one kind and branch together."""
     small = _small(sum(mark.kind == Kind.TRANSITION for mark in marks))
-    for (kind, branch), some in groupby(sorted(marks, key=_group), key=_group):
-        look = marker_of(kind) | (small if kind == Kind.TRANSITION else {})
+    for (kind, branch), group in groupby(sorted(marks, key=_group), key=_group):
+        some = list(group)
+        look = some[0].look | (small if kind == Kind.TRANSITION else {})
         x, y = np.array([mark.at for mark in some]).T
         order = 3.0 if kind in (Kind.TRANSITION, Kind.START) else 4.0
         ax.plot(x, y, color=color_of(branch), linestyle="none", zorder=order, **look)
