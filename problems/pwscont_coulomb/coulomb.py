@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Block, Character, Search, SlicewiseLinearSystem
+from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.extending import (
     Array,
     BringsSearches,
@@ -111,6 +111,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     @abstractmethod
     def friction_at(self, alpha: float) -> Array:
         """Return F per node, shape (p,)."""
+
+    @abstractmethod
+    def along_friction(self, alpha: float) -> Coulomb:
+        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
 
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
@@ -254,12 +258,6 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         slips = -SLIPS[mode] * self.friction_at(alpha)
         z[n + p :] += slips * z[n : n + p]
         return z
-
-    def searches(self) -> tuple[Search, ...]:
-        """Return the homotopy from the frictionless problem, which works for any p."""
-        from pwscont_coulomb.frictionless import FromFrictionless  # noqa: PLC0415  it traces us
-
-        return (FromFrictionless(),)
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.

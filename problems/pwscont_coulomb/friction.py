@@ -6,11 +6,12 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont import Character
+from pwscont import Character, Search
 from pwscont.extending import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import SLIPS, Coulomb
+from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.per_node import not_negative
 
 
@@ -51,6 +52,14 @@ class CoulombFriction(Coulomb):
     def _energies(self, lo: float, hi: float) -> Array:
         """Return the energy of the fixed load."""
         return np.array([self.force @ self.body.solve(self.force)])
+
+    def along_friction(self, alpha: float) -> Coulomb:
+        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+        return CoulombFriction(self.body, self.load_at(alpha), self.r, self.friction_at(alpha))
+
+    def searches(self) -> tuple[Search, ...]:
+        """Return the homotopy from the frictionless problem, which works for any p."""
+        return (FromFrictionless(),)
 
     def with_nodes(self, kept: Indices) -> Coulomb:
         """Return the same problem with only some of its contact nodes."""

@@ -41,13 +41,9 @@ class FromFrictionless(Search):
 
 def _at(system: Coulomb, alpha: float) -> Iterator[tuple[Array, Array]]:
     """Yield the solutions at one alpha that the homotopy leads to."""
-    from pwscont_coulomb.friction import CoulombFriction  # noqa: PLC0415  it is a Coulomb itself
-
-    homotopy = CoulombFriction(
-        system.body, system.load_at(alpha), system.r, system.friction_at(alpha)
-    )
+    homotopy, start = system.along_friction(alpha), np.zeros(system.size)
     try:
-        graph = trace(homotopy, (np.zeros(system.size), 0.0), (0.0, 1.0), parameter="homotopy")
+        graph = trace(homotopy, (start, 0.0), (0.0, 1.0), parameter="homotopy")
     except StartNotFoundError:
         return
     for solution in graph.solutions(1.0):

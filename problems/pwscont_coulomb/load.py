@@ -9,11 +9,13 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont import Character, InvalidInputError, PiecewiseLinearSystem
+from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
 from pwscont.extending import Array, Indices, Matrix, finite_array, named
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
+from pwscont_coulomb.friction import CoulombFriction
+from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.per_node import not_negative
 
 
@@ -107,6 +109,14 @@ class CoulombLoad(Coulomb):
             return None
         loads = np.column_stack([self.load_at(lo), self.load_at(hi)])
         return np.asarray((loads * self.body.solve(loads)).sum(axis=0))
+
+    def along_friction(self, alpha: float) -> Coulomb:
+        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+        return CoulombFriction(self.body, self.load_at(alpha), self.r, self.friction_at(alpha))
+
+    def searches(self) -> tuple[Search, ...]:
+        """Return the homotopy from the frictionless problem, which works for any p."""
+        return (FromFrictionless(),)
 
     def with_nodes(self, kept: Indices) -> Coulomb:
         """Return the same problem with only some of its contact nodes."""
