@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Piece
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.pictures import draw_body, draw_boundary, legend, strongest, summary
 from pwscont_coulomb.elastic.placement import Placement, magnification
 from pwscont_coulomb.elastic.problem import ElasticProblem
@@ -112,7 +112,7 @@ def _figure(placement: Placement) -> tuple[Figure, Any]:
     return figure, figure.subplots(2, 1)
 
 
-def _limits(body: ElasticBody, states: Sequence[BodyState]) -> tuple[float, float]:
+def _limits(body: DiscretisedBody, states: Sequence[BodyState]) -> tuple[float, float]:
     """Return limits that hold pressure, shear and friction bound in every state."""
     pressure = np.array([state.pressure for state in states])
     bound = np.abs(body.contact.friction * pressure).max()

@@ -14,7 +14,7 @@ from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.contact_boundary import ContactNodes
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.elimination import Elimination
 from pwscont_coulomb.elastic.multifrontal import Multifrontal
 from pwscont_coulomb.elastic.problem import ElasticProblem
@@ -29,12 +29,12 @@ class CondensedProblem(ElasticProblem):
 
     Parameters
     ----------
-    elastic : ElasticBody
+    elastic : DiscretisedBody
     elimination : Elimination, optional
         Default :class:`~pwscont_coulomb.elastic.Multifrontal`.
     """
 
-    def __init__(self, elastic: ElasticBody, elimination: Elimination | None = None) -> None:
+    def __init__(self, elastic: DiscretisedBody, elimination: Elimination | None = None) -> None:
         chosen = Multifrontal() if elimination is None else elimination
         check_kind("elimination", chosen, Elimination)
         positions = elastic.positions[:, elastic.free // 2]

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.load import AffineLoad
 
@@ -20,10 +20,10 @@ class FullProblem(ElasticProblem):
 
     Parameters
     ----------
-    elastic : ElasticBody
+    elastic : DiscretisedBody
     """
 
-    def __init__(self, elastic: ElasticBody) -> None:
+    def __init__(self, elastic: DiscretisedBody) -> None:
         contact, p = elastic.contact, elastic.contact.count
         n = len(elastic.free)
         picks = sp.csr_matrix(

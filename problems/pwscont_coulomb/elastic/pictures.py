@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.placement import Placement, magnification, parts_of
 from pwscont_coulomb.elastic.recovery import BodyState
 from pwscont_coulomb.elastic.units import UNITLESS, Units
@@ -35,7 +35,7 @@ BLACK, SLIP, PRESSURE, SHEAR, BOUND = "black", "#D55E00", "#0072B2", "#E69F00", 
 
 
 def draw_states(
-    body: ElasticBody,
+    body: DiscretisedBody,
     states: Sequence[BodyState],
     titles: Sequence[str] = (),
     *,
@@ -46,7 +46,7 @@ def draw_states(
 
     Parameters
     ----------
-    body : ElasticBody
+    body : DiscretisedBody
     states : sequence of BodyState
     titles : sequence of str, optional
         One per state; default the parameter and how many nodes are in which mode.
@@ -89,7 +89,7 @@ def draw_states(
     return figure
 
 
-def _body_row(body: ElasticBody) -> float:
+def _body_row(body: DiscretisedBody) -> float:
     """Return the height for a body of this shape (inches)."""
     wide, high = np.ptp(body.positions, axis=1)
     return float(np.clip(COLUMN * (high / wide + 0.15), 1.5, 1.2 * COLUMN))
@@ -167,7 +167,9 @@ def _draw_modes(ax: Axes, x: Array, tangents: Array, state: BodyState) -> None:
     )
 
 
-def draw_boundary(ax: Axes, body: ElasticBody, state: BodyState, units: Units = UNITLESS) -> None:
+def draw_boundary(
+    ax: Axes, body: DiscretisedBody, state: BodyState, units: Units = UNITLESS
+) -> None:
     """Draw pressure, shear and friction bound along the boundary."""
     contact = body.contact
     bound = contact.friction * state.pressure

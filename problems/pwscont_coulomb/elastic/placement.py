@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from pwscont.extending import Array, Indices
 from pwscont_coulomb.elastic.contact_boundary import ContactNodes
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.recovery import BodyState
 
 #: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
@@ -26,7 +26,7 @@ DRAWN, DRAWN_GAP = 0.08, 0.25
 DEPTH = 0.5
 
 
-def magnification(body: ElasticBody, states: Sequence[BodyState]) -> float:
+def magnification(body: DiscretisedBody, states: Sequence[BodyState]) -> float:
     """Return the factor by which displacements are drawn: 1, 2 or 5 times a power of ten.
 
     Large gaps, which are magnified as well, keep it down to one.
@@ -42,7 +42,7 @@ def magnification(body: ElasticBody, states: Sequence[BodyState]) -> float:
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def _size(body: ElasticBody) -> float:
+def _size(body: DiscretisedBody) -> float:
     return float(np.ptp(body.positions, axis=1).max())
 
 
@@ -58,7 +58,7 @@ class Placement:
 
     Attributes
     ----------
-    body : ElasticBody
+    body : DiscretisedBody
     factor : float
         By which displacements and gaps are magnified.
     rest : ndarray, shape (2, nodes)
@@ -69,14 +69,14 @@ class Placement:
         Unit normals into the obstacle, as drawn.
     """
 
-    body: ElasticBody
+    body: DiscretisedBody
     factor: float
     rest: Array
     obstacle: Array
     into: Array
 
     @classmethod
-    def of(cls, body: ElasticBody, factor: float) -> Placement:
+    def of(cls, body: DiscretisedBody, factor: float) -> Placement:
         """Return the positions for a factor."""
         contact = body.contact
         gaps = contact.gap * contact.normals
@@ -113,7 +113,7 @@ def _straightened(line: Array) -> tuple[Array, float]:
     return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0
 
 
-def _faded(body: ElasticBody, away: Array) -> Array:
+def _faded(body: DiscretisedBody, away: Array) -> Array:
     """Return shifts of all nodes: those of the nearest contact node, less with the distance."""
     if not away.any():
         return np.zeros_like(body.positions)

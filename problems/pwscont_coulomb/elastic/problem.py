@@ -11,7 +11,7 @@ from pwscont import InvalidInputError
 from pwscont.extending import CONVERGED, Array, named
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.load import AffineLoad, CoulombLoad
 
@@ -21,13 +21,13 @@ class ElasticProblem(ABC):
 
     Attributes
     ----------
-    elastic : ElasticBody
+    elastic : DiscretisedBody
     body : ContactBody
     load : AffineLoad
     friction : ndarray, shape (p,)
     """
 
-    elastic: ElasticBody
+    elastic: DiscretisedBody
     body: ContactBody
     load: AffineLoad
     friction: Array

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pwscont.extending import Array, Indices
-from pwscont_coulomb.elastic.elastic_body import ElasticBody
+from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.recovery import BodyState
 
@@ -15,7 +15,7 @@ from pwscont_coulomb.elastic.recovery import BodyState
 CELLS = {3: "triangle", 6: "triangle6", 4: "quad", 9: "quad9"}
 
 
-def write_vtu(path: Path, body: ElasticBody, state: BodyState) -> Path:
+def write_vtu(path: Path, body: DiscretisedBody, state: BodyState) -> Path:
     """Write the mesh with a solution.
 
     Point data: ``displacement``; of contact nodes (elsewhere 0) ``contact_pressure``,
