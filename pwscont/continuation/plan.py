@@ -252,7 +252,8 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
-            "detectors": ", ".join(map(_name, self.added)),
+            "detectors": ", ".join(type(d).__name__ for d in self.added if type(d) is not Events),
+            "events": ", ".join(_events(self.added)),
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
@@ -272,10 +273,9 @@ def checked_detectors(detectors: Any, events: Any) -> tuple[TransitionDetector, 
     return (*added, watched) if watched else added
 
 
-def _name(detector: TransitionDetector) -> str:
-    """Return what tells the detectors of two runs apart."""
-    names = [event.name for event in detector.events] if isinstance(detector, Events) else []
-    return " ".join([type(detector).__name__, *names])
+def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
+    """Return the names of the events that are watched."""
+    return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

@@ -1,0 +1,121 @@
+"""Parts of a run that do not fit are refused in words, before any work; or done right."""
+
+import pytest
+
+from pwscont import (
+    InvalidInputError,
+    NaturalParameter,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    PseudoArclength,
+    Stop,
+    trace,
+)
+
+
+class Bent(PiecewiseSystem):
+    """z + z^2 / 4 = 0.4 alpha + 0.0125: z = 1/2 at alpha = 1.375, z = 0.3 at alpha = 0.775."""
+
+    size = 1
+    half, third = 1.375, 0.775
+
+    def test_functions(self, z, alpha):
+        return z - 5.0
+
+    def residual(self, z, alpha, character):
+        return z + 0.25 * z**2 - 0.4 * alpha - 0.0125
+
+
+class Straight(PiecewiseLinearSystem):
+    """z = 0.4 alpha - 0.05: z = 1/2 at alpha = 1.375, z = 0.3 at alpha = 0.875."""
+
+    size = 1
+    half, third = 1.375, 0.875
+
+    def test_functions(self, z, alpha):
+        return z - 5.0
+
+    def residual(self, z, alpha, character):
+        return z - 0.4 * alpha + 0.05
+
+
+def through(system, events, start=1.0, **options):
+    return trace(system, ([0.0], start), (0.0, 2.0), events=events, **options)
+
+
+# -- events --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("stepper", [None, PseudoArclength(), NaturalParameter()], ids=repr)
+@pytest.mark.parametrize("system", [Bent(), Straight()], ids=repr)
+def test_edges_of_stretches_without_sign_are_events(system, stepper, start):
+    """A stretch of zeros between z = 0.3 and z = 0.5 is entered and left at either edge."""
+    events = {
+        "from": lambda z, a: max(0.0, z[0] - 0.5),
+        "down": lambda z, a: min(0.0, 0.5 - z[0]),
+        "both": lambda z, a: max(0.0, z[0] - 0.5) + min(0.0, z[0] - 0.3),
+    }
+    for name, function in events.items():
+        graph = through(system, {name: function}, start, stepper=stepper)
+        expected = [system.third, system.half] if name == "both" else [system.half]
+        found = [point.alpha for point in graph.special_points("event")]
+        assert found == pytest.approx(expected, abs=1e-13)
+        assert graph.guarantee == through(system, {}, start, stepper=stepper).guarantee
+
+
+def test_a_stop_ends_at_the_edge_of_a_stretch():
+    graph = through(Bent(), {"end": Stop(lambda z, a: max(0.0, 0.5 - z[0]))}, 2.0)
+    (end,) = graph.special_points("event")
+    assert end.alpha == pytest.approx(Bent.half)
+    assert len(graph.pieces) == 1
+
+
+def test_events_at_one_point_are_all_named():
+    events = {"a": lambda z, a: z[0] - 0.5, "b": lambda z, a: 1.0 - 2.0 * z[0]}
+    for system in (Bent(), Straight()):
+        (point,) = through(system, events).special_points("event")
+        assert point.name == "a, b"
+    ends = {**events, "b": Stop(events["b"])}
+    assert len(through(Straight(), ends).pieces) == 1
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda z, a: z[0] > 0.5, "'a' must return a finite float.*False.*a condition"),
+        (lambda z, a: z[0] < a * 0.0 + 0.5, "a condition such as"),
+        (lambda z, a: bool(z[0] > 0.5), "a condition such as"),
+        (lambda z, a: "text", "the event 'a' must return a finite float, at alpha = 1 .*z = "),
+        (lambda z: 1.0, "the event 'a' failed at alpha = 1: TypeError.*z = "),
+        (lambda z, a, b: 1.0, "the event 'a' failed at alpha = 1: TypeError.*z = "),
+        (lambda z, a: 1 / 0, "the event 'a' failed at alpha = 1: ZeroDivisionError.*z = "),
+        (Stop, r"'a' is the class Stop: give Stop\(g\)"),
+        (lambda z, a: 0.0, "the event 'a' is zero at the start, alpha = 1, and wherever"),
+        (Stop(lambda z, a: 0.0 * z), "the event 'a' is zero at the start, alpha = 1, and wherever"),
+    ],
+)
+def test_events_that_do_not_fit(what, words):
+    with pytest.raises(InvalidInputError, match=words):
+        through(Bent(), {"a": what})
+
+
+def test_records_and_events_are_checked_alike():
+    graph = through(Bent(), {}, record={"bad": lambda z: 1.0, "cond": lambda z, a: z[0] > 0.5})
+    with pytest.raises(InvalidInputError, match=r"record 'bad' failed at alpha = .*TypeError.*z = "):
+        graph.special_points()[0]["bad"]
+    with pytest.raises(InvalidInputError, match=r"record 'cond' must return a finite float.*cond"):
+        graph.special_points()[0]["cond"]
+
+
+def test_plain_data_name_events_and_parameter():
+    data = through(Bent(), {"half": lambda z, a: z[0] - 0.5}, parameter="load").to_dict()
+    assert data["parameter"] == {"name": "load", "lo": 0.0, "hi": 2.0}
+    assert [node["name"] for node in data["nodes"] if node["kind"] == "event"] == ["half"]
+
+
+def test_kinds_that_are_nearly_known():
+    graph = through(Bent(), {})
+    assert graph.special_points("half") == []
+    with pytest.raises(InvalidInputError, match=r"unknown kind 'transitoin'; did you mean trans"):
+        graph.special_points("transitoin")
