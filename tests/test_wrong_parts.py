@@ -1,16 +1,26 @@
 """Parts of a run that do not fit are refused in words, before any work; or done right."""
 
+import numpy as np
 import pytest
 
 from pwscont import (
+    BorderedNewton,
+    EndPoints,
     InvalidInputError,
+    MultiStart,
     NaturalParameter,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
+    Search,
+    Slices,
+    StepSize,
     Stop,
+    Tangent,
+    explore,
     trace,
 )
+from pwscont.extending import Failure, FailureReason, Guarantee, SearchScope
 
 
 class Bent(PiecewiseSystem):
@@ -102,7 +112,9 @@ def test_events_that_do_not_fit(what, words):
 
 def test_records_and_events_are_checked_alike():
     graph = through(Bent(), {}, record={"bad": lambda z: 1.0, "cond": lambda z, a: z[0] > 0.5})
-    with pytest.raises(InvalidInputError, match=r"record 'bad' failed at alpha = .*TypeError.*z = "):
+    with pytest.raises(
+        InvalidInputError, match=r"record 'bad' failed at alpha = .*TypeError.*z = "
+    ):
         graph.special_points()[0]["bad"]
     with pytest.raises(InvalidInputError, match=r"record 'cond' must return a finite float.*cond"):
         graph.special_points()[0]["cond"]
@@ -119,3 +131,86 @@ def test_kinds_that_are_nearly_known():
     assert graph.special_points("half") == []
     with pytest.raises(InvalidInputError, match=r"unknown kind 'transitoin'; did you mean trans"):
         graph.special_points("transitoin")
+
+
+# -- searches ------------------------------------------------------------------------------------
+
+
+class Own(Search):
+    """Yields what it is given."""
+
+    def __init__(self, *found, says=None, nothing=False):
+        self.found, self.says, self.nothing = found, says, nothing
+
+    def starts(self, system, metric, interval):
+        return None if self.nothing else iter(self.found)
+
+    def searched(self, system):
+        return self.says or SearchScope("nothing", Guarantee.NOTHING)
+
+
+SOME = np.zeros((1, 2))
+
+
+@pytest.mark.parametrize(
+    ("search", "words"),
+    [
+        (Own(says="everything"), r"Own.searched must return a SearchScope.*'everything'"),
+        (Own(nothing=True), r"Own.starts must yield pairs \(x, error\), got None"),
+        (Own(Failure(FailureReason.JUMP)), r"Own.starts must yield pairs.*got Failure"),
+        (Own((np.zeros(1), 0.5)), r"x = \(z, alpha\) of shape \(2,\).*got shapes \(1,\) and"),
+        (Own((np.zeros(3), SOME)), r"Own.starts .*got shapes \(3,\)"),
+        (Own((np.array([np.nan, 0.5]), SOME)), r"x of Own.starts must be finite"),
+        (Own((np.array([0.1, 2.5]), SOME)), r"Own.starts .* alpha = 2.5, outside the interval"),
+    ],
+)
+def test_searches_that_do_not_fit(search, words):
+    for each in (search, search + EndPoints()):
+        with pytest.raises(InvalidInputError, match=words):
+            explore(Bent(), (0.0, 2.0), search=each)
+
+
+def test_searches_that_cannot_be_made():
+    with pytest.raises(InvalidInputError, match=r"EndPoints \+ 3: searches add up with searches"):
+        EndPoints() + 3
+    with pytest.raises(InvalidInputError, match="searches add up.*call it to make one"):
+        EndPoints() + MultiStart
+    with pytest.raises(InvalidInputError, match=r"as in Slices\(\(0.7,\)\), got 0.7"):
+        Slices(0.7)
+
+
+# -- steps ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        {"largest": -0.1},
+        {"largest": 0.0},
+        {"largest": np.nan},
+        {"first": 0.5, "largest": 0.2},
+        {"first": 0.0},
+        {"smallest": 0.05},
+        {"least_cosine": 2.0},
+        {"largest": "long"},
+    ],
+)
+def test_steps_of_no_length(lengths):
+    with pytest.raises(InvalidInputError, match="StepSize"):
+        StepSize(**lengths)
+
+
+def test_the_first_step_is_no_longer_than_the_longest():
+    assert StepSize(largest=0.01).first == 0.01
+    assert StepSize(largest=0.5).first == StepSize().first
+
+
+def test_parts_of_steppers():
+    with pytest.raises(InvalidInputError, match=r"predictor of Pseudo.*call it to make one"):
+        PseudoArclength(Tangent)
+    with pytest.raises(InvalidInputError, match="must be a Predictor, got BorderedNewton"):
+        PseudoArclength(BorderedNewton(), Tangent())
+    with pytest.raises(InvalidInputError, match="corrector of PseudoArclength must be a Corrector"):
+        PseudoArclength(Tangent(), StepSize())
+    with pytest.raises(InvalidInputError, match="step_size of NaturalParameter must be a StepSize"):
+        NaturalParameter(0.1)
