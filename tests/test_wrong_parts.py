@@ -7,6 +7,7 @@ from pwscont import (
     BorderedNewton,
     EndPoints,
     InvalidInputError,
+    InvalidSystemError,
     MultiStart,
     NaturalParameter,
     PiecewiseLinearSystem,
@@ -17,6 +18,7 @@ from pwscont import (
     StepSize,
     Stop,
     Tangent,
+    check_system,
     explore,
     trace,
 )
@@ -173,7 +175,7 @@ def test_searches_that_do_not_fit(search, words):
 def test_searches_that_cannot_be_made():
     with pytest.raises(InvalidInputError, match=r"EndPoints \+ 3: searches add up with searches"):
         EndPoints() + 3
-    with pytest.raises(InvalidInputError, match="searches add up.*call it to make one"):
+    with pytest.raises(InvalidInputError, match=r"searches add up.*call it to make one"):
         EndPoints() + MultiStart
     with pytest.raises(InvalidInputError, match=r"as in Slices\(\(0.7,\)\), got 0.7"):
         Slices(0.7)
@@ -214,3 +216,74 @@ def test_parts_of_steppers():
         PseudoArclength(Tangent(), StepSize())
     with pytest.raises(InvalidInputError, match="step_size of NaturalParameter must be a StepSize"):
         NaturalParameter(0.1)
+
+
+# -- systems -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (([0.1], 0.2), r"points\[0\] must be a pair .* got \[0.1\]; give one point as \[\(z, a"),
+        ([0.1, 0.2], r"points\[0\] must be a pair .* got 0.1"),
+        (0.3, "points must be pairs"),
+        ([([0.1], 0.2), ([0.1], "x")], r"alpha of points\[1\] must be"),
+        ([([0.1], np.nan)], r"alpha of points\[0\] must be finite"),
+        ([([0.1, 0.2], 0.2)], r"z of points\[0\] has shape \(2,\)"),
+    ],
+)
+def test_points_that_are_none(points, words):
+    with pytest.raises(InvalidInputError, match=words):
+        check_system(Bent(), points)
+
+
+@pytest.mark.parametrize(
+    ("method", "value", "words"),
+    [
+        ("scale", np.zeros(1), r"scale\(\) must return 1 positive"),
+        ("scale", -np.ones(1), r"scale\(\) must return 1 positive"),
+        ("scale", 2.0, r"scale\(\) must return 1 positive"),
+        ("bounds", (1.0, -1.0), r"bounds\(\) needs lower < upper"),
+        ("names", ("a", "b"), r"names\(\) must return 1 names, one for each unknown, got 2"),
+        ("names", "a", r"names\(\) must return 1 texts, got 'a'"),
+        ("names", (1,), r"names\(\) must return texts"),
+    ],
+)
+def test_what_a_run_refuses_check_system_refuses(method, value, words):
+    system = type("Wrong", (Bent,), {method: lambda self, *interval: value})()
+    for run in (
+        lambda: check_system(system, [([0.1], 0.2)]),
+        lambda: explore(system, (0.0, 2.0), search=Unasked()),
+        lambda: trace(system, ([0.1], 0.2), (0.0, 2.0)),
+    ):
+        with pytest.raises(InvalidSystemError, match=words):
+            run()
+
+
+class Unasked(Search):
+    """Is not to be asked: what is wrong is known before."""
+
+    def starts(self, system, metric, interval):
+        raise AssertionError
+
+
+class Two(PiecewiseLinearSystem):
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return z - alpha
+
+    def names(self):
+        return "u", "u"
+
+
+def test_a_name_that_is_given_twice():
+    for run in (
+        lambda: check_system(Two(), [([0.1, 0.1], 0.2)]),
+        lambda: explore(Two(), (0.0, 2.0)),
+    ):
+        with pytest.raises(InvalidSystemError, match=r"Two.names\(\) gives several .* name 'u'"):
+            run()
