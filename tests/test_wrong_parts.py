@@ -5,24 +5,34 @@ import pytest
 
 from pwscont import (
     BorderedNewton,
+    BranchGraph,
     EndPoints,
     InvalidInputError,
     InvalidSystemError,
     MultiStart,
     NaturalParameter,
+    Panel,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
+    PwscontError,
+    Scene,
+    SceneNotFoundError,
     Search,
     Slices,
     StepSize,
     Stop,
     Tangent,
+    TransitionDetector,
+    UnknownNameError,
     check_system,
     explore,
     trace,
 )
+from pwscont.commands.cli import main
 from pwscont.extending import Failure, FailureReason, Guarantee, SearchScope
+from pwscont.scenes import registry
+from pwscont.scenes.settings import settings_of
 
 
 class Bent(PiecewiseSystem):
@@ -287,3 +297,89 @@ def test_a_name_that_is_given_twice():
     ):
         with pytest.raises(InvalidSystemError, match=r"Two.names\(\) gives several .* name 'u'"):
             run()
+
+
+# -- scenes --------------------------------------------------------------------------------------
+
+
+def scene(**parts):
+    return Scene("bent", "a bent line", Bent(), (0.0, 2.0), **{"search": Unasked(), **parts})
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"panels": (Panel("pwoer"),), "record": {"power": abs}}, "there is no 'pwoer'.*power"),
+        ({"panels": (Panel(1),)}, "there is no unknown 1"),
+        ({"panels": (Panel(None),)}, "must be an index, a name or a function"),
+        ({"panels": ("z",)}, "each of the panels of scene bent must be a Panel, got 'z'"),
+        ({"panels": Panel(0)}, "panels of scene bent must be a tuple of Panel"),
+        ({"at": (0.5, 3.0)}, r"at of scene bent: 3.0 lies outside the interval \[0.0, 2.0\]"),
+        ({"at": 0.5}, r"at of scene bent must be several numbers, as in \(0.5,\), got 0.5"),
+    ],
+)
+def test_scenes_that_do_not_fit(parts, words):
+    wrong = scene(**parts)
+    for ask in (wrong.run, lambda: wrong.values(None)):
+        with pytest.raises(PwscontError, match=words):
+            ask()
+
+
+def test_the_command_line_tells_numerical_failures_in_one_line(monkeypatch, capsys):
+    def failing(R: float = 1.0):
+        return scene(search=None, detectors=(Singular(R),))
+
+    monkeypatch.setattr(registry, "_entry_point", lambda name: name)
+    monkeypatch.setattr(registry, "_loaded", lambda point: failing)
+    assert main(["run", "bent", "-s", "R=nan"]) == 2
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert message == (
+        "pwscont: scene bent cannot be computed: LinAlgError: Singular matrix; check the settings "
+        "R=nan"
+    )
+
+
+class Singular(TransitionDetector):
+    def __init__(self, value):
+        self.value = value
+
+    def read(self, curve, state):
+        np.linalg.solve(np.zeros((1, 1)), np.ones(1))
+
+    def locate(self, segment, index, bracket):
+        raise AssertionError
+
+    def arrive(self, curve, state, index):
+        raise AssertionError
+
+
+def test_settings_are_of_the_type_of_their_defaults():
+    def make(length=2.0, count=3, on=False, name="a", other=None):
+        raise AssertionError
+
+    given = {"length": "1", "count": "2.5", "on": "true", "name": "7", "other": "8"}
+    expected = {"length": 1, "count": 2.5, "on": True, "name": "7", "other": "8"}
+    assert settings_of("s", make, given) == expected
+    with pytest.raises(InvalidInputError, match="length of scene s must be a number, got 'x'"):
+        settings_of("s", make, {"length": "x"})
+
+
+def test_far_names_of_scenes_are_not_offered():
+    with pytest.raises(SceneNotFoundError) as caught:
+        registry.load_scene("nothing")
+    assert str(caught.value) == "there is no scene 'nothing'; see 'pwscont scenes'"
+
+
+# -- files ---------------------------------------------------------------------------------------
+
+
+def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
+    record = {"power": lambda z, a: float(z[0] ** 2)}
+    through(Bent(), {}, record=record).save(tmp_path / "graph")
+    loaded = BranchGraph.load(tmp_path / "graph", Bent())
+    assert loaded.special_points()[0]["power"] >= 0.0
+    with pytest.raises(UnknownNameError, match=r"load\(\.\.\., record=\{'power': \.\.\.\}\)"):
+        loaded.solutions(0.5)[0]["power"]
+    again = BranchGraph.load(tmp_path / "graph", Bent(), record=record)
+    (solution,) = again.solutions(0.5)
+    assert solution["power"] == pytest.approx(solution.z[0] ** 2)

@@ -25,6 +25,10 @@ TAKEN = frozenset(
 )
 #: No message lists more names than this.
 MOST_NAMES = 12
+ONLY_SPECIAL = (
+    "the file of this graph has {0!r} at special points only; for other states give its function: "
+    "BranchGraph.load(..., record={{{0!r}: ...}})"
+)
 CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
 
 
@@ -73,21 +77,25 @@ class Quantities:
         A name for each unknown, or what returns them when the first is asked for.
     record : mapping of str to callable
         Functions of (z, alpha) that return a finite float.
+    elsewhere : iterable of str
+        Names of what a file has for special points only, without the functions.
     """
 
     def __init__(
         self,
         naming: Naming = None,
         record: Mapping[str, Function] = MappingProxyType({}),
+        elsewhere: Iterable[str] = (),
     ) -> None:
         #: What gives the unknowns their names, None where they have none of their own.
         self.naming = naming
         self.record = dict(record)
+        self._elsewhere = frozenset(elsewhere)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return names and functions: copies, also in other processes, leave the system behind."""
         naming = self._names if self.is_named else None
-        return {"naming": naming, "record": self.record}
+        return {"naming": naming, "record": self.record, "_elsewhere": self._elsewhere}
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -134,6 +142,8 @@ class Quantities:
         if name in self.record:
             return _recorded(name, self.record[name], z, alpha)
         names = self.names(len(z))
+        if name not in names and name in self._elsewhere:
+            raise UnknownNameError(ONLY_SPECIAL.format(name))
         if name not in names:
             raise UnknownNameError(_unknown(name, [*names, *self.record]))
         return float(z[self._components[name] if self.is_named else names.index(name)])

@@ -187,7 +187,8 @@ def _quantities(
         naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
     known = Quantities(naming)
     unknowns = known.names(len(points[0].z)) if record and points else ()
-    return Quantities(naming, checked_record(record, unknowns))
+    kept = {name for point in points for name in point.quantities.record}
+    return Quantities(naming, checked_record(record, unknowns), kept)
 
 
 def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
