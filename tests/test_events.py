@@ -185,7 +185,7 @@ def test_events_survive_a_journal(tmp_path):
     assert [p.name for p in second.special_points()] == [p.name for p in first.special_points()]
     again.close()
     other = Journal(tmp_path / "run.journal")
-    with pytest.raises(InvalidInputError, match="detectors"):
+    with pytest.raises(InvalidInputError, match="events: half when it was begun, none now"):
         explore(scene.system, scene.interval, journal=other)
     other.close()
 
@@ -196,8 +196,8 @@ def test_events_survive_a_journal(tmp_path):
         ({"bad": 3.0}, "'bad': 3.0"),
         ({"": lambda z, a: 1.0}, "name: function"),
         ([lambda z, a: 1.0], "mapping"),
-        ({"nan": lambda z, a: np.nan}, "the event 'nan' must be a finite number"),
-        ({"two": lambda z, a: np.ones(2)}, "the event 'two' must be a finite number"),
+        ({"nan": lambda z, a: np.nan}, "the event 'nan' must return a finite float"),
+        ({"two": lambda z, a: np.ones(2)}, "the event 'two' must return a finite float"),
     ],
 )
 def test_events_that_are_none_are_refused(events, match):

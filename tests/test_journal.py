@@ -145,7 +145,8 @@ def test_a_journal_of_another_run_is_refused(tmp_path):
     journal = Journal(tmp_path / "journal")
     made = fig7()
     explore(made.system, made.interval, journal=journal)
-    with pytest.raises(InvalidInputError, match=r"interval was \[-2.0, 2.0\], is \[-1.0, 2.0\]"):
+    words = r"interval: \[-2.0, 2.0\] when it was begun, \[-1.0, 2.0\] now"
+    with pytest.raises(InvalidInputError, match=words):
         explore(made.system, (-1.0, 2.0), journal=journal)
     other = type(made.system)(made.system.body, made.system.load, 3.0)
     with pytest.raises(InvalidInputError, match="values of its functions have changed"):

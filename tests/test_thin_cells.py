@@ -11,7 +11,7 @@ from pwscont.curve.step_size import StepSize
 WIDTH = 2.0**-27  # 7.5e-9; 1 + WIDTH is exact, so the closed form below is, too
 STEP_SIZES = [
     StepSize(first=length, largest=length) for length in (1e-3, 1e-2, 0.1, 0.7, 3.0, 10.0)
-] + [StepSize(first=1e-3, largest=10.0), StepSize(first=10.0, largest=1e-2)]
+] + [StepSize(first=1e-3, largest=10.0)]
 STEPPERS = [
     kind(step_size=size) for kind in (PseudoArclength, NaturalParameter) for size in STEP_SIZES
 ]

@@ -25,6 +25,11 @@ TAKEN = frozenset(
 )
 #: No message lists more names than this.
 MOST_NAMES = 12
+ONLY_SPECIAL = (
+    "the file of this graph has {0!r} at special points only; for other states give its function: "
+    "BranchGraph.load(..., record={{{0!r}: ...}})"
+)
+CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
 
 
 def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Function]:
@@ -72,21 +77,25 @@ class Quantities:
         A name for each unknown, or what returns them when the first is asked for.
     record : mapping of str to callable
         Functions of (z, alpha) that return a finite float.
+    elsewhere : iterable of str
+        Names of what a file has for special points only, without the functions.
     """
 
     def __init__(
         self,
         naming: Naming = None,
         record: Mapping[str, Function] = MappingProxyType({}),
+        elsewhere: Iterable[str] = (),
     ) -> None:
         #: What gives the unknowns their names, None where they have none of their own.
         self.naming = naming
         self.record = dict(record)
+        self._elsewhere = frozenset(elsewhere)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return names and functions: copies, also in other processes, leave the system behind."""
         naming = self._names if self.is_named else None
-        return {"naming": naming, "record": self.record}
+        return {"naming": naming, "record": self.record, "_elsewhere": self._elsewhere}
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -131,8 +140,10 @@ class Quantities:
             If the function of a recorded quantity fails, or returns no finite float.
         """
         if name in self.record:
-            return _evaluated(name, self.record[name], z, alpha)
+            return _recorded(name, self.record[name], z, alpha)
         names = self.names(len(z))
+        if name not in names and name in self._elsewhere:
+            raise UnknownNameError(ONLY_SPECIAL.format(name))
         if name not in names:
             raise UnknownNameError(_unknown(name, [*names, *self.record]))
         return float(z[self._components[name] if self.is_named else names.index(name)])
@@ -167,27 +178,44 @@ class Kept:
         return self._value
 
 
-def _evaluated(name: str, function: Function, z: Array, alpha: float) -> float:
+def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
     if isinstance(function, Kept):
         return function(z, alpha)
+    return evaluated(f"record {name!r}", function, z, alpha)
+
+
+def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:
+    """Return what a user's function of (z, alpha) returns.
+
+    Raises
+    ------
+    InvalidInputError
+        If the function fails, or returns no finite float; the message begins with ``what``.
+    """
     try:
         value = function(z.copy(), alpha)  # a copy: users may work in place
     except Exception as error:
         raise InvalidInputError(
-            f"record {name!r} failed at alpha = {alpha:.8g}: {type(error).__name__}: {error}"
+            f"{what} failed at alpha = {alpha:.8g}: {type(error).__name__}: {error}, {_words(z)}"
         ) from error
     if not _is_finite(value):
+        hint = CONDITION if isinstance(value, bool | np.bool_) else ""
         got = " ".join(repr(value).split())[:80]
         raise InvalidInputError(
-            f"record {name!r} must return a finite float, at alpha = {alpha:.8g} it returned {got}"
+            f"{what} must return a finite float, at alpha = {alpha:.8g} it returned {got}, "
+            f"{_words(z)}{hint}"
         )
     return float(value)
+
+
+def _words(z: Array) -> str:
+    return f"z = {np.array2string(z, precision=6, threshold=8, edgeitems=2)}"
 
 
 def _is_finite(value: Any) -> bool:
     scalar = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     try:
-        return isinstance(scalar, Real) and isfinite(scalar)
+        return isinstance(scalar, Real) and not isinstance(scalar, bool) and isfinite(scalar)
     except OverflowError:  # an integer beyond all floats
         return False
 

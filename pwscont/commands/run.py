@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.basics.errors import GraphFileError, InvalidInputError, PwscontError
 from pwscont.commands.looks import look_of, with_panels
 from pwscont.commands.progress import Progress
 from pwscont.continuation.journal import Journal
@@ -24,6 +24,31 @@ from pwscont.scenes.registry import load_scene
 def run_scene(options: argparse.Namespace) -> int:
     """Run a scene as the command line says; returns the exit status."""
     scene = load_scene(options.scene, dict(options.settings))
+    with _failing_in_words(scene, options.settings):
+        return _run(scene, options)
+
+
+@contextmanager
+def _failing_in_words(scene: Runnable, settings: Sequence[tuple[str, str]]) -> Iterator[None]:
+    """Say in words that a scene cannot be computed.
+
+    Raises
+    ------
+    InvalidInputError
+        Where its numbers fail, as with a setting that is not a number.
+    """
+    try:
+        yield
+    except PwscontError:
+        raise
+    except (ArithmeticError, ValueError) as error:  # that of linear algebra is a ValueError
+        given = " ".join(f"{name}={value}" for name, value in settings)
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        hint = f"; check the settings {given}" if given else ""
+        raise InvalidInputError(f"scene {scene.name} cannot be computed: {why}{hint}") from error
+
+
+def _run(scene: Runnable, options: argparse.Namespace) -> int:
     at, look = scene.values(options.at), look_of(options, scene)
     scene = with_panels(options, scene)
     if options.output:

@@ -26,6 +26,7 @@ from pwscont.graph import BranchGraph
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.enumeration import Found
+from pwscont.search.search import scope_of, starts_of
 from pwscont.stepping import Stepper
 from pwscont.system.contract import checked_size
 from pwscont.system.promises import refuse_undefined
@@ -89,7 +90,7 @@ def explore(
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
         around = [plan.reduced(z) for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)
-        searched = _searched(given, chosen.searched(plan.followed))
+        searched = _searched(given, scope_of(chosen, plan.followed))
         plan, found = measured(plan, guess, lambda plan: _found(plan, given, chosen))
         graph = plan.follow(found, parameter, report, searched, journal, budget, recorded)
     if not graph.special_points() and not budget.spent:
@@ -101,7 +102,7 @@ def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Fou
     """Yield the given starts, corrected, and what a search finds, begun when it is asked."""
     for i, start in enumerate(given):
         yield corrected(plan, start, f"starts[{i}]")
-    yield from search.starts(plan.followed, plan.metric, plan.interval)
+    yield from starts_of(search, plan.followed, plan.metric, plan.interval)
 
 
 def _searched(given: tuple[Start, ...], searched: SearchScope) -> SearchScope:

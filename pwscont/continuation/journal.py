@@ -235,9 +235,9 @@ class Journal:
             return
         before, values = json.loads(known.header)
         different = [
-            f"{name} was {before.get(name)}, is {now}"
+            f"{name}: {before.get(name) or 'none'} when it was begun, {now or 'none'} now"
             for name, now in facts.items()
-            if before.get(name) != now
+            if before.get(name, "") != now
         ]
         if not different and not _agree(values, probes):
             different = ["the values of its functions have changed"]

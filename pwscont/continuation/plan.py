@@ -13,6 +13,7 @@ from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
+from pwscont.basics.given import checked_kind as checked_kind  # noqa: PLC0414  for kit
 from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
@@ -26,6 +27,7 @@ from pwscont.graph import BranchGraph
 from pwscont.linear.threads import few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
+from pwscont.search.search import scope_of
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.system.box import Box
 from pwscont.system.reduction import Reduction, reduction_of
@@ -48,14 +50,6 @@ Report = Callable[[int, float], None]
 
 def silent(pieces: int, alpha: float) -> None:
     """Report nothing."""
-
-
-def checked_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another kind, such as a class where an object of it is meant."""
-    if value is not None and not isinstance(value, kind):
-        forgotten = isinstance(value, type) and issubclass(value, kind)
-        hint = "; call it to make one" if forgotten else ""
-        raise InvalidInputError(f"{name} must be a {kind.__name__}, got {value!r}{hint}")
 
 
 def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> tuple[float, float]:
@@ -175,7 +169,7 @@ class Plan:
         return {
             "steps": repr(self.stepper),
             "watched": ", ".join(type(detector).__name__ for detector in self.detectors),
-            "starts": search.searched(self.followed).what,
+            "starts": scope_of(search, self.followed).what,
             "unknowns": "; ".join([unknowns, *left_out]),
         }
 
@@ -254,7 +248,8 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
-            "detectors": ", ".join(map(_name, self.added)),
+            "detectors": ", ".join(type(d).__name__ for d in self.added if type(d) is not Events),
+            "events": ", ".join(_events(self.added)),
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
@@ -274,10 +269,9 @@ def checked_detectors(detectors: Any, events: Any) -> tuple[TransitionDetector, 
     return (*added, watched) if watched else added
 
 
-def _name(detector: TransitionDetector) -> str:
-    """Return what tells the detectors of two runs apart."""
-    names = [event.name for event in detector.events] if isinstance(detector, Events) else []
-    return " ".join([type(detector).__name__, *names])
+def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
+    """Return the names of the events that are watched."""
+    return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

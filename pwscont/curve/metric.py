@@ -7,12 +7,13 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.linear.factorise import power_of_two
 from pwscont.system.box import Box
+from pwscont.system.contract import checked_scale
 from pwscont.system.system import PiecewiseSystem
 
 #: Squares and products of magnitudes up to this one stay far from overflow.
@@ -78,11 +79,7 @@ class Metric:
         width: float,
         interval: tuple[float, float],
     ) -> Metric:
-        scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
-        if scale.shape != (system.size,) or not (scale > 0.0).all():
-            raise InvalidSystemError(
-                f"{type(system).__name__}.scale() must return {system.size} positive numbers"
-            )
+        scale = checked_scale(system, magnitudes)
         everything = np.append(scale, width)
         if everything.max() > LARGEST or everything.min() < 1.0 / LARGEST:
             raise InvalidSystemError(

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
+from pwscont.basics.arrays import finite_array
+from pwscont.basics.errors import InvalidInputError
+
 #: What the control aims at, as a part of what is accepted.
 WANTED_STRAIN = 0.5
 TINY = 1e-300
+FIRST = 0.02
 
 
 @final
@@ -20,15 +24,37 @@ class StepSize:
     Attributes
     ----------
     first, smallest, largest : float
-        Lengths of the first step of a piece, of the last try, and of the longest step.
+        Lengths of the first step of a piece, of the last try, and of the longest step. The first
+        is the longest where only the longest is given, and that is shorter than 0.02.
     least_cosine : float
         Cosine of the largest angle between the tangents at both ends of a step.
+
+    Raises
+    ------
+    InvalidInputError
+        If not 0 < smallest <= first <= largest, or the cosine is not between -1 and 1.
     """
 
-    first: float = 0.02
+    first: float = FIRST
     smallest: float = 1e-10
     largest: float = 0.1
     least_cosine: float = 0.98
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("first", "smallest", "largest", "least_cosine"):
+            finite_array(f"{name} of StepSize", getattr(self, name), ())
+        if self.largest < self.first == FIRST:
+            object.__setattr__(self, "first", self.largest)
+        if not 0.0 < self.smallest <= self.first <= self.largest:
+            raise InvalidInputError(
+                f"StepSize needs 0 < smallest <= first <= largest, got smallest = {self.smallest}, "
+                f"first = {self.first}, largest = {self.largest}"
+            )
+        if not -1.0 <= self.least_cosine < 1.0:
+            raise InvalidInputError(
+                f"least_cosine of StepSize must be in [-1, 1), got {self.least_cosine}"
+            )
 
     def accepts(self, cosine: float) -> bool:
         """Tell whether the curve turned little enough within the step."""

@@ -52,6 +52,8 @@ def as_html(graph: Balance) -> str:
 def as_dict(graph: Balance) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
+    ``parameter`` has the name of alpha, and its interval. The ``name`` of a node is that of an
+    event, empty for other kinds.
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
     numbers at single values of alpha where they differ, None for infinitely many. ``names`` are
     those of the components of every state. What is ``recorded`` is None where it failed, and
@@ -61,7 +63,9 @@ def as_dict(graph: Balance) -> dict[str, Any]:
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     nodes = [point for point in graph.special_points() if point.id >= 0]
     attempts = [attempted(point) for point in nodes]
+    lo, hi = graph.interval
     return {
+        "parameter": {"name": graph.parameter, "lo": lo, "hi": hi},
         "components": len(graph.components()),
         "names": list(graph.names),
         "nodes": [_node(*pair) for pair in zip(nodes, attempts, strict=True)],
@@ -95,6 +99,7 @@ def _node(point: SpecialPoint, attempt: Attempt) -> dict[str, Any]:
     return {
         "id": point.id,
         "kind": str(point.kind),
+        "name": point.name,
         "alpha": point.alpha,
         "z": point.z.tolist(),
         "recorded": recorded(attempt),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -20,6 +21,8 @@ from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.system.system import PiecewiseSystem
 
+#: A word that is so much like that of a kind is a misspelt one.
+MISSPELT = 0.7
 NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
 
 
@@ -81,12 +84,17 @@ class Structure:
         ----------
         kind : str, optional
             A value of :class:`~pwscont.basics.kind.Kind`, such as "nonsmooth fold", or a kind
-            of one's own detector that is in the graph.
+            of one's own detector, of which there may be none.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no text, or nearly one of the kinds that are known.
         """
         everything = [*self._points, *self.starts]
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
         if kind is not None and kind not in kinds:
-            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(kinds)}")
+            _check_spelling(kind, list(kinds))
         return [point for point in everything if kind is None or point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:
@@ -179,7 +187,8 @@ def _quantities(
         naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
     known = Quantities(naming)
     unknowns = known.names(len(points[0].z)) if record and points else ()
-    return Quantities(naming, checked_record(record, unknowns))
+    kept = {name for point in points for name in point.quantities.record}
+    return Quantities(naming, checked_record(record, unknowns), kept)
 
 
 def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
@@ -188,3 +197,11 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     if kept:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
     return replace(point, quantities=quantities)
+
+
+def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
+    """Refuse a kind that is a misspelt one; any other may be that of a detector of one's own."""
+    near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
+    if near or not isinstance(kind, str) or not kind:
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise InvalidInputError(f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}")

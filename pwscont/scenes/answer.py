@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
+from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
@@ -120,9 +123,18 @@ def values_within(
     Raises
     ------
     InvalidInputError
-        If one lies outside the interval.
+        If one lies outside the interval, or the scene's own are not several numbers.
     """
     lo, hi = interval
+    for alpha in finite_array(f"at of scene {scene.name}", own).ravel().tolist():
+        if not lo <= alpha <= hi:
+            raise InvalidInputError(
+                f"at of scene {scene.name}: {alpha} lies outside the interval [{lo}, {hi}]"
+            )
+    if np.ndim(own) != 1:
+        raise InvalidInputError(
+            f"at of scene {scene.name} must be several numbers, as in (0.5,), got {own!r}"
+        )
     for alpha in wanted or ():
         if not lo <= alpha <= hi:
             raise InvalidInputError(

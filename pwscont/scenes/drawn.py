@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -54,9 +54,7 @@ class Drawn:
             return cls._named(graph, what)
         if callable(what):
             return cls(getattr(what, "__name__", "value").replace("<lambda>", "value"), _each(what))
-        raise InvalidInputError(
-            f"what is drawn must be an index, a name or a function of (z, alpha), got {what!r}"
-        )
+        raise _undrawable(what)
 
     def is_constant(self, values: Sequence[Array]) -> bool:
         """Tell whether all values are one but for rounding; there must be some."""
@@ -68,8 +66,7 @@ class Drawn:
     @classmethod
     def _component(cls, graph: BranchGraph, index: int) -> Drawn:
         names = graph.names
-        if not -len(names) <= index < len(names):
-            raise InvalidInputError(f"there is no unknown {index}: there are {len(names)}")
+        _check_index(index, len(names))
         return cls(names[index], lambda points: points[:, :-1][:, index], _size(graph, index))
 
     @classmethod
@@ -95,6 +92,27 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
     if name not in record:
         Quantities(unknowns, record).value(name, np.zeros(len(unknowns)), 0.0)
     return name
+
+
+def check_drawn(what: Any, unknowns: Sequence[str], record: Mapping[str, Function]) -> None:
+    """Refuse what no diagram can show, before there is a graph; errors as those of ``Drawn.of``."""
+    if isinstance(what, Integral):
+        _check_index(int(what), len(unknowns))
+    elif isinstance(what, str) and what not in record:
+        Quantities(unknowns, record).value(what, np.zeros(len(unknowns)), 0.0)
+    elif not (isinstance(what, str) or callable(what)):
+        raise _undrawable(what)
+
+
+def _undrawable(what: object) -> InvalidInputError:
+    return InvalidInputError(
+        f"what is drawn must be an index, a name or a function of (z, alpha), got {what!r}"
+    )
+
+
+def _check_index(index: int, size: int) -> None:
+    if not -size <= index < size:
+        raise InvalidInputError(f"there is no unknown {index}: there are {size}")
 
 
 def _size(graph: BranchGraph, index: int) -> float:

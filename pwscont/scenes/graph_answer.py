@@ -34,16 +34,13 @@ class GraphAnswer(Answer):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the graph and the solutions asked for."""
-        lo, hi = self.graph.interval
-        parameter = {"name": self.scene.parameter, "lo": lo, "hi": hi}
-        head = {"scene": self.scene.name, "parameter": parameter}
         found = [solution for alpha in self.at for solution in self.graph.solutions(alpha)]
         attempts = [attempted(solution) for solution in found]
         solutions = [_solution(*pair) for pair in zip(found, attempts, strict=True)]
         graph, failed = self.graph.to_dict(), not_recorded(attempts)
         for key, failures in failed.items():
             failed[key] = graph.get(key, []) + failures
-        return head | graph | {"solutions": solutions} | failed
+        return {"scene": self.scene.name} | graph | {"solutions": solutions} | failed
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write the branch diagrams and the branch graph."""

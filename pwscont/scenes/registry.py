@@ -19,6 +19,8 @@ from pwscont.scenes.answer import Runnable
 from pwscont.scenes.settings import described, settings_of
 
 GROUP = "pwscont.scenes"
+#: A name that is so much like another one is a misspelt one.
+NEAR = 0.6
 
 
 def scene_names() -> list[str]:
@@ -78,9 +80,10 @@ def _entry_point(name: str) -> EntryPoint:
     if found:
         offered = " and ".join(sorted(map(_package, found)))
         raise BrokenSceneError(f"scene {name} is offered by {offered}; uninstall one of them")
-    near = get_close_matches(name, scene_names(), n=3, cutoff=0.4)
-    hint = f"did you mean {' or '.join(near)}?" if near else "see 'pwscont scenes'"
-    raise SceneNotFoundError(f"there is no scene {name!r}; {hint}")
+    near = get_close_matches(name, scene_names(), n=3, cutoff=NEAR)
+    near = near or [known for known in scene_names() if name and name in known][:3]
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    raise SceneNotFoundError(f"there is no scene {name!r}{hint}; see 'pwscont scenes'")
 
 
 def _loaded(point: EntryPoint) -> Callable[..., Any]:

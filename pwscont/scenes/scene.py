@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.given import checked_kind
 from pwscont.basics.quantities import Function
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Plan, Report, checked_interval, silent, uninterrupted
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.drawn import quantity_named
+from pwscont.scenes.drawn import check_drawn, quantity_named
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import Panel, ParameterPath
 from pwscont.search import Search
@@ -94,7 +96,14 @@ class Scene(Runnable):
         return self
 
     def run(self, report: Report = silent) -> BranchGraph:
-        """Explore the scene's interval."""
+        """Explore the scene's interval.
+
+        Raises
+        ------
+        InvalidInputError, UnknownNameError
+            Before any work if a panel, or one of ``at``, does not fit.
+        """
+        self.values(None)
         return explore(
             self.system,
             self.interval,
@@ -110,7 +119,17 @@ class Scene(Runnable):
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
         """Return the values of alpha whose solutions are listed, all of the interval."""
-        return values_within(self, self.interval, self.at, wanted)
+        interval = checked_interval(self.system, self.interval)
+        self._check_panels()
+        return values_within(self, interval, self.at, wanted)
+
+    def _check_panels(self) -> None:
+        if not isinstance(self.panels, tuple | list):
+            raise InvalidInputError(f"panels of scene {self.name} must be a tuple of Panel")
+        unknowns = self.system.names()
+        for panel in self.panels:
+            checked_kind(f"each of the panels of scene {self.name}", panel, Panel)
+            check_drawn(panel.component, unknowns, self.record)
 
     def plan(self) -> dict[str, str]:
         """Return the parts of the run in words, without following anything."""

@@ -9,7 +9,6 @@ from typing import Any, get_type_hints
 
 from pwscont.basics.errors import InvalidInputError
 
-WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 TRUTH = {"true": True, "false": False}
 
 
@@ -36,19 +35,38 @@ def _setting(text: str) -> tuple[str, str]:
 
 
 def settings_of(scene: str, make: Callable[..., Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the arguments for a function with annotated parameters.
+    """Return the arguments for a function.
+
+    The type of a parameter is its annotation; without one, that of its default: a number where this
+    is a number, else text.
 
     Raises
     ------
     InvalidInputError
         If there is no such parameter, or the text is not of its type.
     """
-    kinds = {name: get_type_hints(make).get(name, str) for name in signature(make).parameters}
+    hints, parameters = get_type_hints(make), signature(make).parameters
+    kinds = {name: hints.get(name) or _kind(what.default) for name, what in parameters.items()}
     for name in given:
         if name not in kinds:
             known = f"it has {described(make)}" if kinds else "it has none"
             raise InvalidInputError(f"scene {scene} has no setting {name!r}; {known}")
     return {name: _value(scene, name, text, kinds[name]) for name, text in given.items()}
+
+
+def _number(text: str) -> float:
+    """Return a whole number as it is, any other as a float."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+def _kind(default: Any) -> Callable[[str], Any]:
+    """Return what makes a setting of a text where only the default tells its type."""
+    if isinstance(default, bool):
+        return bool
+    return _number if isinstance(default, int | float) else str
 
 
 def described(make: Callable[..., Any]) -> str:
@@ -57,9 +75,18 @@ def described(make: Callable[..., Any]) -> str:
     return ", ".join(f"{parameter.name}={parameter.default}" for parameter in parameters)
 
 
+WORDS: Mapping[Any, str] = {
+    int: "a whole number",
+    float: "a number",
+    _number: "a number",
+    str: "a text",
+    bool: "true or false",
+}
+
+
 def _value(scene: str, name: str, text: str, kind: Callable[[str], Any]) -> Any:
     try:
         return TRUTH[text.lower()] if kind is bool else kind(text)
     except (ValueError, KeyError) as error:
-        word = WORDS.get(kind, kind)  # type: ignore[call-overload]
+        word = WORDS.get(kind, kind)
         raise InvalidInputError(f"{name} of scene {scene} must be {word}, got {text!r}") from error

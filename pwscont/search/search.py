@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
+import numpy as np
+
+from pwscont.basics.arrays import finite_array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.looks import short
+from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
 from pwscont.system.system import PiecewiseSystem
@@ -30,6 +36,11 @@ class Search(ABC):
         return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
     def __add__(self, other: Search) -> Search:
+        if not isinstance(other, Search):
+            hint = "; call it to make one" if isinstance(other, type) else ""
+            raise InvalidInputError(
+                f"{type(self).__name__} + {other!r}: searches add up with searches{hint}"
+            )
         return CombinedSearch(self, other)
 
 
@@ -59,10 +70,64 @@ class CombinedSearch(Search):
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
-        yield from self.first.starts(system, metric, interval)
-        yield from self.second.starts(system, metric, interval)
+        yield from starts_of(self.first, system, metric, interval)
+        yield from starts_of(self.second, system, metric, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return both descriptions and the better promise."""
-        a, b = self.first.searched(system), self.second.searched(system)
+        a, b = scope_of(self.first, system), scope_of(self.second, system)
         return SearchScope(f"{a.what}; {b.what}", max(a.promise, b.promise))
+
+
+def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
+    """Return what a search does for a system.
+
+    Raises
+    ------
+    InvalidInputError
+        If it says so in something else than a :class:`~pwscont.extending.SearchScope`.
+    """
+    scope = search.searched(system)
+    if not isinstance(scope, SearchScope):
+        raise InvalidInputError(
+            f"{type(search).__name__}.searched must return a SearchScope(what, promise), "
+            f"got {short(repr(scope))}"
+        )
+    return scope
+
+
+def starts_of(
+    search: Search, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+) -> Iterator[Found]:
+    """Yield what a search finds.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is no start; the message names the search.
+    """
+    what = f"{type(search).__name__}.starts"
+    found = search.starts(system, metric, interval)
+    if not isinstance(found, Iterable):
+        raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(found))}")
+    for start in found:
+        yield _checked(what, start, system.size, interval)
+
+
+def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
+    """Return a start if it is a pair (x, error) of arrays with x in the interval."""
+    if not (isinstance(start, tuple | list) and len(start) == 2):
+        raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(start))}")
+    x, error = start
+    if np.shape(x) != (size + 1,) or np.shape(error)[-1:] != (size + 1,):
+        raise InvalidInputError(
+            f"{what} must yield pairs (x, error) with x = (z, alpha) of shape ({size + 1},) and "
+            f"error of shape (k, {size + 1}), got shapes {np.shape(x)} and {np.shape(error)}"
+        )
+    x, (lo, hi) = finite_array(f"x of {what}", x), interval
+    beyond = SAME_ALPHA * max(abs(lo), abs(hi))
+    if not lo - beyond <= x[-1] <= hi + beyond:
+        raise InvalidInputError(
+            f"{what} yields a start at alpha = {x[-1]:.8g}, outside the interval [{lo}, {hi}]"
+        )
+    return x, error

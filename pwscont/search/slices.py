@@ -65,6 +65,13 @@ class Slices(Search):
 
     alphas: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if finite_array("Slices.alphas", self.alphas).ndim != 1:
+            raise InvalidInputError(
+                f"Slices takes several values of alpha, as in Slices((0.7,)), got {self.alphas!r}"
+            )
+
     @classmethod
     def spread(cls, count: int, interval: tuple[float, float]) -> Slices:
         """Return slices at even distances, off the middle and other values that are special."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
+from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.step_size import StepSize
@@ -28,6 +29,10 @@ class NaturalParameter(Stepper):
     """
 
     step_size: StepSize = field(default_factory=StepSize)
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        needed_kind("step_size of NaturalParameter", self.step_size, StepSize)
 
     def step(
         self,

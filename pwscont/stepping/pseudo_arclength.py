@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
+from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector
 from pwscont.curve.curve import Curve, State
@@ -34,6 +35,12 @@ class PseudoArclength(Stepper):
     predictor: Predictor = field(default_factory=Hermite)
     corrector: Corrector = field(default_factory=BorderedNewton)
     step_size: StepSize = field(default_factory=StepSize)
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        needed_kind("predictor of PseudoArclength", self.predictor, Predictor)
+        needed_kind("corrector of PseudoArclength", self.corrector, Corrector)
+        needed_kind("step_size of PseudoArclength", self.step_size, StepSize)
 
     def step(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, final
@@ -13,9 +13,10 @@ from pwscont.basics.arrays import Array, dense, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
-from pwscont.basics.looks import counted, named
+from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
-from pwscont.system.contract import check_contract, checked_size
+from pwscont.system.box import Box
+from pwscont.system.contract import check_contract, check_names, checked_scale, checked_size
 from pwscont.system.ending import end_of
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseSystem
@@ -81,9 +82,10 @@ def check_system(
     Raises
     ------
     InvalidSystemError
-        If a method returns an array of the wrong shape.
+        If a method returns an array of the wrong shape, or magnitudes, bounds, periods or names
+        that do not fit the unknowns.
     InvalidInputError
-        If the radius is not positive.
+        If the radius is not positive, or a point is no pair (z, alpha).
     """
     size = checked_size(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
@@ -91,16 +93,39 @@ def check_system(
     defects: list[Defect] = []
     solutions: list[Array] = []
     count = 0
-    for values, alpha in points:
-        z = finite_array("z of a point", values, (size,))
-        check_contract(system, z, float(alpha))
-        x = np.append(z, float(alpha))
+    check_names(system)
+    for x in _checked_points(points, size):
+        _check_sizes(system, float(x[-1]))
+        check_contract(system, x[:-1], float(x[-1]))
         defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
         defects += closer_look(system, x, float(radius))
         solutions += [x] if is_solution(system, x) else []
         count += 1
     defects += _not_unique(system, solutions)
     return Report(tuple(defects), count)
+
+
+def _checked_points(points: Any, size: int) -> list[Array]:
+    """Return points (z, alpha) as vectors, or say which is none."""
+    if not isinstance(points, Iterable):
+        raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
+    return [_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points)]
+
+
+def _checked_point(name: str, point: Any, size: int) -> Array:
+    if not isinstance(point, Sequence) or isinstance(point, str) or len(point) != 2:
+        raise InvalidInputError(
+            f"{name} must be a pair (z, alpha), got {short(repr(point))}; give one point as "
+            "[(z, alpha)]"
+        )
+    z = finite_array(f"z of {name}", point[0], (size,))
+    return np.append(z, finite_array(f"alpha of {name}", point[1], ()))
+
+
+def _check_sizes(system: PiecewiseSystem, alpha: float) -> None:
+    """Refuse magnitudes, bounds and periods that every run refuses."""
+    checked_scale(system, system.scale(alpha, alpha))
+    Box.of(system)
 
 
 def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.quantities import Quantities
 from pwscont.system.shapes import expect, own_array
 from pwscont.system.system import PiecewiseSystem
 
@@ -74,6 +77,40 @@ def checked_size(system: PiecewiseSystem) -> int:
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )
     return int(size)
+
+
+def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
+    """Return the typical magnitudes that a system gives, shape (n,).
+
+    Raises
+    ------
+    InvalidInputError, InvalidSystemError
+        If they are not as many positive numbers as there are unknowns.
+    """
+    scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
+    if scale.shape != (system.size,) or not (scale > 0.0).all():
+        raise InvalidSystemError(
+            f"{type(system).__name__}.scale() must return {system.size} positive numbers"
+        )
+    return scale
+
+
+def check_names(system: PiecewiseSystem) -> None:
+    """Refuse names that are not one text for each unknown, each another.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    if type(system).names is PiecewiseSystem.names:
+        return
+    method = f"{type(system).__name__}.names()"
+    given = system.names()
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InvalidSystemError(f"{method} must return {system.size} texts, got {given!r}")
+    names = Quantities(tuple(given)).names(system.size)
+    if twice := [name for name, number in Counter(names).items() if number > 1]:
+        raise InvalidSystemError(f"{method} gives several unknowns the name {twice[0]!r}")
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:

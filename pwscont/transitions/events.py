@@ -11,13 +11,18 @@ Failure modes and answers
 - g is not affine on a straight piece: the ratio test of affine functions does not hold. It is
   looked at in a number of places on the way to the piece's end; two zeros between two of them are
   not seen.
+- g is zero on a stretch, as max(0, z) is: its edges are events. Of these -g and g see only where a
+  stretch begins; a third function falls where one ends.
+- g is zero wherever it is tried: it is no event, and is refused at the start.
+- Events at one point: the point has the names of all of them.
 - An event at a transition: both are one point, and the transition is it.
-- g cannot be computed, or is not a number: the user hears of it by its name.
+- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: the
+  user hears of it by its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -26,9 +31,10 @@ from scipy.optimize import brentq
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.generic import generic
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
-from pwscont.basics.quantities import Function
+from pwscont.basics.quantities import Function, evaluated
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -40,6 +46,18 @@ from pwscont.transitions.rays import Ray
 SAMPLES = 64
 #: Before the end of a straight piece by less than this part of it is at its end.
 AT_THE_END = CONVERGED
+#: What is watched of each event: g and -g by these factors, and whether g is zero on a stretch.
+WATCHED = (1.0, -1.0, 0.0)
+FLAT = 2
+#: Which of these is watched where g begins with a sign: the factors are the signs.
+BY_SIGN = {1.0: 0, -1.0: 1, 0.0: FLAT}
+#: In so many places along and off a branch a function is tried that is zero where it begins.
+PLACES = 9
+TINY = float(np.finfo(float).tiny)
+ALWAYS = (
+    "the event {!r} is zero at the start, alpha = {:.8g}, and wherever it was tried around it; "
+    "give a function that is zero only where the event is"
+)
 
 
 @final
@@ -71,32 +89,58 @@ class UserEvent:
         Raises
         ------
         InvalidInputError
-            If it is not a finite number.
+            If it fails, or is not a finite number.
         """
-        z, alpha = x[:-1], float(x[-1])
-        given = self.function(z.copy(), alpha)
-        value = np.asarray(given, dtype=float).item() if np.size(given) == 1 else np.nan
-        if not np.isfinite(value):
-            raise InvalidInputError(
-                f"the event {self.name!r} must be a finite number, got {given!r} at alpha = "
-                f"{alpha:.10g}, z = {np.array2string(z, precision=6, threshold=8)}"
-            )
-        return value
+        return evaluated(f"the event {self.name!r}", self._number, x[:-1], float(x[-1]))
+
+    def _number(self, z: Array, alpha: float) -> Any:
+        """Return what the function returns; the entry of an array that has one."""
+        given = self.function(z, alpha)
+        return given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
+
+    def read(self, curve: Curve, state: State) -> tuple[float, float]:
+        """Return g, zero where its place explains it, and its derivative along the tangent."""
+        value, slope, steep = self._differences(curve, state)
+        small = abs(value) <= steep * curve.metric.slack(state.x, CONVERGED)
+        return (0.0 if small else value), slope
 
     def is_zero(self, ray: Ray) -> bool:
         """Tell whether g is zero where a ray begins, to the accuracy of that point."""
         curve, state = ray.curve, ray.state
         off = max(curve.metric.norm(sample) for sample in state.error)
         slack = max(curve.metric.slack(state.x, CONVERGED), CONFIDENCE * off)
-        return abs(self.value(state.x)) <= abs(self.slope(curve, state)) * slack
+        value, _, steep = self._differences(curve, state)
+        return abs(value) <= steep * slack
 
-    def slope(self, curve: Curve, state: State) -> float:
-        """Return the derivative along the tangent, by a difference within the interval."""
+    def _differences(self, curve: Curve, state: State) -> tuple[float, float, float]:
+        """Return g, its derivative by a difference within the interval, and its steepness."""
         (lo, hi), step = curve.metric.interval, EPS**0.5 * curve.metric.slack(state.x, 1.0)
-        ahead = state.x + step * state.tangent
-        if not lo <= ahead[-1] <= hi:
-            step, ahead = -step, state.x - step * state.tangent
-        return float((self.value(ahead) - self.value(state.x)) / step)
+        if not lo <= state.alpha + step * state.tangent[-1] <= hi:
+            step = -step
+        value, ahead = self.value(state.x), self.value(state.x + step * state.tangent)
+        slope = (ahead - value) / step
+        behind = state.x - step * state.tangent
+        if ahead == 0.0 != value and lo <= behind[-1] <= hi:  # perhaps it is zero from here on
+            return value, slope, max(abs(slope), abs((value - self.value(behind)) / step))
+        return value, slope, abs(slope)
+
+    def is_zero_around(self, ray: Ray) -> bool:
+        """Tell whether g is zero where a ray begins, and wherever else it is tried."""
+        curve, x = ray.curve, ray.state.x
+        if any(self.read(curve, ray.state)):
+            return False
+        (lo, hi), scale = curve.metric.interval, curve.metric.scale
+        aside = [scale * generic(len(x), shift) for shift in range(PLACES)]
+        along = [s * ray.state.tangent for s in np.linspace(-1.0, 1.0, PLACES)]
+        tried = [x + step for step in (*along, *aside)]
+        return all(self._vanishes(y) for y in tried if lo <= y[-1] <= hi)
+
+    def _vanishes(self, x: Array) -> bool:
+        """Tell whether g is zero at a place that may be far from all solutions."""
+        try:
+            return self.value(x) == 0.0
+        except InvalidInputError:
+            return False
 
 
 def checked_events(events: Mapping[str, Any] | None) -> Events | None:
@@ -115,6 +159,10 @@ def checked_events(events: Mapping[str, Any] | None) -> Events | None:
 
 
 def _checked(name: Any, what: Any) -> UserEvent:
+    if what is Stop:
+        raise InvalidInputError(
+            f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
+        )
     function = what.function if isinstance(what, Stop) else what
     if not (isinstance(name, str) and name and callable(function)):
         raise InvalidInputError(
@@ -127,17 +175,19 @@ def _checked(name: Any, what: Any) -> UserEvent:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Events(TransitionDetector):
-    """Watches functions of (z, alpha) that users give by name; each as g and as -g."""
+    """Watches functions of (z, alpha) that users give by name; each as g, as -g, and as flat.
+
+    The third is one where g is zero on a stretch, and minus one elsewhere.
+    """
 
     events: tuple[UserEvent, ...]
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return g and -g of each; zero to the accuracy of the state counts as zero."""
-        values = np.array([event.value(state.x) for event in self.events])
-        slopes = np.array([event.slope(curve, state) for event in self.events])
-        values[np.abs(values) <= np.abs(slopes) * curve.metric.slack(state.x, CONVERGED)] = 0.0
-        both = np.array([1.0, -1.0])
-        return Reading(np.outer(values, both).ravel(), np.outer(slopes, both).ravel())
+        """Return the three of each; zero to the accuracy of the state counts as zero."""
+        read = np.array([event.read(curve, state) for event in self.events])
+        values, slopes = np.outer(read[:, 0], WATCHED), np.outer(read[:, 1], WATCHED)
+        values[:, FLAT] = np.where(read.any(axis=1), -1.0, 1.0)
+        return Reading(values.ravel(), slopes.ravel())
 
     def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
         """Return where on a straight segment each falls to zero before ``farthest``."""
@@ -146,27 +196,30 @@ class Events(TransitionDetector):
             return distances
         places = np.linspace(0.0, farthest * (1.0 - AT_THE_END), SAMPLES + 1)
         for i, event in enumerate(self.events):
-            sign = np.sign(start.values[2 * i] or start.slopes[2 * i])
-            if (zero := _first_zero(event, segment, places, float(sign))) is not None:
-                distances[2 * i + (sign < 0.0)] = zero
+            first = len(WATCHED) * i
+            sign = float(np.sign(start.values[first] or start.slopes[first]))
+            if (zero := _first_change(event, segment, places, sign)) is not None:
+                distances[first + BY_SIGN[sign]] = zero
         return distances
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find the zero along the curve."""
         if not isinstance(segment, CurvedSegment):
             return locate_point(segment, bracket[0])
-        event, sign = self.events[index // 2], 1.0 - 2.0 * (index % 2)
+        event, sign = self.events[index // len(WATCHED)], WATCHED[index % len(WATCHED)]
 
         def function(state: State) -> float:
-            return sign * event.value(state.x)
+            return _ahead(sign, event.value(state.x))
 
         return locate_sign_change(segment, function, bracket, EPS)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, or end it."""
-        event, forth = self.events[index // 2], Ray(curve, state)
-        ways = (forth.reversed(),) if event.stops else (forth.reversed(), forth)
-        return SpecialPointFound(Kind.EVENT, state.x, event.name, ways)
+        event, forth = self.events[index // len(WATCHED)], Ray(curve, state)
+        here = [each for each in self.events if each is event or _crosses(each, curve, state)]
+        stops = any(each.stops for each in here)
+        ways = (forth.reversed(),) if stops else (forth.reversed(), forth)
+        return SpecialPointFound(Kind.EVENT, state.x, _named(here), ways)
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, where an event that stops is zero."""
@@ -177,21 +230,43 @@ class Events(TransitionDetector):
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return the start of a component as the event that it is, if it lies on one."""
+        for event in self.events:
+            if arrival.rays and event.is_zero_around(arrival.rays[0]):
+                raise InvalidInputError(ALWAYS.format(event.name, arrival.x[-1]))
         if arrival.kind != Kind.START or len(arrival.rays) != 2:
             return arrival
         ray = arrival.rays[0]
-        reading = self.read(ray.curve, ray.state)
-        zero = np.flatnonzero((reading.values[::2] == 0.0) & (reading.slopes[::2] != 0.0))
-        if not len(zero):
+        here = [event for event in self.events if _crosses(event, ray.curve, ray.state)]
+        if not here:
             return arrival
-        return SpecialPointFound(Kind.EVENT, arrival.x, self.events[zero[0]].name, arrival.rays)
+        return SpecialPointFound(Kind.EVENT, arrival.x, _named(here), arrival.rays)
 
 
-def _first_zero(event: UserEvent, segment: Segment, places: Array, sign: float) -> float | None:
-    """Return where a function that begins with a sign first has the other, None if nowhere."""
+def _crosses(event: UserEvent, curve: Curve, state: State) -> bool:
+    """Tell whether an event is zero at a state, and not around it."""
+    value, slope = event.read(curve, state)
+    return value == 0.0 != slope
+
+
+def _named(events: Sequence[UserEvent]) -> str:
+    return ", ".join(event.name for event in events)
+
+
+def _ahead(sign: float, value: float) -> float:
+    """Return what is positive as long as a function keeps its sign, and then negative.
+
+    Without a sign it is zero, and keeps to that.
+    """
+    if sign == 0.0:
+        return 1.0 if value == 0.0 else -1.0
+    return sign * value or -TINY
+
+
+def _first_change(event: UserEvent, segment: Segment, places: Array, sign: float) -> float | None:
+    """Return where a function that begins with a sign first has another, None if nowhere."""
 
     def value(s: float) -> float:
-        return sign * event.value(segment.near(s))
+        return _ahead(sign, event.value(segment.near(s)))
 
     before = None
     for s in places[1:]:

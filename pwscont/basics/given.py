@@ -1,0 +1,21 @@
+"""What a caller gives where an object of some class is meant."""
+
+from __future__ import annotations
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import short
+
+
+def checked_kind(name: str, value: object, kind: type) -> None:
+    """Refuse an argument of another kind, such as a class where an object of it is meant."""
+    if value is not None and not isinstance(value, kind):
+        forgotten = isinstance(value, type) and issubclass(value, kind)
+        hint = "; call it to make one" if forgotten else ""
+        raise InvalidInputError(f"{name} must be a {kind.__name__}, got {short(repr(value))}{hint}")
+
+
+def needed_kind(name: str, value: object, kind: type) -> None:
+    """Refuse an argument of another kind, and None, where there is no default."""
+    if value is None:
+        raise InvalidInputError(f"{name} must be a {kind.__name__}, got None")
+    checked_kind(name, value, kind)

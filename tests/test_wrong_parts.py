@@ -1,0 +1,385 @@
+"""Parts of a run that do not fit are refused in words, before any work; or done right."""
+
+import numpy as np
+import pytest
+
+from pwscont import (
+    BorderedNewton,
+    BranchGraph,
+    EndPoints,
+    InvalidInputError,
+    InvalidSystemError,
+    MultiStart,
+    NaturalParameter,
+    Panel,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    PseudoArclength,
+    PwscontError,
+    Scene,
+    SceneNotFoundError,
+    Search,
+    Slices,
+    StepSize,
+    Stop,
+    Tangent,
+    TransitionDetector,
+    UnknownNameError,
+    check_system,
+    explore,
+    trace,
+)
+from pwscont.commands.cli import main
+from pwscont.extending import Failure, FailureReason, Guarantee, SearchScope
+from pwscont.scenes import registry
+from pwscont.scenes.settings import settings_of
+
+
+class Bent(PiecewiseSystem):
+    """z + z^2 / 4 = 0.4 alpha + 0.0125: z = 1/2 at alpha = 1.375, z = 0.3 at alpha = 0.775."""
+
+    size = 1
+    half, third = 1.375, 0.775
+
+    def test_functions(self, z, alpha):
+        return z - 5.0
+
+    def residual(self, z, alpha, character):
+        return z + 0.25 * z**2 - 0.4 * alpha - 0.0125
+
+
+class Straight(PiecewiseLinearSystem):
+    """z = 0.4 alpha - 0.05: z = 1/2 at alpha = 1.375, z = 0.3 at alpha = 0.875."""
+
+    size = 1
+    half, third = 1.375, 0.875
+
+    def test_functions(self, z, alpha):
+        return z - 5.0
+
+    def residual(self, z, alpha, character):
+        return z - 0.4 * alpha + 0.05
+
+
+def through(system, events, start=1.0, **options):
+    return trace(system, ([0.0], start), (0.0, 2.0), events=events, **options)
+
+
+# -- events --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("stepper", [None, PseudoArclength(), NaturalParameter()], ids=repr)
+@pytest.mark.parametrize("system", [Bent(), Straight()], ids=repr)
+def test_edges_of_stretches_without_sign_are_events(system, stepper, start):
+    """A stretch of zeros between z = 0.3 and z = 0.5 is entered and left at either edge."""
+    events = {
+        "from": lambda z, a: max(0.0, z[0] - 0.5),
+        "down": lambda z, a: min(0.0, 0.5 - z[0]),
+        "both": lambda z, a: max(0.0, z[0] - 0.5) + min(0.0, z[0] - 0.3),
+    }
+    for name, function in events.items():
+        graph = through(system, {name: function}, start, stepper=stepper)
+        expected = [system.third, system.half] if name == "both" else [system.half]
+        found = [point.alpha for point in graph.special_points("event")]
+        assert found == pytest.approx(expected, abs=1e-13)
+        assert graph.guarantee == through(system, {}, start, stepper=stepper).guarantee
+
+
+def test_a_stop_ends_at_the_edge_of_a_stretch():
+    graph = through(Bent(), {"end": Stop(lambda z, a: max(0.0, 0.5 - z[0]))}, 2.0)
+    (end,) = graph.special_points("event")
+    assert end.alpha == pytest.approx(Bent.half)
+    assert len(graph.pieces) == 1
+
+
+def test_events_at_one_point_are_all_named():
+    events = {"a": lambda z, a: z[0] - 0.5, "b": lambda z, a: 1.0 - 2.0 * z[0]}
+    for system in (Bent(), Straight()):
+        (point,) = through(system, events).special_points("event")
+        assert point.name == "a, b"
+    ends = {**events, "b": Stop(events["b"])}
+    assert len(through(Straight(), ends).pieces) == 1
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (lambda z, a: z[0] > 0.5, "'a' must return a finite float.*False.*a condition"),
+        (lambda z, a: z[0] < a * 0.0 + 0.5, "a condition such as"),
+        (lambda z, a: bool(z[0] > 0.5), "a condition such as"),
+        (lambda z, a: "text", "the event 'a' must return a finite float, at alpha = 1 .*z = "),
+        (lambda z: 1.0, "the event 'a' failed at alpha = 1: TypeError.*z = "),
+        (lambda z, a, b: 1.0, "the event 'a' failed at alpha = 1: TypeError.*z = "),
+        (lambda z, a: 1 / 0, "the event 'a' failed at alpha = 1: ZeroDivisionError.*z = "),
+        (Stop, r"'a' is the class Stop: give Stop\(g\)"),
+        (lambda z, a: 0.0, "the event 'a' is zero at the start, alpha = 1, and wherever"),
+        (Stop(lambda z, a: 0.0 * z), "the event 'a' is zero at the start, alpha = 1, and wherever"),
+    ],
+)
+def test_events_that_do_not_fit(what, words):
+    with pytest.raises(InvalidInputError, match=words):
+        through(Bent(), {"a": what})
+
+
+def test_records_and_events_are_checked_alike():
+    graph = through(Bent(), {}, record={"bad": lambda z: 1.0, "cond": lambda z, a: z[0] > 0.5})
+    with pytest.raises(
+        InvalidInputError, match=r"record 'bad' failed at alpha = .*TypeError.*z = "
+    ):
+        graph.special_points()[0]["bad"]
+    with pytest.raises(InvalidInputError, match=r"record 'cond' must return a finite float.*cond"):
+        graph.special_points()[0]["cond"]
+
+
+def test_plain_data_name_events_and_parameter():
+    data = through(Bent(), {"half": lambda z, a: z[0] - 0.5}, parameter="load").to_dict()
+    assert data["parameter"] == {"name": "load", "lo": 0.0, "hi": 2.0}
+    assert [node["name"] for node in data["nodes"] if node["kind"] == "event"] == ["half"]
+
+
+def test_kinds_that_are_nearly_known():
+    graph = through(Bent(), {})
+    assert graph.special_points("half") == []
+    with pytest.raises(InvalidInputError, match=r"unknown kind 'transitoin'; did you mean trans"):
+        graph.special_points("transitoin")
+
+
+# -- searches ------------------------------------------------------------------------------------
+
+
+class Own(Search):
+    """Yields what it is given."""
+
+    def __init__(self, *found, says=None, nothing=False):
+        self.found, self.says, self.nothing = found, says, nothing
+
+    def starts(self, system, metric, interval):
+        return None if self.nothing else iter(self.found)
+
+    def searched(self, system):
+        return self.says or SearchScope("nothing", Guarantee.NOTHING)
+
+
+SOME = np.zeros((1, 2))
+
+
+@pytest.mark.parametrize(
+    ("search", "words"),
+    [
+        (Own(says="everything"), r"Own.searched must return a SearchScope.*'everything'"),
+        (Own(nothing=True), r"Own.starts must yield pairs \(x, error\), got None"),
+        (Own(Failure(FailureReason.JUMP)), r"Own.starts must yield pairs.*got Failure"),
+        (Own((np.zeros(1), 0.5)), r"x = \(z, alpha\) of shape \(2,\).*got shapes \(1,\) and"),
+        (Own((np.zeros(3), SOME)), r"Own.starts .*got shapes \(3,\)"),
+        (Own((np.array([np.nan, 0.5]), SOME)), r"x of Own.starts must be finite"),
+        (Own((np.array([0.1, 2.5]), SOME)), r"Own.starts .* alpha = 2.5, outside the interval"),
+    ],
+)
+def test_searches_that_do_not_fit(search, words):
+    for each in (search, search + EndPoints()):
+        with pytest.raises(InvalidInputError, match=words):
+            explore(Bent(), (0.0, 2.0), search=each)
+
+
+def test_searches_that_cannot_be_made():
+    with pytest.raises(InvalidInputError, match=r"EndPoints \+ 3: searches add up with searches"):
+        EndPoints() + 3
+    with pytest.raises(InvalidInputError, match=r"searches add up.*call it to make one"):
+        EndPoints() + MultiStart
+    with pytest.raises(InvalidInputError, match=r"as in Slices\(\(0.7,\)\), got 0.7"):
+        Slices(0.7)
+
+
+# -- steps ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        {"largest": -0.1},
+        {"largest": 0.0},
+        {"largest": np.nan},
+        {"first": 0.5, "largest": 0.2},
+        {"first": 0.0},
+        {"smallest": 0.05},
+        {"least_cosine": 2.0},
+        {"largest": "long"},
+    ],
+)
+def test_steps_of_no_length(lengths):
+    with pytest.raises(InvalidInputError, match="StepSize"):
+        StepSize(**lengths)
+
+
+def test_the_first_step_is_no_longer_than_the_longest():
+    assert StepSize(largest=0.01).first == 0.01
+    assert StepSize(largest=0.5).first == StepSize().first
+
+
+def test_parts_of_steppers():
+    with pytest.raises(InvalidInputError, match=r"predictor of Pseudo.*call it to make one"):
+        PseudoArclength(Tangent)
+    with pytest.raises(InvalidInputError, match="must be a Predictor, got BorderedNewton"):
+        PseudoArclength(BorderedNewton(), Tangent())
+    with pytest.raises(InvalidInputError, match="corrector of PseudoArclength must be a Corrector"):
+        PseudoArclength(Tangent(), StepSize())
+    with pytest.raises(InvalidInputError, match="step_size of NaturalParameter must be a StepSize"):
+        NaturalParameter(0.1)
+
+
+# -- systems -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (([0.1], 0.2), r"points\[0\] must be a pair .* got \[0.1\]; give one point as \[\(z, a"),
+        ([0.1, 0.2], r"points\[0\] must be a pair .* got 0.1"),
+        (0.3, "points must be pairs"),
+        ([([0.1], 0.2), ([0.1], "x")], r"alpha of points\[1\] must be"),
+        ([([0.1], np.nan)], r"alpha of points\[0\] must be finite"),
+        ([([0.1, 0.2], 0.2)], r"z of points\[0\] has shape \(2,\)"),
+    ],
+)
+def test_points_that_are_none(points, words):
+    with pytest.raises(InvalidInputError, match=words):
+        check_system(Bent(), points)
+
+
+@pytest.mark.parametrize(
+    ("method", "value", "words"),
+    [
+        ("scale", np.zeros(1), r"scale\(\) must return 1 positive"),
+        ("scale", -np.ones(1), r"scale\(\) must return 1 positive"),
+        ("scale", 2.0, r"scale\(\) must return 1 positive"),
+        ("bounds", (1.0, -1.0), r"bounds\(\) needs lower < upper"),
+        ("names", ("a", "b"), r"names\(\) must return 1 names, one for each unknown, got 2"),
+        ("names", "a", r"names\(\) must return 1 texts, got 'a'"),
+        ("names", (1,), r"names\(\) must return texts"),
+    ],
+)
+def test_what_a_run_refuses_check_system_refuses(method, value, words):
+    system = type("Wrong", (Bent,), {method: lambda self, *interval: value})()
+    for run in (
+        lambda: check_system(system, [([0.1], 0.2)]),
+        lambda: explore(system, (0.0, 2.0), search=Unasked()),
+        lambda: trace(system, ([0.1], 0.2), (0.0, 2.0)),
+    ):
+        with pytest.raises(InvalidSystemError, match=words):
+            run()
+
+
+class Unasked(Search):
+    """Is not to be asked: what is wrong is known before."""
+
+    def starts(self, system, metric, interval):
+        raise AssertionError
+
+
+class Two(PiecewiseLinearSystem):
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return z - alpha
+
+    def names(self):
+        return "u", "u"
+
+
+def test_a_name_that_is_given_twice():
+    for run in (
+        lambda: check_system(Two(), [([0.1, 0.1], 0.2)]),
+        lambda: explore(Two(), (0.0, 2.0)),
+    ):
+        with pytest.raises(InvalidSystemError, match=r"Two.names\(\) gives several .* name 'u'"):
+            run()
+
+
+# -- scenes --------------------------------------------------------------------------------------
+
+
+def scene(**parts):
+    return Scene("bent", "a bent line", Bent(), (0.0, 2.0), **{"search": Unasked(), **parts})
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"panels": (Panel("pwoer"),), "record": {"power": abs}}, "there is no 'pwoer'.*power"),
+        ({"panels": (Panel(1),)}, "there is no unknown 1"),
+        ({"panels": (Panel(None),)}, "must be an index, a name or a function"),
+        ({"panels": ("z",)}, "each of the panels of scene bent must be a Panel, got 'z'"),
+        ({"panels": Panel(0)}, "panels of scene bent must be a tuple of Panel"),
+        ({"at": (0.5, 3.0)}, r"at of scene bent: 3.0 lies outside the interval \[0.0, 2.0\]"),
+        ({"at": 0.5}, r"at of scene bent must be several numbers, as in \(0.5,\), got 0.5"),
+    ],
+)
+def test_scenes_that_do_not_fit(parts, words):
+    wrong = scene(**parts)
+    for ask in (wrong.run, lambda: wrong.values(None)):
+        with pytest.raises(PwscontError, match=words):
+            ask()
+
+
+def test_the_command_line_tells_numerical_failures_in_one_line(monkeypatch, capsys):
+    def failing(R: float = 1.0):
+        return scene(search=None, detectors=(Singular(R),))
+
+    monkeypatch.setattr(registry, "_entry_point", lambda name: name)
+    monkeypatch.setattr(registry, "_loaded", lambda point: failing)
+    assert main(["run", "bent", "-s", "R=nan"]) == 2
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert message == (
+        "pwscont: scene bent cannot be computed: LinAlgError: Singular matrix; check the settings "
+        "R=nan"
+    )
+
+
+class Singular(TransitionDetector):
+    def __init__(self, value):
+        self.value = value
+
+    def read(self, curve, state):
+        np.linalg.solve(np.zeros((1, 1)), np.ones(1))
+
+    def locate(self, segment, index, bracket):
+        raise AssertionError
+
+    def arrive(self, curve, state, index):
+        raise AssertionError
+
+
+def test_settings_are_of_the_type_of_their_defaults():
+    def make(length=2.0, count=3, on=False, name="a", other=None):
+        raise AssertionError
+
+    given = {"length": "1", "count": "2.5", "on": "true", "name": "7", "other": "8"}
+    expected = {"length": 1, "count": 2.5, "on": True, "name": "7", "other": "8"}
+    assert settings_of("s", make, given) == expected
+    with pytest.raises(InvalidInputError, match="length of scene s must be a number, got 'x'"):
+        settings_of("s", make, {"length": "x"})
+
+
+def test_far_names_of_scenes_are_not_offered():
+    with pytest.raises(SceneNotFoundError) as caught:
+        registry.load_scene("nothing")
+    assert str(caught.value) == "there is no scene 'nothing'; see 'pwscont scenes'"
+
+
+# -- files ---------------------------------------------------------------------------------------
+
+
+def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
+    record = {"power": lambda z, a: float(z[0] ** 2)}
+    through(Bent(), {}, record=record).save(tmp_path / "graph")
+    loaded = BranchGraph.load(tmp_path / "graph", Bent())
+    assert loaded.special_points()[0]["power"] >= 0.0
+    with pytest.raises(UnknownNameError, match=r"load\(\.\.\., record=\{'power': \.\.\.\}\)"):
+        loaded.solutions(0.5)[0]["power"]
+    again = BranchGraph.load(tmp_path / "graph", Bent(), record=record)
+    (solution,) = again.solutions(0.5)
+    assert solution["power"] == pytest.approx(solution.z[0] ** 2)
