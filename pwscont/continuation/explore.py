@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.budget import Budget
+from pwscont.basics.given import checked_kind
 from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.limits import Limits
 from pwscont.basics.quantities import Function, checked_record
@@ -17,7 +18,6 @@ from pwscont.continuation.plan import (
     Report,
     checked_detectors,
     checked_interval,
-    checked_kind,
     silent,
 )
 from pwscont.continuation.prepared import measured, prepared

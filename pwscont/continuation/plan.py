@@ -13,7 +13,7 @@ from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
-from pwscont.basics.given import checked_kind as checked_kind  # noqa: PLC0414  for kit
+from pwscont.basics.given import checked_kind
 from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from pwscont.basics.budget import Budget
+from pwscont.basics.given import checked_kind
 from pwscont.basics.limits import Limits
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
@@ -14,7 +15,6 @@ from pwscont.continuation.plan import (
     Report,
     checked_detectors,
     checked_interval,
-    checked_kind,
     silent,
 )
 from pwscont.continuation.prepared import measured, prepared

@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure
 from pwscont.continuation.kit.samples import (
     AGREES,
@@ -18,7 +19,6 @@ from pwscont.continuation.kit.samples import (
     report,
     samples,
 )
-from pwscont.continuation.plan import checked_kind
 from pwscont.curve.curve import State
 from pwscont.stepping import PseudoArclength
 from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pwscont.basics.given import checked_kind
 from pwscont.basics.guarantee import SearchScope
 from pwscont.continuation.kit.samples import (
     ON_CURVE,
@@ -15,7 +16,6 @@ from pwscont.continuation.kit.samples import (
     report,
     samples,
 )
-from pwscont.continuation.plan import checked_kind
 from pwscont.curve.curve import Curve
 from pwscont.linear.factorise import last_unit
 from pwscont.search import Search

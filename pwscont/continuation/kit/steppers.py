@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure
 from pwscont.continuation.kit.samples import (
     ON_CURVE,
@@ -16,7 +17,6 @@ from pwscont.continuation.kit.samples import (
     report,
     samples,
 )
-from pwscont.continuation.plan import checked_kind
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping import Stepper
 from pwscont.stepping.stepper import CurvedSegment, Segment
