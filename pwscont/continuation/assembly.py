@@ -26,7 +26,7 @@ from pwscont.system.system import PiecewiseSystem
 
 
 def assemble(
-    network: Discovery,
+    discovery: Discovery,
     system: PiecewiseSystem,
     interval: tuple[float, float],
     parameter: str,
@@ -34,22 +34,22 @@ def assemble(
     reduction: Reduction | None,
     record: Mapping[str, Function] | None = None,
 ) -> BranchGraph:
-    """Return the branch graph of a finished network.
+    """Return the branch graph of a finished discovery.
 
     Pieces are directed and numbered along the positive orientation of their component. What
     was left out of the system is put back.
     """
     width = interval[1] - interval[0]
     lift = Lift(system, reduction, Metric.of(system, interval))
-    edges = [_Directed(edge, width, lift) for edge in network.edges]
+    edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
-    numbers = {node: number for number, node in enumerate(_nodes_in_order(order, network))}
+    numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
     touching = _by_node(order)
     points = [
         _special_point(
             number,
-            network.nodes[node],
-            _messages(system, network.nodes[node], touching[node], node),
+            discovery.nodes[node],
+            _messages(system, discovery.nodes[node], touching[node], node),
             _ends(touching[node], node),
             lift,
         )
@@ -98,21 +98,21 @@ class _Directed:
     """An edge turned so that it follows the positive orientation."""
 
     def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
-        self.edge, trail = edge, edge.trail
-        forward = trail.orientation > 0
+        self.edge, followed = edge, edge.followed
+        forward = followed.orientation > 0
         self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
         self.track = lift.track(edge.track if forward else edge.track.reversed())
-        self.character = lift.character(trail.character)
+        self.character = lift.character(followed.character)
         self.naming = lift.system.label
-        self.det_sign = trail.index if trail.along_interface else self._direction(width)
+        self.det_sign = followed.index if followed.along_interface else self._direction(width)
 
     def _direction(self, width: float) -> int:
         """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
         rise = self.track.end.alpha - self.track.start.alpha
         if abs(rise) > SAME_ALPHA * width:
             return 1 if rise > 0.0 else -1
-        trail = self.edge.trail
-        return int(np.sign(trail.slope)) * trail.orientation
+        followed = self.edge.followed
+        return int(np.sign(followed.slope)) * followed.orientation
 
     def piece(self, number: int, numbers: dict[int, int]) -> Piece:
         return Piece(
@@ -149,10 +149,10 @@ def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
             node = edge.end
 
 
-def _nodes_in_order(order: list[_Directed], network: Discovery) -> Iterator[int]:
+def _nodes_in_order(order: list[_Directed], discovery: Discovery) -> Iterator[int]:
     """Yield each node once: first those of the pieces in their order, then isolated ones."""
     seen: set[int] = set()
-    for node in [*(n for edge in order for n in (edge.start, edge.end)), *network.nodes]:
+    for node in [*(n for edge in order for n in (edge.start, edge.end)), *discovery.nodes]:
         if node not in seen:
             seen.add(node)
             yield node
@@ -168,7 +168,7 @@ def _special_point(
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
     """Return the place of a node, with an error that covers all that were taken to be there."""
-    others = {id(one): one for one in (*ends, *(mark.place for mark in node.marks))}
+    others = {id(one): one for one in (*ends, *(key.place for key in node.keys))}
     others.pop(id(node.place), None)
     if not others:
         return node.place

@@ -38,7 +38,7 @@ class Discovery:
 
     Parameters
     ----------
-    walker : Follower
+    follower : Follower
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
     budget : Budget
@@ -46,9 +46,9 @@ class Discovery:
     """
 
     def __init__(
-        self, walker: Follower, report: Callable[[int, float], None], budget: Budget
+        self, follower: Follower, report: Callable[[int, float], None], budget: Budget
     ) -> None:
-        self._walker = walker
+        self._follower = follower
         self._report = report
         self._budget = budget
         self._queue: deque[tuple[int, int]] = deque()
@@ -119,18 +119,18 @@ class Discovery:
             self.nodes[node].rays[index] = None
             self.nodes[node].stop(REPEATS)
             return
-        walk = self._within(self._walker.walk(ray).sharing(ray))
+        walk = self._within(self._follower.walk(ray).sharing(ray))
         if walk.is_cut and len(walk.points) == 1:
             return
         self.nodes[node].rays[index] = None
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
-        start, end = self.nodes[node].marks[index].place, _place(walk.arrival)
+        start, end = self.nodes[node].keys[index].place, _place(walk.arrival)
         track = Track(start, walk.points[1:-1].copy(), end)
         edge = Edge(node, self._reach(walk, end, node), FollowedRay.of(ray), track)
         self.edges.append(edge)
-        self._past.add(node, edge.end, end, edge.trail.names)
+        self._past.add(node, edge.end, end, edge.followed.names)
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
@@ -141,11 +141,11 @@ class Discovery:
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that leave neither the interval nor the bounds at once."""
-        lo, hi = self._walker.interval
+        lo, hi = self._follower.interval
         return tuple(
             ray
             for ray in rays
-            if _points_inside(ray, lo, hi) and not self._walker.bounds.left_by(ray)
+            if _points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
         )
 
     def _within(self, walk: FollowedPiece) -> FollowedPiece:
@@ -159,7 +159,7 @@ class Discovery:
             return walk
         arrival = replace(walk.arrival, rays=(back, *inside))
         if not inside:
-            bounds = filter(None, map(self._walker.bounds.left_by, others))
+            bounds = filter(None, map(self._follower.bounds.left_by, others))
             message = next(bounds, "end of the interval")
             arrival = replace(arrival, kind=Kind.END, message=message)
         return replace(walk, arrival=arrival)
@@ -208,17 +208,17 @@ class Discovery:
         best, found, towards = 0.0, None, direction(ray)
         candidates = chain.from_iterable(self._by_cell[cell] for cell in names(ray))
         for node, index in candidates:
-            cosine = self.nodes[node].marks[index].alignment(ray, towards)
+            cosine = self.nodes[node].keys[index].alignment(ray, towards)
             if cosine > best:
                 best, found = cosine, (node, index)
         return found
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        cells, interval = set(names(ray)), self._walker.interval
+        cells, interval = set(names(ray)), self._follower.interval
         return any(
-            not cells.isdisjoint(edge.trail.names)
-            and lies_on(edge.trail.curve(ray.curve), edge.track.points, ray.state, interval)
+            not cells.isdisjoint(edge.followed.names)
+            and lies_on(edge.followed.curve(ray.curve), edge.track.points, ray.state, interval)
             for edge in self.edges
         )
 
@@ -237,7 +237,7 @@ class Discovery:
         """Tell whether a solution without rays is a node already."""
         if arrival.rays:
             return False
-        (lo, hi), alpha = self._walker.interval, float(arrival.x[-1])
+        (lo, hi), alpha = self._follower.interval, float(arrival.x[-1])
         same = SAME_ALPHA * max(abs(alpha), hi - lo)
         return any(
             abs(node.place.alpha - alpha) <= same and _is_near(node.place.x[:-1], arrival.x[:-1])
@@ -275,7 +275,7 @@ class Discovery:
         self.edges = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
-        self.edges.append(Edge(back.end, forth.end, forth.trail, track, begun_at))
+        self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
 
 
 def _is_near(z: Array, other: Array) -> bool:

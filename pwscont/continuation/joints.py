@@ -18,21 +18,21 @@ from pwscont.transitions.rays import Ray
 class Node:
     """A special point under discovery.
 
-    Of its rays, those that were followed or arrived on leave nothing but their marks.
+    Of its rays, those that were followed or arrived on leave nothing but their keys.
     """
 
     kind: Kind | str
     place: Place
     message: str
     rays: list[Ray | None] = field(default_factory=list)
-    marks: list[RayKey] = field(default_factory=list)
+    keys: list[RayKey] = field(default_factory=list)
     lost: int = 0
 
     def add(self, rays: Iterable[Ray], place: Place) -> None:
         """Let more rays leave."""
         for ray in rays:
             self.rays.append(ray)
-            self.marks.append(RayKey.of(ray, place))
+            self.keys.append(RayKey.of(ray, place))
 
     def stop(self, message: str, rays: int = 1) -> None:
         """Note that rays could not be followed; a degenerate point stays what it is."""
@@ -52,6 +52,6 @@ class Edge:
 
     start: int
     end: int
-    trail: FollowedRay
+    followed: FollowedRay
     track: Track
     begun_at: Place | None = None

@@ -193,30 +193,30 @@ class Plan:
         """
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
-        walker: Follower = PieceFollower(
+        follower: Follower = PieceFollower(
             self.stepper, Watch(watched, self.added), self.interval, bounds
         )
         if journal is not None:
             self._check(journal)
-            walker, starts = Recorded(walker, journal), journal.starts(starts)
-        network = Discovery(walker, report, budget)
+            follower, starts = Recorded(follower, journal), journal.starts(starts)
+        discovery = Discovery(follower, report, budget)
         usable = Usable(starts, self.metric, self.box)
         # trial points may lie far from where H can be computed; what is not finite is refused there
         with few_threads(self.followed.size), np.errstate(all="ignore"):
             try:
-                self._follow_from(usable, network, budget)
+                self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
-        network.close(budget.spent)
+        discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = replace(usable.lowered(searched), spent=budget.spent)
-        return self._graph(network, parameter, searched, record)
+        return self._graph(discovery, parameter, searched, record)
 
-    def _follow_from(self, starts: Iterable[Found], network: Discovery, budget: Budget) -> None:
+    def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
-            network.add(self._begun(departures(self.followed, self.metric, x, error)))
-            if budget.spent or (self.system.unique and network.spans(*self.interval)):
+            discovery.add(self._begun(departures(self.followed, self.metric, x, error)))
+            if budget.spent or (self.system.unique and discovery.spans(*self.interval)):
                 return
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
@@ -227,7 +227,7 @@ class Plan:
 
     def _graph(
         self,
-        network: Discovery,
+        discovery: Discovery,
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
@@ -236,7 +236,7 @@ class Plan:
         if self.system.unique:
             searched = unique(searched)
         system, interval, reduction = self.system, self.interval, self.reduction
-        graph = assemble(network, system, interval, parameter, searched, reduction, record)
+        graph = assemble(discovery, system, interval, parameter, searched, reduction, record)
         if self.system.unique:
             check_unique(graph)
         return graph

@@ -44,7 +44,7 @@ class RayKey:
 
     @classmethod
     def of(cls, ray: Ray, place: Place) -> RayKey:
-        """Return the mark of a ray."""
+        """Return the key of a ray."""
         return cls(place, direction(ray))
 
     def alignment(self, ray: Ray, towards: Array) -> float:
