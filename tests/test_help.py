@@ -33,7 +33,13 @@ def test_help_shows_examples_and_exit_statuses(capsys, command):
     assert max(map(len, shown.splitlines())) <= 100
 
 
-@pytest.mark.parametrize("line", sorted(set(LINES)))
+def benches_are_slow(lines):
+    """Return the lines as cases, of which those that measure are slow."""
+    slow = [pytest.mark.slow]
+    return [pytest.param(line, marks=slow if "bench" in line else []) for line in lines]
+
+
+@pytest.mark.parametrize("line", benches_are_slow(sorted(set(LINES))))
 def test_every_example_of_the_help_runs(capsys, monkeypatch, tmp_path, line):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")

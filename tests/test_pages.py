@@ -43,7 +43,12 @@ def test_the_cheat_sheet_runs(tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {"curve.png", "curve.npz", "run.journal"}
 
 
-@pytest.mark.parametrize("line", re.findall(r"^   \$ (pwscont .+)$", page("cheatsheet.rst"), re.M))
+COMMANDS = re.findall(r"^   \$ (pwscont .+)$", page("cheatsheet.rst"), re.M)
+QUICK = [line for line in COMMANDS if "bench" not in line]
+SLOW = [pytest.param(line, marks=pytest.mark.slow) for line in COMMANDS if "bench" in line]
+
+
+@pytest.mark.parametrize("line", QUICK + SLOW)
 def test_the_commands_of_the_cheat_sheet_run(capsys, line):
     assert main(shlex.split(line)[1:]) == 0
     assert capsys.readouterr().out
@@ -81,6 +86,7 @@ def test_cells_of_notebooks_show_something():
     assert all("<table" in thing._repr_html_() for thing in shown)
 
 
+@pytest.mark.slow
 def test_the_parallel_sweep_prints_what_the_page_shows(tmp_path):
     Path("sweep.py").write_text(SWEEP, encoding="utf-8")
     for _ in range(2):  # the second time from the files of the first
