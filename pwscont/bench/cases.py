@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from typing import final
 
 import numpy as np
@@ -31,7 +30,12 @@ from pwscont.scenes.scene import Scene
 from pwscont.search import enumerate_solutions
 from pwscont.stepping import ExactLinear
 from pwscont.system.reduction import reduction_of
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    number_of_cells,
+)
 
 #: Values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
@@ -86,7 +90,7 @@ def case_of(runnable: Runnable) -> Case:
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
     if reduction_of(system, interval):
         raise UnknownAnswerError("parts of its system are left out while it is followed")
-    cells = prod(len(block.modes) for block in system.blocks())
+    cells = number_of_cells(system.blocks())
     if cells <= MOST_CELLS:
         return _few_cells(scene.name, system, interval)
     if not isinstance(system, PiecewiseLinearSystem):

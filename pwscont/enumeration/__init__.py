@@ -6,6 +6,7 @@ from pwscont.enumeration.options import aside
 from pwscont.enumeration.parts import most_cells
 from pwscont.enumeration.point import Point, Slice
 from pwscont.enumeration.slices import (
+    FEW_CELLS,
     cells_to_try,
     det_sign,
     is_in_doubt,
@@ -14,6 +15,7 @@ from pwscont.enumeration.slices import (
 )
 
 __all__ = [
+    "FEW_CELLS",
     "Cells",
     "Face",
     "Point",

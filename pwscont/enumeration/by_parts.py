@@ -182,12 +182,10 @@ class PartSlice(SlicewiseLinearSystem):
 
     def _in_cell(self, character: Character) -> tuple[Array, Array]:
         """Return the rows of a cell, by all unknowns of the system, and their values at z = 0."""
-        matrix, values = (+whole for whole in self._rows[0])
-        for block, mode in zip(self._blocks, self._modes(character), strict=True):
-            assert mode is not None, "all cells of a part are combinations of modes"
-            rows = list(block.rows)
-            matrix[rows], values[rows] = self._rows[mode][0][rows], self._rows[mode][1][rows]
-        return matrix, values
+        modes = [mode for mode in self._modes(character) if mode is not None]
+        rows = [block.rows for block in self._blocks]
+        matrices, values = zip(*self._rows, strict=True)
+        return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return what the error of the parts before makes of a root, shape (k, size + 1)."""
@@ -308,14 +306,22 @@ def _is_regular(table: Table, part: Part, scale: Array) -> bool:
         return False
     matrices = [J[np.ix_(part.rows, part.unknowns)] * scale[part.unknowns] for J, _ in table.rows]
     place = {int(row): i for i, row in enumerate(part.rows)}
+    rows = [[place[row] for row in block.rows] for block in blocks]
     for picks in product(*modes):
-        matrix = +matrices[0]
-        for block, pick in zip(blocks, picks, strict=True):
-            rows = [place[row] for row in block.rows]
-            matrix[rows] = matrices[pick][rows]
+        matrix = _in_modes(matrices, rows, picks)
         if np.linalg.matrix_rank(_unit_rows(matrix), tol=GUARD * EPS * len(matrix)) < len(matrix):
             return False
     return True
+
+
+def _in_modes(
+    wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]
+) -> Array:
+    """Return the rows of a cell: of the k-th whole those of the blocks in their k-th mode."""
+    chosen = +wholes[0]
+    for block, mode in zip(rows, modes, strict=True):
+        chosen[list(block)] = wholes[mode][list(block)]
+    return chosen
 
 
 def _unit_rows(matrix: Array) -> Array:

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
-from math import prod
 from typing import final
 
 import numpy as np
@@ -27,7 +26,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from pwscont.basics.arrays import Indices
-from pwscont.system.system import Block
+from pwscont.system.system import Block, number_of_cells
 
 Pattern = npt.NDArray[np.bool_]
 
@@ -96,4 +95,4 @@ def _in_order(needs: Pattern, label: Indices) -> list[int]:
 
 def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
     """Return the number of combinations of modes of the part that has the most."""
-    return max(prod(len(blocks[i].modes) for i in part.blocks) for part in parts)
+    return max(number_of_cells(blocks[i] for i in part.blocks) for part in parts)

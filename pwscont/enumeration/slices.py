@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import prod
 from typing import Any, final
 
 import numpy as np
@@ -38,7 +37,7 @@ from pwscont.enumeration.point import Point, Slice
 from pwscont.enumeration.tree import Choices, leaves
 from pwscont.linear.factorise import last_unit
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
 #: Up to this many cells all are tried, whatever depends on what.
 FEW_CELLS = 64
@@ -79,12 +78,12 @@ def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     """Return in how many cells a slice is solved: of independent parts the sum, not the product."""
     blocks = system.blocks()
     parts = Table.of(system, alpha, aside(metric.scale[:-1])).parts()
-    return sum(prod(len(blocks[i].modes) for i in part.blocks) for part in parts)
+    return sum(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
 
 
 def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
     """Return all solutions part by part; None where there is one part, or few cells."""
-    if prod(len(block.modes) for block in system.blocks()) <= FEW_CELLS:
+    if number_of_cells(system.blocks()) <= FEW_CELLS:
         return None
     table = Table.of(system, alpha, aside(metric.scale[:-1]))
     parts = table.parts()
@@ -116,8 +115,8 @@ def _whole(
     if isinstance(root, Failure):
         return None
     error = uncertainty(root)
-    slack = slack_of_values(selection.test_gradients(root.x), root.x, error, metric.scale)
-    if not (selection.tests(root.x) >= -slack).all():
+    tests, slack = _tests_of(selection, metric, root.x, error)
+    if not (tests >= -slack).all():
         return None
     return Point(root.x, error, cells, root.factor.sign, in_doubt=found.in_doubt)
 
@@ -129,11 +128,21 @@ def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
     if point.in_doubt is not None:
         return point.in_doubt
     selection = Selection(system, point.characters[0])
-    gradients = selection.test_gradients(point.x)
-    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
-    if isinstance(system, PartSlice):
-        slack += CONFIDENCE * system.inherited_slack()[selection.bounding]
-    return bool((selection.tests(point.x) <= slack).any())
+    tests, slack = _tests_of(selection, metric, point.x, point.error)
+    return bool((tests <= slack).any())
+
+
+def _tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tuple[Array, Array]:
+    """Return the bounding tests at a solution, and how far below zero they may be computed."""
+    slack = slack_of_values(selection.test_gradients(x), x, error, metric.scale)
+    return selection.tests(x), slack + _inherited_slack(selection.system, selection.bounding)
+
+
+def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array | float:
+    """Return what some tests of a part may be off because of the parts before it."""
+    if not isinstance(system, PartSlice):
+        return 0.0
+    return CONFIDENCE * system.inherited_slack()[which]
 
 
 def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
@@ -186,8 +195,7 @@ def _is_undecided(
     if one.is_inside:
         return False
     selection = Selection(system, one.character)
-    gradients, tests = selection.test_gradients(point.x), selection.tests(point.x)
-    slack = slack_of_values(gradients, point.x, point.error, metric.scale)
+    tests, slack = _tests_of(selection, metric, point.x, point.error)
     found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
     return bool((tests >= -slack).all()) and not found
 
@@ -275,8 +283,7 @@ class _Points:
         tests = self._system.test_functions(x[:-1], self._alpha)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
-        if isinstance(self._system, PartSlice):
-            slack += CONFIDENCE * self._system.inherited_slack()
+        slack += _inherited_slack(self._system, slice(None))
         return [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in self._problem.blocks

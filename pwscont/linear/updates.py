@@ -270,10 +270,6 @@ def _one_norm(matrix: Array) -> float:
     return max(float(np.abs(matrix[:, j : j + PART]).sum(axis=0).max()) for j in parts)
 
 
-def _factorised(matrix: RowMatrix) -> tuple[Array, Indices]:
-    return _overwritten(matrix.dense())
-
-
 def _overwritten(dense: Array) -> tuple[Array, Indices]:
     """Factorise in place; pivots that vanish to rounding are moved off zero."""
     lu, pivots, _ = lapack.dgetrf(dense, overwrite_a=1)

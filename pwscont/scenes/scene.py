@@ -11,7 +11,14 @@ from pwscont.basics.given import checked_kind
 from pwscont.basics.quantities import Function
 from pwscont.continuation import explore
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_interval, silent, uninterrupted
+from pwscont.continuation.plan import (
+    Plan,
+    Report,
+    checked_detectors,
+    checked_interval,
+    silent,
+    uninterrupted,
+)
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.drawn import check_drawn, quantity_named
@@ -134,7 +141,8 @@ class Scene(Runnable):
     def plan(self) -> dict[str, str]:
         """Return the parts of the run in words, without following anything."""
         interval = checked_interval(self.system, self.interval)
-        plan = Plan.of(self.system, interval, self.stepper, self.detectors)
+        watched = checked_detectors(self.detectors, self.events)
+        plan = Plan.of(self.system, interval, self.stepper, watched)
         return plan.told(self.search or default_search(plan.followed, interval))
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:

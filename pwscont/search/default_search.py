@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import islice
-from math import prod
 
 from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
@@ -18,6 +17,7 @@ from pwscont.system.system import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
     has_too_many_tests,
+    number_of_cells,
 )
 
 #: Cells that can be tried at one alpha in a second or two: ten contact nodes.
@@ -57,7 +57,7 @@ def _most_complete(
     if _needs_too_many_cells(system):
         return _added_up(from_many, system)
     blocks = system.blocks()
-    cells = prod(len(block.modes) for block in blocks)
+    cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
     if isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES:
         return AllTransitions()

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from math import prod
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
 #: Cells that are tried.
 MOST_CELLS = 4096
@@ -26,7 +25,7 @@ def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int]
     interface that its cell is not certain.
     """
     blocks = system.blocks()
-    if prod(len(block.modes) for block in blocks) > MOST_CELLS:
+    if number_of_cells(blocks) > MOST_CELLS:
         return None
     signs = []
     for modes in product(*(block.modes for block in blocks)):

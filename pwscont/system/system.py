@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 from types import MappingProxyType
 from typing import Any, Self, final
 
@@ -284,6 +285,11 @@ class Block:
     tests: tuple[int, ...]
     rows: tuple[int, ...]
     modes: tuple[tuple[bool, ...], ...]
+
+
+def number_of_cells(blocks: Iterable[Block]) -> int:
+    """Return the number of combinations of the modes of some blocks."""
+    return prod(len(block.modes) for block in blocks)
 
 
 class SlicewiseLinearSystem(PiecewiseSystem):

@@ -8,7 +8,6 @@ behaves under small changes of H (:mod:`pwscont.transitions.corner.index`).
 from __future__ import annotations
 
 from functools import cached_property
-from math import prod
 from typing import final
 
 import numpy as np
@@ -18,10 +17,10 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import Table, aside, is_regular, most_cells
+from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.simple import FEW_CELLS, Admits
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+from pwscont.transitions.corner.simple import Admits
 
 #: All cells at a corner are tried up to this number: eight contact nodes.
 MANY_CELLS = 4**8
@@ -111,10 +110,11 @@ class Linearised(SlicewiseLinearSystem):
         if not isinstance(self._system, SlicewiseLinearSystem):
             return len(self._zero) <= MANY_TESTS
         blocks = self.blocks()
-        if prod(len(block.modes) for block in blocks) <= MANY_CELLS:
+        if number_of_cells(blocks) <= MANY_CELLS:
             return True
-        return most_cells(self.table().parts(), blocks) <= MANY_CELLS
+        return most_cells(self.table.parts(), blocks) <= MANY_CELLS
 
+    @cached_property
     def table(self) -> Table:
         """Return the problem in numbers, from which its independent parts are seen."""
         return Table.of(self, 0.0, aside(self._scale))
@@ -161,8 +161,7 @@ def in_parts(
     cone = Linearised(system, metric, x, zero, signs, last_unit(len(x)))
     if not isinstance(system, SlicewiseLinearSystem):
         return None
-    if prod(len(block.modes) for block in cone.blocks()) <= FEW_CELLS:
+    if number_of_cells(cone.blocks()) <= FEW_CELLS:
         return None
-    table = cone.table()
-    parts = table.parts()
-    return cone if len(parts) > 1 and is_regular(table, parts, metric.scale) else None
+    parts = cone.table.parts()
+    return cone if len(parts) > 1 and is_regular(cone.table, parts, metric.scale) else None
