@@ -24,7 +24,7 @@ def straight(gap=0.0):
 def test_straight_pieces_need_no_steps_and_no_smooth_detectors():
     told = plan(straight())
     assert told["steps"] == "ExactLinear()"
-    assert told["watched"] == "IntervalEnds, BoundingTests"
+    assert told["watched"] == "IntervalEnds, StraightTests"
     assert told["unknowns"] == "8 of 8"
     told = plan(straight(), stepper=PseudoArclength())
     assert told["steps"].startswith("PseudoArclength")

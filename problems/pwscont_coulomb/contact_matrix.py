@@ -50,10 +50,14 @@ class ContactMatrix:
 
     def __matmul__(self, z: Array) -> Array:
         """Return the product with a vector: the terms of H that are linear in z."""
+        return self._product(z, self.algebra.A @ z[: self.algebra.n])
+
+    def _product(self, z: Array, force: Array) -> Array:
+        """Return the product with a vector whose elastic force A u is known."""
         u, normal, tangential = self._parts(z)
         a = self.algebra
         product = np.empty_like(z)
-        product[: a.n] = a.A @ u
+        product[: a.n] = force
         product[a.normal] -= normal
         product[a.tangential] -= tangential
         push = a.r * u[a.normal]
@@ -75,6 +79,12 @@ class ContactMatrix:
         product[a.n : a.n + a.p] = free - v[a.normal] - self.slip * sliding
         product[a.n + a.p :] = sliding - v[a.tangential]
         return product
+
+    def column_at(self, index: int) -> Array:
+        """Return a column, at no more cost than its length."""
+        a, unit = self.algebra, np.zeros(self.algebra.n + 2 * self.algebra.p)
+        unit[index] = 1.0
+        return self._product(unit, a.A[:, index] if index < a.n else np.zeros(a.n))
 
     def magnitudes(self, z: Array) -> Array:
         """Return the product of the magnitudes of the entries with z >= 0."""
@@ -199,6 +209,16 @@ class ContactJacobian(StructuredJacobian):
         whole = row_scale(rows, scaled)
         whole[:-1] = rows
         return BorderedFactor(interior, scaled / whole[-1], whole, scale)
+
+    def inner(self, scale: Array) -> Core:
+        """Return the part for z, which solves in its own units."""
+        ones = np.ones(len(self.column))
+        return _ScaledCore(self.matrix, ones, ones)
+
+    def column_at(self, index: int) -> Array:
+        """Return a column."""
+        last = index == len(self.column)
+        return self.column.copy() if last else self.matrix.column_at(index)
 
     def _split(self, scale: Array, beside: Array | None) -> tuple[Array, Interior]:
         """Return what the rows are divided by, and the part for z; remembered for one scale."""

@@ -37,6 +37,7 @@ from pwscont.transitions import (
     IntervalEnds,
     SmoothBranchPoints,
     SmoothFolds,
+    StraightTests,
     TransitionDetector,
 )
 from pwscont.transitions.bounds import Bounds
@@ -94,10 +95,10 @@ def default_detectors(
 
     Branch points come before folds, for alpha may turn at a branch point.
     """
-    always = (IntervalEnds(*interval), BoundingTests())
+    ends = IntervalEnds(*interval)
     if isinstance(stepper, ExactLinear):
-        return always
-    return (*always, SmoothBranchPoints(), SmoothFolds())
+        return ends, StraightTests()
+    return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
 
 @final

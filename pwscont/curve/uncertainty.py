@@ -70,8 +70,8 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     factor = bordered(jacobian, row, metric.binary)
     if factor.failed:
         return None
-    samples = _rounding(jacobian, row, np.abs(x) + CONVERGED * metric.scale)
-    dx, *error = factor.solve_all(np.vstack([rest, samples]))
+    rounding = _rounding(jacobian, row, np.abs(x) + CONVERGED * metric.scale)
+    dx, *error = factor.solve_all(np.vstack([rest, rounding]))
     if not metric.relative(dx, x - dx) <= CONVERGED or not metric.admits(x := x - dx):
         return None
     return Root(x, np.abs(dx), jacobian, row, factor, metric.scale, 1), np.array(error)
@@ -80,8 +80,8 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
 def _rounding(jacobian: Matrix, row: Matrix, size: Array) -> Array:
     """Return samples of the rounding of all rows, for unknowns of a size."""
     terms = joined(abs(jacobian) @ size, float((abs(row) @ size).sum()))
-    samples: Array = EPS * terms * _samples(len(size))
-    return samples
+    rounding: Array = EPS * terms * samples(len(size))
+    return rounding
 
 
 def is_rounding(root: Root) -> bool:
@@ -140,7 +140,7 @@ def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> b
 
 
 @lru_cache(maxsize=8)
-def _samples(size: int) -> Array:
+def samples(size: int) -> Array:
     """Return unit vectors, or fixed random ones of which a few are enough; runs are identical."""
     if size <= SMALL:
         return np.asarray(np.eye(size))

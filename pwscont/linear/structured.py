@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
+from pwscont.linear.cores import Core
 from pwscont.linear.factor import Factor
 
 
@@ -55,6 +56,16 @@ class StructuredJacobian(ABC):
         beside : ndarray, shape (n + 1,), optional
             A right-hand side that will be asked for next: solved at once where that costs little.
         """
+
+    def inner(self, scale: Array) -> Core | None:
+        """Factorise the part for z, for solves in its own units; default None, it cannot."""
+        return None
+
+    def column_at(self, index: int) -> Array:
+        """Return a column, shape (n,); default by a product."""
+        unit = np.zeros(self.shape[1])
+        unit[index] = 1.0
+        return self @ unit
 
     def scaled(self, columns: Array) -> Matrix:
         """Return a new matrix with columns multiplied; default dense."""

@@ -41,12 +41,16 @@ DRIFT = 1e-9
 SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
-#: Up to this part of all rows are replaced at once; twice the bare ratio of operations.
-FEW_ROWS = 1.0 / 16.0
+#: Up to this part of all rows are replaced at once; beyond, a fresh inverse costs less.
+FEW_ROWS = 1.0 / 8.0
+#: A factorisation that has served for so many solves is inverted: each then costs half as much.
+MANY_SOLVES = 8
 #: After this many changes per row the matrix is factorised afresh.
 MANY_UPDATES = 0.5
 #: So many changes are subtracted from the inverse at once.
 TOGETHER = 48
+#: A right-hand side of no more entries is solved for by columns of the inverse.
+FEW_ENTRIES = 4
 #: Columns of a matrix that are copied at a time.
 PART = 64
 
@@ -114,15 +118,18 @@ class Updating(RowSolver):
         self._pivots: Indices | None = None  # of the LU factorisation
         self._size = 0.0  # one-norm of the factorised matrix
         self._sign = 0
-        self._since = 0  # changes since the last factorisation
+        self._since = 0  # rows changed since the last factorisation
+        self._solves = 0  # with the last factorisation
+        self._is_regular = True  # as far as is known
         self._changes = Changes(0)
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for one right-hand side, or several."""
         self._take(matrix)
-        if self._pivots is not None:
+        self._solves += 1
+        if self._pivots is not None and (self._solves < MANY_SOLVES or not self._inverted()):
             return _solved(self._matrix, self._pivots, rhs, 0)
-        return self._changes.applied(rhs @ self._matrix.T)
+        return self._changes.applied(_product(self._matrix, rhs))
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -163,6 +170,7 @@ class Updating(RowSolver):
         self._matrix, self._pivots = _overwritten(dense)
         self._sign = sign_of_pivots(self._matrix.diagonal(), self._pivots)
         self._last, self._since, self._changes = matrix, 0, Changes(len(matrix.keys))
+        self._solves, self._is_regular = 0, True
         self.factorisations += 1
 
     def _update(self, matrix: RowMatrix, last: RowMatrix) -> bool:
@@ -178,7 +186,7 @@ class Updating(RowSolver):
         for row, difference in zip(changed, differences, strict=True):
             if not self._replace(int(row), difference):
                 return False
-        self._since += 1
+        self._since += len(changed)
         self.updates += 1
         return True
 
@@ -193,13 +201,12 @@ class Updating(RowSolver):
 
     def _inverted(self) -> bool:
         """Turn the LU factorisation into the inverse, where it is regular enough."""
-        if self._pivots is None:
-            return True
-        if lapack.dgecon(self._matrix, self._size)[0] < INVERTIBLE:
-            return False
-        self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, overwrite_lu=1)
-        self._pivots = None
-        return True
+        if self._pivots is not None and self._is_regular:
+            self._is_regular = lapack.dgecon(self._matrix, self._size)[0] >= INVERTIBLE
+        if self._pivots is not None and self._is_regular:
+            self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, overwrite_lu=1)
+            self._pivots = None
+        return self._is_regular
 
 
 @final
@@ -262,6 +269,16 @@ class Changes:
         lower = self._lower[: self.count, : self.count]
         parts: Array = lapack.dtrtrs(lower, rhs, lower=1, trans=transposed)[0]
         return parts if rhs.ndim > 1 else parts.reshape(-1)
+
+
+def _product(inverse: Array, rhs: Array) -> Array:
+    """Return the product with right-hand sides; of few nonzeros they take few columns."""
+    if rhs.ndim == 1:
+        entries = np.flatnonzero(rhs)
+        if len(entries) <= FEW_ENTRIES:
+            return inverse[:, entries] @ rhs[entries]
+    product: Array = rhs @ inverse.T
+    return product
 
 
 def _one_norm(matrix: Array) -> float:

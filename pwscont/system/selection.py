@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, dense
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, residual_at
@@ -38,14 +38,15 @@ class Selection:
         self.system = system
         self.character = character
         self.adjacent_cells = adjacent_cells
-        signs: dict[int, bool] = {}
-        for cell in (character, *adjacent_cells):
-            known = cell.signs
-            for test in system.bounding_tests(cell):
-                signs.setdefault(int(test), known[test])
-        self.bounding: Indices = np.array(list(signs), dtype=np.intp)
+        tests, inside = _bounds(system, character)
+        if adjacent_cells:
+            every = [(tests, inside), *(_bounds(system, cell) for cell in adjacent_cells)]
+            tests, inside = (np.concatenate(parts) for parts in zip(*every, strict=True))
+            first = np.sort(np.unique(tests, return_index=True)[1])
+            tests, inside = tests[first], inside[first]
+        self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, by which it is positive inside.
-        self.side: Array = np.where(list(signs.values()), 1.0, -1.0)
+        self.side: Array = np.where(inside, 1.0, -1.0)
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
@@ -98,3 +99,9 @@ class Selection:
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
         gradient: Array = self.side[index] * dense(rows)[0]
         return gradient
+
+
+def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:
+    """Return the tests that bound a cell, and their signs inside."""
+    tests = np.asarray(system.bounding_tests(character), dtype=np.intp)
+    return tests, character.array[tests]

@@ -6,6 +6,7 @@ from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionD
 from pwscont.transitions.fold import SmoothFolds
 from pwscont.transitions.interval import IntervalEnds
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.straight import StraightTests
 
 __all__ = [
     "BoundingTests",
@@ -15,5 +16,6 @@ __all__ = [
     "SmoothBranchPoints",
     "SmoothFolds",
     "SpecialPointFound",
+    "StraightTests",
     "TransitionDetector",
 ]

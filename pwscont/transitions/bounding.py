@@ -57,7 +57,9 @@ class BoundingTests(TransitionDetector):
         if np.count_nonzero(near):
             riding = np.flatnonzero(near)
             scale = curve.metric.scale
-            riding = riding[_rides(rows[riding], values[riding], slopes[riding], state, scale)]
+            riding = riding[
+                is_zero_along(rows[riding], values[riding], slopes[riding], state, scale)
+            ]
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -139,8 +141,10 @@ def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
     return met.kind == Kind.STOPPED and len(zero) > 1
 
 
-def _rides(gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array) -> Array:
-    """Tell which tests are zero along the piece, to the rounding of their own terms.
+def is_zero_along(
+    gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
+) -> Array:
+    """Tell which tests are zero along a piece, to the rounding of their own terms.
 
     A slope is zero if it would not lift the test out of its rounding within the length of the
     interval, which is one. Where nothing moves, values and slopes are rounding of typical values.

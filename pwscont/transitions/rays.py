@@ -26,7 +26,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -95,12 +95,22 @@ def vanishing(
         lifts off while it begins to slip): there their own size is no measure of rounding.
     """
     z, alpha = x[:-1], float(x[-1])
-    gradients = system.test_jacobian(z, alpha)
+    gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
+    return frozenset(np.flatnonzero(is_zero(gradients, values, x, error, scale)).tolist())
+
+
+def is_zero(
+    gradients: Matrix, values: Array, x: Array, error: Array, scale: Array | None = None
+) -> Signs:
+    """Tell which of some tests with these gradients and values are zero at ``x``.
+
+    The other parameters are those of :func:`vanishing`.
+    """
     size = magnitude_of_values(gradients, x, error)
     if scale is not None:
         size += EPS * (abs(gradients) @ scale)
-    zero = np.abs(system.test_functions(z, alpha)) <= CONFIDENCE * size
-    return frozenset(np.flatnonzero(zero).tolist())
+    zero: Signs = np.abs(values) <= CONFIDENCE * size
+    return zero
 
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Array:

@@ -1,0 +1,188 @@
+"""Straight pieces, cell by cell: one solve from each to the next (docs/theory, F11).
+
+With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
+vanishes, the direction beyond follows from the one before by the solution of J w = c alone. The
+same update holds for everything that was solved for: the samples of the error of a point are
+carried along. From time to time, in small systems always, an *audit* solves for all of them
+afresh, together with corrections of point and direction.
+
+Failure modes and answers
+-------------------------
+- Rounding adds up from cell to cell: the residual of the system itself is asked for at every
+  transition, and the point is corrected where it is more than rounding of its terms.
+- The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
+  matrices in one array that it writes to: an audit compares the direction with the new Jacobian.
+- 1 + g.w is small beside its terms, or the direction is nearly vertical or in the interface: the
+  caller is given nothing, and goes the way of :mod:`pwscont.transitions.bounding`.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
+from pwscont.curve.curve import Curve
+from pwscont.curve.metric import Metric
+from pwscont.curve.uncertainty import magnitude, samples
+from pwscont.linear.bordered import GROWTH
+from pwscont.linear.inner import column, inner
+from pwscont.linear.product_form import ProductForm
+
+#: Systems of fewer unknowns are audited at every transition, others after so many.
+SMALL, AUDIT = 512, 8
+#: A residual of more than this times rounding of its terms is corrected at once.
+ROUGH = 8.0
+#: Errors are estimated afresh where the point has grown by more than this.
+GROWN = 2.0
+#: A direction is on its selection where its residual is below this part of its terms.
+ASTRAY = EPS**0.5
+
+
+@final
+class StraightCell:
+    """The linear algebra of the cell in which a straight piece lies.
+
+    Attributes
+    ----------
+    curve : Curve
+    along : ndarray, shape (n + 1,)
+        Direction of the piece, with an alpha of one.
+    turn : int
+        The sign of 1 + g.w where the cell was entered: -1 at a fold.
+    """
+
+    def __init__(self, curve: Curve, jacobian: Matrix, solver: ProductForm, along: Array) -> None:
+        self.curve, self.along, self.turn = curve, along, 1
+        self._jacobian, self._solver = jacobian, solver
+        self._samples = np.empty(0)
+        self._terms = np.empty(0)
+        self._size, self._since = 0.0, AUDIT
+
+    @classmethod
+    def at(cls, curve: Curve, x: Array) -> StraightCell | None:
+        """Return the cell of a curve, factorised; None where it is next to singular."""
+        jacobian = curve.selection.jacobian(x)
+        n = len(x) - 1
+        core = inner(jacobian, curve.metric.binary)
+        if core is None:
+            return None
+        solver = ProductForm(core, n)
+        along = np.append(-solver.solve(column(jacobian, n)), 1.0)
+        return cls(curve, jacobian, solver, along) if _is_tame(along, curve.metric) else None
+
+    def beyond(self, curve: Curve, x: Array, gradient: Array) -> StraightCell | None:
+        """Return the cell on the other side of the interface; this one is of no use any more.
+
+        Parameters
+        ----------
+        curve : Curve
+            Of the selection on the other side.
+        x : ndarray, shape (n + 1,)
+            A point of the interface, but for rounding.
+        gradient : ndarray, shape (n + 1,)
+            Of the test that vanishes there.
+
+        Returns
+        -------
+        StraightCell or None
+        """
+        if self._solver.is_full and not self._refactored():
+            return None
+        steepest = int(np.abs(gradient * curve.metric.scale).argmax())
+        before = column(self._jacobian, steepest)
+        jacobian = curve.selection.jacobian(x)
+        jump = (column(jacobian, steepest) - before) / gradient[steepest]
+        w = self._solver.solve(jump)
+        pivot = self._solver.change(w, gradient[:-1])
+        if pivot == 0.0:
+            return None
+        along = self.along.copy()
+        along[:-1] -= (float(gradient.dot(along)) / pivot) * w
+        if not _is_tame(along, curve.metric):
+            return None
+        cell = StraightCell(curve, jacobian, self._solver, along)
+        cell.turn = 1 if pivot > 0.0 else -1
+        if len(self._samples):
+            carried = self._samples - np.outer(self._samples @ (gradient[:-1] / pivot), w)
+            cell._samples, cell._terms = carried, self._terms
+            cell._size, cell._since = self._size, self._since + 1
+        return cell
+
+    def _refactored(self) -> bool:
+        """Factorise the matrix of this cell; False where it is singular."""
+        core = inner(self._jacobian, self.curve.metric.binary)
+        if core is not None:
+            self._solver = ProductForm(core, len(self.along) - 1)
+        return core is not None
+
+    def settled(self, x: Array, gradient: Array, value: float) -> tuple[Array, Array] | None:
+        """Return a point of the piece on an interface, corrected, and samples of its error.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n + 1,)
+            Nearly that point.
+        gradient, value
+            Of the test of the interface.
+
+        Returns
+        -------
+        x, error : ndarray, shapes (n + 1,) and (k, n + 1), or None
+            None where the correction is more than rounding, or cannot be computed.
+        """
+        residual = self.curve.selection.residual(x)
+        size = self.curve.metric.norm(x)
+        due = len(x) <= SMALL or self._since >= AUDIT or size > GROWN * self._size
+        if due:
+            correction = self._audited(x, residual, size)
+        else:
+            wanted = not (np.abs(residual) <= ROUGH * EPS * self._terms).all()
+            correction = self._solver.solve(residual) if wanted else np.zeros(len(residual))
+        if correction is None:
+            return None
+        steep = 1.0 / float(gradient.dot(self.along))
+        dx = (value - float(gradient[:-1].dot(correction))) * steep * self.along
+        dx[:-1] += correction
+        error = self._bordered(x, gradient, steep)
+        return (x - dx, error) if self._is_rounding(dx, x, error) else None
+
+    def _is_rounding(self, dx: Array, x: Array, error: Array) -> bool:
+        """Tell whether a correction is no more than rounding of unknowns as large as these are."""
+        scale = self.curve.metric.scale
+        typical = GUARD * EPS * float(np.abs(x / scale).max()) * scale
+        return bool((np.abs(dx) <= typical + CONFIDENCE * magnitude(x, error)).all())
+
+    def _audited(self, x: Array, residual: Array, size: float) -> Array | None:
+        """Solve for errors, point and direction afresh; return the correction of the point.
+
+        None where the direction is not one of this selection.
+        """
+        n, along, scale = len(residual), self.along, self.curve.metric.scale
+        magnitudes, astray = abs(self._jacobian), self._jacobian @ along
+        terms, typical = magnitudes @ (np.abs(x) + CONVERGED * scale), magnitudes @ scale
+        if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
+            return None
+        rounding = EPS * terms * samples(n + 1)[:, :n]
+        solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
+        along[:-1] -= solved[1]
+        self._samples, self._terms = solved[2:], np.abs(x / scale).max() * typical
+        self._size, self._since = size, 0
+        correction: Array = solved[0]
+        return correction
+
+    def _bordered(self, x: Array, gradient: Array, steep: float) -> Array:
+        """Return samples of the error of a point that the test of an interface locates."""
+        rounding = EPS * float(np.abs(gradient).dot(np.abs(x)))
+        last = rounding * samples(len(x))[:, -1] - self._samples @ gradient[:-1]
+        error = np.outer(steep * last, self.along)
+        error[:, :-1] += self._samples
+        return error
+
+
+def _is_tame(along: Array, metric: Metric) -> bool:
+    """Tell whether a direction is finite, and far from vertical."""
+    steepness = np.abs(along / metric.scale).max() * metric.scale[-1]
+    return bool(steepness < GROWTH)

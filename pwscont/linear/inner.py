@@ -1,0 +1,114 @@
+"""The part of a Jacobian for z, factorised as it is stored, for solves in its own units.
+
+Failure modes and answers
+-------------------------
+- The part is singular, as on vertical pieces, or nearly so: a pivot that vanishes to rounding is
+  moved off zero. Solutions are huge then, which the caller must look at.
+- Rows and columns in different units: both are scaled as in :mod:`pwscont.linear.factorise`.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import lapack
+
+from pwscont.basics.arrays import Array, Matrix
+from pwscont.linear.banded import BandedJacobian
+from pwscont.linear.cores import Core, regularise, sign_of_pivots
+from pwscont.linear.equilibration import columns_scaled, largest_in_rows, rows_divided
+from pwscont.linear.factor import power_of_two
+from pwscont.linear.sparse import split
+from pwscont.linear.structured import StructuredJacobian
+
+
+def inner(jacobian: Matrix, scale: Array) -> Core | None:
+    """Factorise the part of J for z; None where it has no factorisation.
+
+    Parameters
+    ----------
+    jacobian : ndarray, sparse matrix or StructuredJacobian, shape (n, n + 1)
+    scale : ndarray, shape (n + 1,)
+        Typical magnitudes of the unknowns, powers of two.
+    """
+    if isinstance(jacobian, StructuredJacobian) and not isinstance(jacobian, BandedJacobian):
+        return jacobian.inner(scale)
+    scaled = columns_scaled(jacobian, scale)
+    rows = power_of_two(largest_in_rows(scaled))
+    divided = rows_divided(scaled, rows)
+    core = _core(divided)
+    return core and ScaledCore(core, rows, scale[:-1])
+
+
+def column(jacobian: Matrix, index: int) -> Array:
+    """Return a column of a Jacobian in any storage, shape (n,), an array of its own."""
+    if isinstance(jacobian, StructuredJacobian):
+        return jacobian.column_at(index)
+    if not sp.issparse(jacobian):
+        return np.array(jacobian[:, index], dtype=float)
+    found: Array = jacobian[:, [index]].toarray().ravel()
+    return found
+
+
+def _core(divided: Matrix) -> Core | None:
+    if isinstance(divided, BandedJacobian):
+        return divided.split()[0]
+    if sp.issparse(divided):
+        return split(divided)[0]
+    return DenseCore(divided[:, :-1])
+
+
+@final
+class DenseCore(Core):
+    """LU with partial pivoting by LAPACK of a matrix with entries of about one."""
+
+    def __init__(self, matrix: Array) -> None:
+        self._lu, self._pivots, _ = lapack.dgetrf(matrix)
+        regularise(self._lu.ravel(order="K")[:: len(self._lu) + 1])
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_pivots(self._lu.diagonal(), self._pivots)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs)[0]
+        return solution
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        solutions: Array = lapack.dgetrs(self._lu, self._pivots, rhs.T)[0]
+        return solutions.T
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs, trans=1)[0]
+        return solution
+
+
+@final
+class ScaledCore(Core):
+    """Solves with the matrix of which a core has the rows divided and the columns multiplied."""
+
+    def __init__(self, core: Core, rows: Array, columns: Array) -> None:
+        self._core, self._rows, self._columns = core, rows, columns
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self._core.sign
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return self._columns * self._core.solve(rhs / self._rows)
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        return self._columns * self._core.solve_all(rhs / self._rows)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._core.solve_transposed(self._columns * rhs) / self._rows

@@ -1,0 +1,47 @@
+"""Constant rows, such as the gradients of affine tests, asked for once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Indices, Matrix
+
+#: Dense rows with fewer nonzeros than this part of all are stored sparse: that is cheaper.
+SPARSE = 0.1
+#: Smaller matrices are stored as they are.
+LARGE = 10_000
+
+
+@final
+class Rows:
+    """A matrix of which products, and single rows, are asked for again and again.
+
+    Parameters
+    ----------
+    matrix : ndarray or sparse matrix, shape (m, k)
+    """
+
+    def __init__(self, matrix: Matrix) -> None:
+        thin = sp.issparse(matrix) or (
+            matrix.size > LARGE and np.count_nonzero(matrix) < SPARSE * matrix.size
+        )
+        self.matrix: Any = sp.csr_matrix(matrix) if thin else np.array(matrix, dtype=float)
+
+    @cached_property
+    def magnitudes(self) -> Any:
+        """The magnitudes of all entries, for products with vectors that are not negative."""
+        return abs(self.matrix)
+
+    def some(self, which: Indices) -> Array:
+        """Return a few rows, dense, shape (len(which), k)."""
+        if isinstance(self.matrix, np.ndarray):
+            return self.matrix[which]
+        rows = np.zeros((len(which), self.matrix.shape[1]))
+        for row, i in zip(rows, which, strict=True):
+            entries = slice(*self.matrix.indptr[i : i + 2])
+            row[self.matrix.indices[entries]] = self.matrix.data[entries]
+        return rows
