@@ -32,7 +32,7 @@ from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
-SMALL, AUDIT = 512, 8
+SMALL, AUDIT = 512, 16
 #: A residual of more than this times rounding of its terms is corrected at once.
 ROUGH = 8.0
 #: Errors are estimated afresh where the point has grown by more than this.

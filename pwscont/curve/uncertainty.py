@@ -103,8 +103,10 @@ def magnitude(x: Array, error: Array) -> Array:
     error : ndarray, shape (k, n + 1)
         Independent contributions, as from :func:`uncertainty`.
     """
-    estimate: Array = np.maximum(EPS * np.abs(x), np.hypot.reduce(error, axis=0))
-    return np.abs(estimate)
+    # magnitudes are far from where squares overflow, see Metric; hypot takes ten times as long
+    spread = np.sqrt(np.einsum("ki,ki->i", error, error))
+    estimate: Array = np.maximum(EPS * np.abs(x), spread)
+    return estimate
 
 
 def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:

@@ -46,7 +46,7 @@ FEW_ROWS = 1.0 / 8.0
 #: A factorisation that has served for so many solves is inverted: each then costs half as much.
 MANY_SOLVES = 8
 #: After this many changes per row the matrix is factorised afresh.
-MANY_UPDATES = 0.5
+MANY_UPDATES = 2.0
 #: So many changes are subtracted from the inverse at once.
 TOGETHER = 48
 #: A right-hand side of no more entries is solved for by columns of the inverse.
