@@ -31,6 +31,8 @@ from pwscont.linear.factorise import bordered
 SMALL = 16
 #: A point is known to one digit where its error is at most this part of it.
 ONE_DIGIT = 0.1
+#: Squares of smaller numbers lose digits.
+UNDERFLOW = 1e-140
 #: Samples for larger systems.
 SAMPLES = 4
 
@@ -103,10 +105,20 @@ def magnitude(x: Array, error: Array) -> Array:
     error : ndarray, shape (k, n + 1)
         Independent contributions, as from :func:`uncertainty`.
     """
-    # magnitudes are far from where squares overflow, see Metric; hypot takes ten times as long
-    spread = np.sqrt(np.einsum("ki,ki->i", error, error))
-    estimate: Array = np.maximum(EPS * np.abs(x), spread)
+    estimate: Array = np.maximum(EPS * np.abs(x), _root_of_squares(error))
     return estimate
+
+
+def _root_of_squares(error: Array) -> Array:
+    """Return the root of the sum of squares of each column; ``hypot`` takes ten times as long.
+
+    Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
+    """
+    spread: Array = np.sqrt(np.einsum("ki,ki->i", error, error))
+    lost = spread < UNDERFLOW
+    if np.count_nonzero(lost):
+        spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
+    return spread
 
 
 def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
