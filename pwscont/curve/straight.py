@@ -18,7 +18,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -39,6 +39,23 @@ ROUGH = 8.0
 GROWN = 2.0
 #: A direction is on its selection where its residual is below this part of its terms.
 ASTRAY = EPS**0.5
+
+
+class Settled(NamedTuple):
+    """A corrected point.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (k, n + 1)
+        Samples of its error.
+    size : ndarray, shape (n + 1,)
+        The estimate of its error.
+    """
+
+    x: Array
+    error: Array
+    size: Array
 
 
 @final
@@ -118,8 +135,8 @@ class StraightCell:
             self._solver = ProductForm(core, len(self.along) - 1)
         return core is not None
 
-    def settled(self, x: Array, gradient: Array, value: float) -> tuple[Array, Array] | None:
-        """Return a point of the piece on an interface, corrected, and samples of its error.
+    def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
+        """Return a point of the piece on an interface, corrected.
 
         Parameters
         ----------
@@ -130,7 +147,7 @@ class StraightCell:
 
         Returns
         -------
-        x, error : ndarray, shapes (n + 1,) and (k, n + 1), or None
+        Settled or None
             None where the correction is more than rounding, or cannot be computed.
         """
         residual = self.curve.selection.residual(x)
@@ -147,13 +164,14 @@ class StraightCell:
         dx = (value - float(gradient[:-1].dot(correction))) * steep * self.along
         dx[:-1] += correction
         error = self._bordered(x, gradient, steep)
-        return (x - dx, error) if self._is_rounding(dx, x, error) else None
+        found = Settled(x - dx, error, magnitude(x, error))
+        return found if self._is_rounding(dx, found) else None
 
-    def _is_rounding(self, dx: Array, x: Array, error: Array) -> bool:
+    def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""
         scale = self.curve.metric.scale
-        typical = GUARD * EPS * float(np.abs(x / scale).max()) * scale
-        return bool((np.abs(dx) <= typical + CONFIDENCE * magnitude(x, error)).all())
+        typical = GUARD * EPS * float(np.abs(found.x / scale).max()) * scale
+        return bool((np.abs(dx) <= typical + CONFIDENCE * found.size).all())
 
     def _audited(self, x: Array, residual: Array, size: float) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction of the point.

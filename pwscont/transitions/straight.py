@@ -17,8 +17,7 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.straight import StraightCell
-from pwscont.curve.uncertainty import magnitude
+from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
@@ -30,6 +29,8 @@ from pwscont.transitions.rays import Ray, is_zero
 
 #: A direction that falls less steeply than this part of its terms is nearly in the interface.
 SLANT = EPS**0.5
+#: Tests that change by more than this part of the largest are not looked at more closely.
+FLAT = 1e-4
 #: A piece goes on in the direction in which it began, but for this part of it.
 ALIGNED = EPS**0.5
 
@@ -55,9 +56,9 @@ class StraightTests(TransitionDetector):
         rows = self._rows(selection.system, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * (rows.matrix @ state.tangent)[selection.bounding]
-        sizes = np.abs(values)
-        near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
-        riding = np.flatnonzero(near)
+        sizes, steepness = np.abs(values), np.abs(slopes)
+        largest = max(np.maximum.reduce(sizes), np.maximum.reduce(steepness))
+        riding = np.flatnonzero((sizes <= NEAR * largest) & (steepness <= FLAT * largest))
         if len(riding):
             gradients = rows.some(selection.bounding[riding])
             on = is_zero_along(gradients, values[riding], slopes[riding], state, scale)
@@ -107,9 +108,9 @@ class StraightTests(TransitionDetector):
         other = Curve(Selection(system, Character.of(tests).with_sign(test, sign)), metric)
         beyond = cell.beyond(other, x, gradient) if test in other.selection.bounding else None
         settled = beyond.settled(x, gradient, float(tests[test])) if beyond else None
-        if beyond is None or settled is None or self._is_corner(other, *settled, tests, test):
+        if beyond is None or settled is None or self._is_corner(other, settled, tests, test):
             return None
-        self._cell, (x, error) = beyond, settled
+        self._cell, (x, error, _) = beyond, settled
         forwards = beyond.turn * np.copysign(1.0, start.tangent[-1])
         tangent = metric.normalised(forwards * beyond.along)
         here = State(x, start.tangent, error, start.orientation)
@@ -121,16 +122,16 @@ class StraightTests(TransitionDetector):
             self._cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
         return self._cell if self._cell and _agree(self._cell, start) else None
 
-    def _is_corner(self, curve: Curve, x: Array, error: Array, tests: Array, test: int) -> bool:
+    def _is_corner(self, curve: Curve, found: Settled, tests: Array, test: int) -> bool:
         """Tell whether more tests than one vanish at a point."""
-        rows, scale = self._rows(curve.selection.system, x), curve.metric.scale
-        size = EPS * (np.abs(x) + scale) + magnitude(x, error)
+        x, scale = found.x, curve.metric.scale
+        rows, size = self._rows(curve.selection.system, x), EPS * (np.abs(x) + scale) + found.size
         near = np.abs(tests) <= 2.0 * CONFIDENCE * (rows.magnitudes @ size)
         near[test] = False
         suspects = np.flatnonzero(near)
         if not len(suspects):
             return False
-        return bool(is_zero(rows.some(suspects), tests[suspects], x, error, scale).any())
+        return bool(is_zero(rows.some(suspects), tests[suspects], x, found.error, scale).any())
 
 
 def _is_crossed(gradient: Array, tangent: Array) -> bool:
