@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from itertools import chain
 from typing import final
 
@@ -136,7 +136,7 @@ class Discovery:
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
         """Tell now and then whether the path to a node repeats itself; not where limits are set."""
-        if self._budget.is_limited or (len(self.edges) + 1) % EVERY:
+        if (len(self.edges) + 1) % EVERY or self._budget.is_limited:
             return False
         return self._past.repeats(node, ray.curve.metric.scale)
 
@@ -296,8 +296,7 @@ def _place(arrival: SpecialPointFound) -> Place:
         return Stored(x, magnitude(x, np.zeros((1, len(x)))))
     selection = arrival.rays[0].curve.selection
     samples = {id(ray.state.error): ray.state.error for ray in arrival.rays}  # rays may share them
-    error = reduce(np.maximum, (magnitude(x, few) for few in samples.values()))
-    return place_of(selection.system, selection.character, x, error)
+    return place_of(selection.system, selection.character, x, list(samples.values()))
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:
