@@ -16,6 +16,7 @@ from reference_enumeration import solve_modes
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.basics.kind import Kind
+from pwscont.graph.passages import Said
 from pwscont.graph.place import Stored
 from pwscont.graph.records import Piece, SpecialPoint, Track
 
@@ -437,9 +438,9 @@ def test_repr_of_a_solution(fig7):
 
 def graph_with_a_thin_stretch(error):
     """Return two pieces that meet, but for a stretch of 1e-12 on which there is none."""
-    ends = [0.0, 0.5, 0.5 + 1e-12, 1.0]
+    ends, errors = [0.0, 0.5, 0.5 + 1e-12, 1.0], np.full(2, error)
     points = [
-        SpecialPoint(i, Kind.TRANSITION, Stored(np.array([0.0, alpha]), np.full(2, error)), "", "")
+        SpecialPoint(i, Kind.TRANSITION, Stored(np.array([0.0, alpha]), errors), Said(""))
         for i, alpha in enumerate(ends)
     ]
     pieces = [

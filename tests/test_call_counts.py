@@ -196,3 +196,24 @@ def test_along_a_piece_only_the_bounding_tests_are_evaluated():
     assert points > 1000
     assert sum(asked <= 2 for asked in system.asked) >= points - len(graph.pieces)
     assert sum(asked == 40 for asked in system.asked) <= 4 * len(graph.pieces)
+
+
+# -- only the words that somebody reads -----------------------------------------------------------
+
+
+def test_no_words_and_digits_are_made_before_they_are_asked_for(monkeypatch):
+    """A long path has thousands of names, messages and numbers of digits, of which few are read."""
+    said, label, change = [], CoulombLoad.label, CoulombLoad.describe_transition
+    monkeypatch.setattr(CoulombLoad, "label", lambda *of: said.append("label") or label(*of))
+    monkeypatch.setattr(
+        CoulombLoad, "describe_transition", lambda *of: said.append("change") or change(*of)
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr("pwscont.graph.accuracy.significant", refuse)
+        graph = counts(random_path(), (-5.0, 5.0), ExactLinear())[1]
+        with pytest.raises(UsedError):  # the trap works
+            _ = graph.special_points()[1].digits
+    assert said.count("label") <= 2  # where it starts
+    assert said.count("change") < len(graph.pieces)  # once where it is reached
+    (point, *_) = graph.special_points("transition")
+    assert " → ".join(point.message.split(": ")[1].split(" → ")[::-1]) in point.backward

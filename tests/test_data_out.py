@@ -30,6 +30,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.graph.passages import Said
 from pwscont.scenes.graph_answer import GraphAnswer
 
 SCENES = [fig7, fig10, example1, example3]
@@ -562,7 +563,7 @@ def test_elastic_bodies_and_their_states():
 
 
 def test_notebooks_escape_what_a_user_wrote(plain):
-    point = replace(plain.point(0), message="<script>alert(1)</script>")
+    point = replace(plain.point(0), passed=Said("<script>alert(1)</script>"))
     assert "<script>" not in point._repr_html_()
 
 

@@ -48,10 +48,11 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
-from pwscont_coulomb.modes import BOUNDS, SIGNS
+from pwscont_coulomb.free_unknowns import FreeUnknowns
+from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
 from pwscont_coulomb.per_node import positive
-from pwscont_coulomb.rows import by_node, rows_of_tests, scaled, without_contact
+from pwscont_coulomb.rows import by_node, rows_of_tests, scaled, some_rows, without_contact
 
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
@@ -76,7 +77,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     """
 
     #: Nodes with F = 0 whatever the parameter, shape (p,).
-    _without_friction: Array
+    _without_friction: contact.Flags
     #: One solution more with positive than with negative determinant, whatever f and F >= 0.
     degree = 1
     line_styles = contact.LINE_STYLES
@@ -99,6 +100,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     @cached_property
     def _free(self) -> Matrix:
         return without_contact(self.body)
+
+    @cached_property
+    def _free_unknowns(self) -> FreeUnknowns:
+        return FreeUnknowns(self.body)
 
     @property
     def _has_sparse_tests(self) -> bool:
@@ -148,10 +153,18 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
         stick too: else points with tension would be taken for solutions.
         """
-        bounds = BOUNDS[contact.modes(character)]
-        bounds[:, 0] |= self._without_friction
-        bounds[self.body.guided, 1:] = False
-        return np.flatnonzero(bounds).tolist()
+        found: list[int] = self._bounds(character).nonzero()[0].tolist()
+        return found
+
+    def cell(self, character: Character) -> bytes:
+        """Return the signs that matter, 0 for a test that does not bound the cell."""
+        signs = character.array.view(np.uint8) + np.uint8(1)
+        return (signs * self._bounds(character)).tobytes()
+
+    def _bounds(self, character: Character) -> contact.Flags:
+        """Tell which tests bound the cell, shape (3 p,)."""
+        mode = contact.modes(character)
+        return contact.bounds(mode, self._without_friction, self.body.guided)
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""
@@ -235,29 +248,15 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return two unknowns per node: displacements where it may move, else multipliers."""
         if self.algebra is None:
             return None
-        return self._free_unknowns(contact.modes(character))
-
-    def _free_unknowns(self, mode: Indices) -> Indices:
-        a, n, p = self.algebra, self.body.n, self.body.p
-        assert a is not None
-        chosen = np.arange(n)
-        node = np.arange(p)
-        chosen[a.normal] = np.where(mode == contact.Mode.NO_CONTACT, a.normal, n + node)
-        chosen[a.tangential] = np.where(mode == contact.Mode.STICK, n + p + node, a.tangential)
-        return chosen
+        return self._free_unknowns.of(contact.modes(character))
 
     def completed(self, values: Array, alpha: float, character: Character) -> Array:
         """Return z from what is free in these modes."""
         if self.algebra is None:
             return values
-        mode, n, p = contact.modes(character), self.body.n, self.body.p
-        a, touches = self.algebra, mode != contact.Mode.NO_CONTACT
-        z = np.zeros(self.size)
-        z[a.normal[touches]] = self.body.gap[touches]
-        z[self._free_unknowns(mode)] = values
-        slips = -SLIPS[mode] * self.friction_at(alpha)
-        z[n + p :] += slips * z[n : n + p]
-        return z
+        mode = contact.modes(character)
+        ratio = -SLIPS[mode] * self.friction_at(alpha)
+        return self._free_unknowns.completed(values, mode, ratio)
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.
@@ -323,6 +322,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         gradients[:, :-1] = by_node(self._kappa1_rows, self._x_rows - bound, self._x_rows + bound)
         gradients[:, -1] = by_alpha
         return gradients
+
+    def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
+        """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 2 p + 1)."""
+        return some_rows(self.test_jacobian(z, alpha), which)
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""

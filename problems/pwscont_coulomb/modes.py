@@ -11,12 +11,15 @@ from __future__ import annotations
 from enum import IntEnum
 from functools import lru_cache
 from itertools import groupby
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
+import numpy.typing as npt
 
 from pwscont import Character
 from pwscont.extending import Indices
+
+Flags: TypeAlias = npt.NDArray[np.bool_]
 
 
 @final
@@ -31,15 +34,12 @@ class Mode(IntEnum):
     @property
     def word(self) -> str:
         """The short name, with the direction of slip."""
-        return ("no contact", "stick", "slip+", "slip-")[self]
-
-    @property
-    def class_name(self) -> str:
-        """The name in the paper's messages."""
-        return ("no contact", "contact-stick", "contact-slip", "contact-slip")[self]
+        return WORDS[self]
 
 
-WORDS = tuple(mode.word for mode in Mode)
+WORDS = ("no contact", "stick", "slip+", "slip-")
+#: The names in the paper's messages.
+CLASS_NAMES = ("no contact", "contact-stick", "contact-slip", "contact-slip")
 #: Line styles of the paper; it draws slip in both directions alike.
 LINE_STYLES = {"no contact": "-", "stick": "--", "slip-": "-.", "slip+": ":"}
 
@@ -56,6 +56,12 @@ BOUNDS = np.array(
     [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]
 )
 
+#: The mode for every combination of the three signs, read as a binary number.
+MODE_OF_SIGNS = np.repeat(
+    [Mode.SLIP_PLUS, Mode.STICK, Mode.SLIP_MINUS, Mode.NO_CONTACT], [2, 1, 1, 4]
+)
+DIGITS = np.array([4, 2, 1], dtype=np.uint8)
+
 
 @lru_cache(maxsize=32)
 def modes(character: Character) -> Indices:
@@ -64,12 +70,18 @@ def modes(character: Character) -> Indices:
     Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
     and slip- overlap; there the sign of kappa2 decides.
     """
-    signs = np.frombuffer(bytes(character), dtype=bool).reshape(-1, 3)
-    contact, above, below = ~signs[:, 0], signs[:, 1], ~signs[:, 2]
-    slip = np.where(above, Mode.SLIP_MINUS, Mode.SLIP_PLUS)
-    found = np.where(contact, np.where(above & below, Mode.STICK, slip), Mode.NO_CONTACT)
+    signs = np.frombuffer(bytes(character), dtype=np.uint8).reshape(-1, 3)
+    found: Indices = MODE_OF_SIGNS[signs @ DIGITS]
     found.flags.writeable = False
     return found
+
+
+def bounds(mode: Indices, without_friction: Flags, guided: Flags) -> Flags:
+    """Tell which tests bound the cell of these modes, shape (3 p,)."""
+    found = BOUNDS.take(mode, axis=0)
+    found[:, 0] |= without_friction
+    found[guided, 1:] = False
+    return found.ravel()
 
 
 #: The paper's character of each mode: (kappa1 <= 0, kappa2 >= 0, kappa3 <= 0).
@@ -119,8 +131,8 @@ def describe_change(before: Character, after: Character) -> str:
     """Return the paper's message, such as ``contact-slip → contact-stick``."""
     old, new = modes(before), modes(after)
     changes = [
-        (i, f"{Mode(old[i]).class_name} → {Mode(new[i]).class_name}")
-        for i in np.flatnonzero(old != new)
+        (i, f"{CLASS_NAMES[old[i]]} → {CLASS_NAMES[new[i]]}")
+        for i in (old != new).nonzero()[0].tolist()
     ]
     if len(old) == 1:
         return "".join(text for _, text in changes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import scipy.sparse as sp
 
 from pwscont.extending import Matrix
@@ -24,10 +25,10 @@ def names(body: ContactBody) -> tuple[str, ...]:
 def _single_unknowns(picks: Matrix) -> Iterator[tuple[int, int]]:
     """Yield (node, column) for the rows of N or T that are unit vectors."""
     rows = sp.csr_matrix(picks)
-    for node in range(rows.shape[0]):
-        row = rows[node]
-        if row.nnz == 1 and row.data[0] == 1.0:
-            yield node, int(row.indices[0])
+    for node in np.flatnonzero(np.diff(rows.indptr) == 1).tolist():
+        entry = rows.indptr[node]
+        if rows.data[entry] == 1.0:
+            yield node, int(rows.indices[entry])
 
 
 def _suffix(node: int, p: int) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Matrix, dense
+from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont_coulomb.body import ContactBody
+
+#: Up to this many rows are taken out of a sparse matrix as dense ones.
+FEW = 8
 
 
 def without_contact(body: ContactBody) -> Matrix:
@@ -31,6 +34,22 @@ def rows_of_tests(body: ContactBody, r: Array, is_sparse: bool) -> tuple[Matrix,
     N, T = -sp.diags(r) @ sp.csr_matrix(body.N), -sp.diags(r) @ sp.csr_matrix(body.T)
     x = sp.diags(slides) @ sp.hstack([T, none, one])
     return sp.hstack([N, one, none]).tocsr(), x.tocsr()
+
+
+def some_rows(matrix: Matrix, which: Indices) -> Matrix:
+    """Return some rows of a matrix; a few of a sparse one are dense, which takes less time."""
+    if not sp.issparse(matrix):
+        return matrix[which]
+    first, counts = matrix.indptr[which], np.diff(matrix.indptr)[which]
+    ends = np.cumsum(counts)
+    entries = np.arange(counts.sum()) + np.repeat(first - ends + counts, counts)
+    data, columns = matrix.data[entries], matrix.indices[entries]
+    shape = (len(which), matrix.shape[1])
+    if len(which) > FEW:
+        return sp.csr_matrix((data, columns, np.append(0, ends)), shape)
+    rows = np.zeros(shape)
+    rows[np.repeat(np.arange(len(which)), counts), columns] = data
+    return rows
 
 
 def by_node(first: Array, second: Array, third: Array) -> Array:

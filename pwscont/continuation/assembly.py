@@ -18,11 +18,16 @@ from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.packing import Lifted
+from pwscont.graph.passages import Change, Passage, Said
 from pwscont.graph.place import Place, Stored
-from pwscont.graph.records import Track, significant
+from pwscont.graph.records import Track
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
+
+#: Kinds of special points of which the change says everything.
+CROSSED = frozenset({Kind.TRANSITION, Kind.NONSMOOTH_FOLD})
 
 
 def assemble(
@@ -40,7 +45,8 @@ def assemble(
     was left out of the system is put back.
     """
     width = interval[1] - interval[0]
-    lift = Lift(system, reduction, Metric.of(system, interval))
+    metric = Metric.of(system, interval)
+    lift = Lift(system, reduction, metric, Accuracy(metric.scale))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
@@ -49,7 +55,7 @@ def assemble(
         _special_point(
             number,
             discovery.nodes[node],
-            _messages(system, discovery.nodes[node], touching[node], node),
+            _passage(system, discovery.nodes[node], touching[node], node),
             _ends(touching[node], node),
             lift,
         )
@@ -77,6 +83,7 @@ class Lift:
     system: PiecewiseSystem
     reduction: Reduction | None
     metric: Metric
+    accuracy: Accuracy
 
     def place(self, place: Place) -> Place:
         """Return a place with all unknowns."""
@@ -159,11 +166,10 @@ def _nodes_in_order(order: list[_Directed], discovery: Discovery) -> Iterator[in
 
 
 def _special_point(
-    number: int, node: Node, messages: tuple[str, str], ends: list[Place], lift: Lift
+    number: int, node: Node, passage: Passage, ends: list[Place], lift: Lift
 ) -> SpecialPoint:
     place = lift.place(_covering(node, ends, lift))
-    digits = significant(place.error, place.x, lift.metric.scale)
-    return SpecialPoint(number, node.kind, place, *messages, digits=digits, lost=node.lost)
+    return SpecialPoint(number, node.kind, place, passage, accuracy=lift.accuracy, lost=node.lost)
 
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
@@ -198,21 +204,15 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     if edge.begun_at is None:
         return None
     place = lift.place(edge.begun_at)
-    message = f"start in {directed.naming(directed.character)}"
-    digits = significant(place.error, place.x, lift.metric.scale)
-    return SpecialPoint(-1, Kind.START, place, message, message, piece, digits)
+    said = Said(f"start in {directed.naming(directed.character)}")
+    return SpecialPoint(-1, Kind.START, place, said, piece, lift.accuracy)
 
 
-def _messages(
-    system: PiecewiseSystem, node: Node, edges: list[_Directed], number: int
-) -> tuple[str, str]:
-    """Return the messages at a node for both orientations: what changes, and what else is known."""
+def _passage(system: PiecewiseSystem, node: Node, edges: list[_Directed], number: int) -> Passage:
+    """Return what is said at a node: what changes, and what else is known."""
     before = [edge.character for edge in edges if edge.end == number]
     after = [edge.character for edge in edges if edge.start == number]
     if len(before) != 1 or len(after) != 1 or before == after:
-        return node.message, node.message
-    forward, backward = before + after, after + before
-    changes = system.describe_transition(*forward), system.describe_transition(*backward)
-    if node.kind in (Kind.TRANSITION, Kind.NONSMOOTH_FOLD):
-        return changes
-    return f"{changes[0]}; {node.message}", f"{changes[1]}; {node.message}"
+        return Said(node.message)
+    note = "" if node.kind in CROSSED else node.message
+    return Change(system, before[0], after[0], note)

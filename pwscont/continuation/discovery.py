@@ -23,7 +23,7 @@ from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.joints import Edge, Node
 from pwscont.continuation.membership import lies_on
-from pwscont.continuation.ray_keys import JOIN, FollowedRay, direction, names
+from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, names
 from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
@@ -62,18 +62,19 @@ class Discovery:
         """Start from a special point, and follow everything that can be reached from it."""
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
-        arrival = replace(arrival, rays=rays)
-        known = [match for ray in rays if (match := self._match(ray))]
+        arrival, place = replace(arrival, rays=rays), _place(arrival)
+        keys = [RayKey.of(ray, place) for ray in rays]
+        known = list(filter(None, map(self._match, rays, keys)))
         if known:
-            self._absorb(known[0][0], arrival, _place(arrival))
+            self._absorb(known[0][0], arrival, keys)
             self._follow_all(after_first=None)
         if known or self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
             return
         if not self._budget.allows(len(self.edges)):
             return
-        start = self._new(arrival, _place(arrival))
+        start = self._new(arrival, place, keys)
         if not interior:
-            self._register(start, arrival.rays)
+            self._register(start, keys)
         dissolve = partial(self._dissolve, start, rays) if interior else None
         self._follow_all(after_first=dissolve)
 
@@ -126,16 +127,16 @@ class Discovery:
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
-        start, end = self.nodes[node].keys[index].place, _place(walk.arrival)
-        track = Track(start, walk.points[1:-1].copy(), end)
-        edge = Edge(node, self._reach(walk, end, node), FollowedRay.of(ray), track)
+        key, end = self.nodes[node].keys[index], _place(walk.arrival)
+        track = Track(key.place, walk.points[1:-1].copy(), end)
+        edge = Edge(node, self._reach(walk, end, node), FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
         self._report(len(self.edges), float(walk.points[-1, -1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
         """Tell now and then whether the path to a node repeats itself; not where limits are set."""
-        if self._budget.is_limited or (len(self.edges) + 1) % EVERY:
+        if (len(self.edges) + 1) % EVERY or self._budget.is_limited:
             return False
         return self._past.repeats(node, ray.curve.metric.scale)
 
@@ -169,46 +170,49 @@ class Discovery:
 
         A walk that stops so close to its beginning that both seem to be one node is no loop.
         """
-        matches = [self._match(ray) for ray in walk.arrival.rays]
-        near = next(filter(None, matches), None)
+        rays = walk.arrival.rays
+        keys = [RayKey.of(ray, place) for ray in rays]
+        near = next(filter(None, map(self._match, rays, keys)), None)
         if near is None:
-            node = self._new(walk.arrival, place)
-            self._register(node, walk.arrival.rays)
-        else:
-            node = near[0]
-            self._absorb(node, walk.arrival, place)
-            if node == begin and walk.arrival.kind == Kind.STOPPED:
-                self.nodes[node].stop(walk.arrival.message)
-        back = self._match(walk.arrival.rays[0])
+            node = self._new(walk.arrival, place, keys)
+            self._register(node, keys)
+            self.nodes[node].rays[0] = None
+            return node
+        node, _ = near
+        self._absorb(node, walk.arrival, keys)
+        if node == begin and walk.arrival.kind == Kind.STOPPED:
+            self.nodes[node].stop(walk.arrival.message)
+        back = self._match(rays[0], keys[0])
         if back is not None:
             self.nodes[back[0]].rays[back[1]] = None
         return node
 
-    def _absorb(self, node: int, arrival: SpecialPointFound, place: Place) -> None:
+    def _absorb(self, node: int, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> None:
         """Add to a node the rays that only this arrival shows.
 
         Transitions apart by no more than rounding may be one corner or two special points,
         depending on where they are reached from; the rays known from either side are joined.
         """
-        news = [ray for ray in arrival.rays if self._match(ray) is None]
+        both = zip(arrival.rays, keys, strict=True)
+        news = [(ray, key) for ray, key in both if self._match(ray, key) is None]
         if not news:
             return
-        here = self.nodes[node]
+        here, (rays, unknown) = self.nodes[node], zip(*news, strict=True)
         first = len(here.rays)
-        here.add(news, place)
+        here.add(rays, unknown)
         here.kind, here.message = arrival.kind, arrival.message
         self._queue.extend((node, first + i) for i in range(len(news)))
-        self._register(node, news, first)
+        self._register(node, unknown, first)
 
-    def _match(self, ray: Ray) -> tuple[int, int] | None:
+    def _match(self, ray: Ray, key: RayKey) -> tuple[int, int] | None:
         """Return the node and ray that ``ray`` is, if it is known.
 
         At a branch point several rays of one cell leave one place: the best aligned is taken.
         """
-        best, found, towards = 0.0, None, direction(ray)
-        candidates = chain.from_iterable(self._by_cell[cell] for cell in names(ray))
+        best, found = 0.0, None
+        candidates = chain.from_iterable(self._by_cell.get(cell, ()) for cell in key.names)
         for node, index in candidates:
-            cosine = self.nodes[node].keys[index].alignment(ray, towards)
+            cosine = self.nodes[node].keys[index].alignment(ray, key)
             if cosine > best:
                 best, found = cosine, (node, index)
         return found
@@ -244,18 +248,18 @@ class Discovery:
             for node in self.nodes.values()
         )
 
-    def _new(self, arrival: SpecialPointFound, place: Place) -> int:
+    def _new(self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey]) -> int:
         """Add a node whose rays will be followed."""
         node, self._next = self._next, self._next + 1
         self.nodes[node] = Node(arrival.kind, place, arrival.message)
-        self.nodes[node].add(arrival.rays, place)
+        self.nodes[node].add(arrival.rays, keys)
         self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
 
-    def _register(self, node: int, rays: Iterable[Ray], first: int = 0) -> None:
-        """Let walks arrive at a node, by these rays of it, numbered from ``first`` on."""
-        for index, ray in enumerate(rays, start=first):
-            for cell in names(ray):
+    def _register(self, node: int, keys: Iterable[RayKey], first: int = 0) -> None:
+        """Let walks arrive at a node, by these keys of its rays, numbered from ``first`` on."""
+        for index, key in enumerate(keys, start=first):
+            for cell in key.names:
                 self._by_cell[cell].append((node, index))
 
     def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:
@@ -267,7 +271,7 @@ class Discovery:
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
             self.nodes[start].message = f"fold on {rays[0].curve.selection.label}"
-            self._register(start, rays)
+            self._register(start, self.nodes[start].keys)
             return
         straight = not len(forth.track.inner) and not len(back.track.inner)
         middle = forth.track.points[0 if not straight else 1 : -1]
@@ -291,8 +295,8 @@ def _place(arrival: SpecialPointFound) -> Place:
     if not arrival.rays:
         return Stored(x, magnitude(x, np.zeros((1, len(x)))))
     selection = arrival.rays[0].curve.selection
-    error = np.max([magnitude(x, ray.state.error) for ray in arrival.rays], axis=0)
-    return place_of(selection.system, selection.character, x, error)
+    samples = {id(ray.state.error): ray.state.error for ray in arrival.rays}  # rays may share them
+    return place_of(selection.system, selection.character, x, list(samples.values()))
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:

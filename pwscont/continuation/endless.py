@@ -61,10 +61,11 @@ class Past:
     def repeats(self, node: int, scale: Array) -> bool:
         """Tell whether the path to a node repeats itself; the scale is that of (z, alpha)."""
         way = self._leading_to(node, PERIODS * LONGEST + 1)
-        if len(way) <= PERIODS:
+        periods = _periods([cells for _, cells in way[1:]])
+        if not periods:  # nearly always, and places are not looked at
             return False
         points = np.array([place.x / scale for place, _ in way])
-        return repeats(points, [cells for _, cells in way[1:]])
+        return any(_is_shifted(points, period) for period in periods)
 
     def accumulation(self, node: int, is_special: bool) -> str:
         """Return at which alpha the special points up to a node accumulate, in words."""
@@ -104,25 +105,26 @@ def _limit(terms: Array) -> float | None:
     return float(terms[-1] + steps[-1] * (rests[-1] - 1.0) / (1.0 - slope))
 
 
-def repeats(points: Array, cells: Sequence[object]) -> bool:
-    """Tell whether a path repeats itself, shifted, without coming nearer to an end.
+def _periods(cells: Sequence[object]) -> list[int]:
+    """Return after how many pieces a path is in the same cells again and again."""
+    return [
+        period
+        for period in range(1, min(LONGEST, len(cells) // PERIODS) + 1)
+        if cells[-PERIODS * period : -period] == cells[-(PERIODS - 1) * period :]
+    ]
+
+
+def _is_shifted(points: Array, period: int) -> bool:
+    """Tell whether each period shifts a path by as much, without coming nearer to an end.
 
     Parameters
     ----------
     points : ndarray, shape (k, n + 1)
         Successive special points (z, alpha), each unknown divided by its typical magnitude.
-    cells : sequence, length k - 1
-        The cells of the pieces between them.
+    period : int
+        A number of pieces after which the path is in the same cells again.
     """
-    return any(_has_period(points, cells, period) for period in range(1, LONGEST + 1))
-
-
-def _has_period(points: Array, cells: Sequence[object], period: int) -> bool:
-    last = points[-1 - PERIODS * period :: period]
-    names = list(cells[-PERIODS * period :])
-    if len(last) <= PERIODS or names[period:] != names[:-period]:
-        return False
-    shifts = np.diff(last, axis=0)
+    shifts = np.diff(points[-1 - PERIODS * period :: period], axis=0)
     length = float(np.linalg.norm(shifts[-1]))
     spread = np.linalg.norm(shifts - shifts[-1], axis=1).max()
     return bool(length > 0.0 and spread <= SAME_SHIFT * length) and _stays(shifts, length)

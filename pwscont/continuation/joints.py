@@ -28,11 +28,10 @@ class Node:
     keys: list[RayKey] = field(default_factory=list)
     lost: int = 0
 
-    def add(self, rays: Iterable[Ray], place: Place) -> None:
-        """Let more rays leave."""
-        for ray in rays:
-            self.rays.append(ray)
-            self.keys.append(RayKey.of(ray, place))
+    def add(self, rays: Iterable[Ray], keys: Iterable[RayKey]) -> None:
+        """Let more rays leave, which are known by these keys."""
+        self.rays.extend(rays)
+        self.keys.extend(keys)
 
     def stop(self, message: str, rays: int = 1) -> None:
         """Note that rays could not be followed; a degenerate point stays what it is."""

@@ -37,19 +37,30 @@ JOIN = EPS**0.5
 @final
 @dataclass(frozen=True, slots=True)
 class RayKey:
-    """A ray as a node remembers it."""
+    """A ray as a node remembers it.
+
+    Attributes
+    ----------
+    place : Place
+        Where it starts.
+    names : tuple of bytes
+        Cells in which it may be met.
+    direction : ndarray
+        Of length one.
+    """
 
     place: Place
+    names: tuple[bytes, ...]
     direction: Array
 
     @classmethod
     def of(cls, ray: Ray, place: Place) -> RayKey:
         """Return the key of a ray."""
-        return cls(place, direction(ray))
+        return cls(place, names(ray), direction(ray))
 
-    def alignment(self, ray: Ray, towards: Array) -> float:
-        """Return the cosine to a ray with direction ``towards``, 0 where it starts elsewhere."""
-        cosine = float(self.direction.dot(towards))
+    def alignment(self, ray: Ray, key: RayKey) -> float:
+        """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
+        cosine = float(self.direction.dot(key.direction))
         return cosine if cosine > 0.0 and self._is_where(ray) else 0.0
 
     def _is_where(self, ray: Ray) -> bool:
@@ -109,11 +120,11 @@ class FollowedRay:
     slope: float
 
     @classmethod
-    def of(cls, ray: Ray) -> FollowedRay:
-        """Return what to remember of a ray."""
+    def of(cls, ray: Ray, key: RayKey) -> FollowedRay:
+        """Return what to remember of a ray with this key."""
         return cls(
             (ray.curve.selection.character, *ray.interface_cells),
-            names(ray),
+            key.names,
             bool(ray.interface_cells),
             ray.index,
             ray.state.orientation,

@@ -5,65 +5,86 @@ The mode of a contact node fixes two of its four unknowns. Only the other two ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import reduce
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
+from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
 from pwscont.system.compact import Compact
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
 
-def place(system: PiecewiseSystem, character: Character, x: Array, error: Array) -> Place:
-    """Return a solution x of a selection, shape (n + 1,), and its error, as little as needed."""
+def place(
+    system: PiecewiseSystem, character: Character, x: Array, samples: Sequence[Array]
+) -> Place:
+    """Return a solution of a selection and its error, of which no more is computed than stored.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    character : Character
+    x : ndarray, shape (n + 1,)
+    samples : sequence of ndarray, each of shape (k, n + 1)
+        Samples of its error; the largest error counts.
+    """
     essential = system.essential(character) if isinstance(system, Compact) else None
     if essential is None:
-        return Stored(x, error)
+        return Stored(x, _largest(x, samples))
     assert isinstance(system, Compact)
-    return Packed(system, character, x[essential], float(x[-1]), error[essential], error[-1])
+    kept = np.append(essential, len(x) - 1)
+    values = x[kept]
+    error = _largest(values, [some.take(kept, axis=1) for some in samples])
+    return Packed(system, character, values, error)
+
+
+def _largest(x: Array, samples: Sequence[Array]) -> Array:
+    """Return the largest of the errors of which there are samples."""
+    return reduce(np.maximum, (magnitude(x, some) for some in samples))
 
 
 @final
 class Packed(Place):
-    """A place of which only the essential unknowns of a cell are stored."""
+    """A place of which only alpha and the essential unknowns of a cell are stored.
 
-    __slots__ = ("_alpha", "_character", "_error", "_system", "_values")
+    Parameters
+    ----------
+    system : Compact
+    character : Character
+    values, error : ndarray, shape (k + 1,)
+        The essential unknowns, alpha last, and the estimate of their error.
+    """
 
-    def __init__(
-        self,
-        system: Compact,
-        character: Character,
-        values: Array,
-        alpha: float,
-        error: Array,
-        error_of_alpha: float,
-    ) -> None:
+    __slots__ = ("_character", "_error", "_system", "_values")
+
+    def __init__(self, system: Compact, character: Character, values: Array, error: Array) -> None:
         self._system, self._character = system, character
-        self._values, self._alpha = values, alpha
-        self._error = first_digits(np.append(error, error_of_alpha))
+        self._values, self._error = values, first_digits(error)
 
     @property
     def alpha(self) -> float:
         """The parameter."""
-        return self._alpha
+        return float(self._values[-1])
 
     @property
     def x(self) -> Array:
         """The point, a new array."""
-        return np.append(self._completed(self._values), self._alpha)
+        return np.append(self._completed(self._values[:-1]), self._values[-1])
 
     @property
     def error(self) -> Array:
         """The estimate of its error."""
-        *essential, of_alpha = from_first_digits(self._error)
-        spread = self._completed(np.array(essential)) - self._completed(np.zeros(len(essential)))
-        return np.append(np.abs(spread), of_alpha)
+        error = from_first_digits(self._error)
+        spread = self._completed(error[:-1]) - self._completed(np.zeros(len(error) - 1))
+        return np.append(np.abs(spread), error[-1])
 
     def _completed(self, values: Array) -> Array:
-        return self._system.completed(values, self._alpha, self._character)
+        return self._system.completed(values, self.alpha, self._character)
 
 
 @final

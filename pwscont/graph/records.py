@@ -15,6 +15,8 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.looks import card, counted, short, state
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph.accuracy import ROUNDING, Accuracy
+from pwscont.graph.passages import Passage
 from pwscont.graph.place import Place, Stored
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -23,16 +25,6 @@ FEW_DIGITS = 6.0
 
 def _no_error() -> Array:
     return np.zeros(0)
-
-
-def significant(error: Array, values: Array, scale: Array) -> float:
-    """Return how many decimal digits of ``values`` are significant, by their estimated error.
-
-    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
-    the number does not depend on units; 16 where the error is rounding.
-    """
-    off = float((error / np.maximum(np.abs(values), scale)).max(initial=0.0))
-    return float(min(16.0, max(0.0, -np.log10(off)))) if off > 0.0 else 16.0
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
@@ -64,15 +56,12 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; the word of a detector that has kinds of its own.
     place : Place
         The point (z, alpha) and the estimate of its error.
-    message : str
-        What happens there when passed in positive orientation, such as
-        ``"contact-slip → contact-stick"``.
-    backward : str
-        The message when passed in negative orientation.
+    passed : callable
+        Returns the message for an orientation, +1 or -1.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
-    digits : float
-        Number of significant decimal digits, by the estimate of the error.
+    accuracy : Accuracy
+        Tells how many digits are known.
     lost : int
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
@@ -82,10 +71,9 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    message: str
-    backward: str
+    passed: Passage
     piece: int | None = None
-    digits: float = 16.0
+    accuracy: Accuracy = ROUNDING
     lost: int = 0
     quantities: Quantities = NAMELESS
 
@@ -107,13 +95,27 @@ class SpecialPoint:
         return self.place.error
 
     @property
+    def digits(self) -> float:
+        """Number of significant decimal digits, by the estimate of the error."""
+        return self.accuracy.digits(self.place)
+
+    @property
+    def message(self) -> str:
+        """What happens there when passed in positive orientation.
+
+        For example ``"contact-slip → contact-stick"``.
+        """
+        return self.passed(1)
+
+    @property
+    def backward(self) -> str:
+        """The message when passed in negative orientation."""
+        return self.passed(-1)
+
+    @property
     def name(self) -> str:
         """The name of an event, which is its message; empty for all other kinds."""
         return self.message if self.kind == Kind.EVENT else ""
-
-    def passed(self, orientation: int) -> str:
-        """Return the message for an orientation, +1 or -1."""
-        return self.message if orientation > 0 else self.backward
 
     def __repr__(self) -> str:
         what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"

@@ -14,7 +14,8 @@ from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.uncertainty import magnitude
-from pwscont.graph.records import Piece, Solution, significant
+from pwscont.graph.accuracy import significant
+from pwscont.graph.records import Piece, Solution
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment
 from pwscont.system.selection import Selection

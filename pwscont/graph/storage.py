@@ -27,7 +27,9 @@ from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.fields import DamagedError, Fields
+from pwscont.graph.passages import Said
 from pwscont.graph.place import Stored
 from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
 
@@ -57,14 +59,13 @@ def write(path: str | Path, contents: Contents) -> None:
     GraphFileError
         If it cannot be written.
     """
-    header, states = _header(contents), (contents.points, contents.starts)
     arrays = {
-        name: _stack([point.z for point in points])
-        for name, points in zip(("nodes", "starts"), states, strict=True)
+        "nodes": _stack([point.z for point in contents.points]),
+        "starts": _stack([point.z for point in contents.starts]),
+        "points": _stack([piece.points for piece in contents.pieces]),
     }
-    arrays["points"] = _stack([piece.points for piece in contents.pieces])
     content = BytesIO()
-    np.savez_compressed(content, header=np.array(json.dumps(header)), **arrays)
+    np.savez_compressed(content, header=np.array(json.dumps(_header(contents))), **arrays)
     try:
         _replace(Path(path), content.getvalue())
     except OSError as error:
@@ -233,10 +234,9 @@ def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoi
         id=header.integer("id", -1),
         kind=_kind(header),
         place=Stored(np.append(z, header.finite("alpha")), _error(header, len(z) + 1)),
-        message=header.text("message"),
-        backward=header.text("backward"),
+        passed=Said(header.text("message"), header.text("backward")),
         piece=None if piece is None else header.integer("piece", 0),
-        digits=header.number("digits"),
+        accuracy=Accuracy(known=header.number("digits")),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
     )

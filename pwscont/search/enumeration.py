@@ -34,7 +34,8 @@ from pwscont.enumeration import (
     solve_exactly,
     solve_slice,
 )
-from pwscont.graph.records import FEW_DIGITS, Solution, significant
+from pwscont.graph.accuracy import significant
+from pwscont.graph.records import FEW_DIGITS, Solution
 from pwscont.linear.factorise import last_unit
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection

@@ -72,6 +72,8 @@ class Bounds(TransitionDetector):
 
     def left_by(self, ray: Ray) -> str | None:
         """Return in words which bound a ray leaves at once, None if none."""
+        if not len(self._which):
+            return None
         slopes = self._side * ray.state.tangent[self._which]
         out = slopes < -self._flat(ray.curve, ray.state)
         found = np.flatnonzero(self._is_on(ray.curve, ray.state) & out)
