@@ -194,7 +194,17 @@ def loaded_by(statement):
     return set(run.stdout.split())
 
 
-HEAVY = {"matplotlib", "pandas", "pwscont_coulomb", "skfem", "meshio", "pytest", "IPython", "tqdm"}
+HEAVY = {
+    "matplotlib",
+    "pandas",
+    "sqlite3",
+    "pwscont_coulomb",
+    "skfem",
+    "meshio",
+    "pytest",
+    "IPython",
+    "tqdm",
+}
 
 
 def test_import_pwscont_is_lean():

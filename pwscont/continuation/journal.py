@@ -3,16 +3,16 @@
 A run is the same sequence of walks each time, and walks are all that takes long. So a run goes on
 where it stopped by being repeated with the walks that the journal knows.
 
-The file is a line that says what the file is, and records behind each other, each with a checksum
-and never written to again. So whatever is lost at the end, the rest is the journal of a run that
-was stopped earlier, and leads to the same graph.
+The file is an SQLite database of numbered records, each written in a transaction of its own, with a
+checksum over its number and content. A journal without its last records is that of a run that was
+stopped earlier, and leads to the same graph. Every other change is refused.
 
 Failure modes and answers
 -------------------------
-- The process is killed between any two instructions, or the power fails: a last record that is
-  not whole is left out.
-- Bytes change: a checksum does not fit, and the journal is refused. A checksum covers the place of
-  its record in the file, too, so that no record is missing between others.
+- The process is killed: all records stay. The latest are in the log of SQLite beside the file,
+  ``NAME-wal``, until the journal is opened again and closed.
+- The power fails, or the log is lost or damaged: the last records are missing.
+- Bytes of the file change: the journal is refused.
 - The disk is full: the run goes on and is not recorded any more, see ``Journal.trouble``.
 - Two processes work on one journal: the first locks it until it ends, however it ends.
 - The journal is of another problem, perhaps one that begins alike: names, interval, stepper, and
@@ -24,58 +24,57 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-import struct
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
+from itertools import islice
 from pathlib import Path
-from typing import NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
-from pwscont.continuation.locking import lock
 from pwscont.continuation.transcript import Transcript, walk_of, written
 from pwscont.search.enumeration import Found
 from pwscont.transitions.rays import Ray
 
-FIRST_LINE = b"pwscont journal 2\n"
-#: A record begins with its kind, the lengths of its header and of its rows, and a checksum.
-LENGTHS, CHECKSUM = struct.Struct("<cQQ"), 16
-PREFIX = LENGTHS.size + CHECKSUM
-ABOUT, START, SEARCHED, WALK, FINISHED = b"a", b"s", b"e", b"w", b"f"
+#: The lock is kept from one transaction to the next, and ends with the process.
+LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"
+#: SQLite keeps this text: a journal of another version has another one.
+TABLE = "CREATE TABLE journal_3 (number INTEGER PRIMARY KEY, kind, text, rows, checksum)"
+#: With a log, a record does not wait for the disk; with a rollback journal each one would.
+LOG = "PRAGMA journal_mode = WAL"
+#: Damage may turn rows into something else than bytes.
+READ = "SELECT kind, text, rows, checksum FROM journal_3 WHERE number = ? AND typeof(rows) = 'blob'"
+#: A record of this number is there where Ctrl-C came before it was counted.
+WRITE = "REPLACE INTO journal_3 (number, kind, text, rows, checksum) VALUES (?, ?, ?, ?, ?)"
+
+ADVICE = "remove it, or write elsewhere"
+NO_JOURNAL = f"it is no journal of this version; if it is of an earlier one, {ADVICE}"
+NOT_WRITABLE = "it cannot be written: see that its directory exists, and that you may write there"
+#: What errors of SQLite mean, by the beginning of their names; all others mean damage.
+MEANINGS = {
+    "SQLITE_BUSY": "another process is writing to it: wait for it, or write elsewhere",
+    "SQLITE_NOTADB": NO_JOURNAL,
+    "SQLITE_CANTOPEN": NOT_WRITABLE,
+    "SQLITE_READONLY": NOT_WRITABLE,
+    "SQLITE_IOERR": NOT_WRITABLE,
+}
+FULL_DISK = {"SQLITE_FULL", "SQLITE_IOERR_WRITE"}
 
 #: Values of the same functions, evaluated in another order, differ by far less than this.
 SAME = EPS**0.5
-ADVICE = "remove it, or write elsewhere"
-
-
-class _Record(NamedTuple):
-    """A record: its kind, a header in JSON, and rows of doubles."""
-
-    kind: bytes
-    header: bytes = b""
-    rows: bytes = b""
-
-    def at(self, place: int) -> bytes:
-        """Return what stands in the file from a place on."""
-        lengths = LENGTHS.pack(self.kind, len(self.header), len(self.rows))
-        checksum = blake2b(lengths, digest_size=CHECKSUM)
-        for part in (place.to_bytes(8, "little"), self.header, self.rows):
-            checksum.update(part)
-        return b"".join([lengths, checksum.digest(), self.header, self.rows])
 
 
 @final
 class Journal:
     """A file in which a run records what it has finished.
+
+    After a kill, the last records are in ``NAME-wal`` beside it: move both files, or none.
 
     Parameters
     ----------
@@ -84,8 +83,9 @@ class Journal:
 
     Attributes
     ----------
-    trouble : OSError or None
-        Why nothing more is recorded, such as a full disk; the run does not stop for it.
+    trouble : Exception or None
+        Why nothing more is recorded, such as the ``sqlite3.OperationalError`` of a full disk; the
+        run does not stop for it.
 
     Raises
     ------
@@ -94,36 +94,25 @@ class Journal:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-        self.trouble: OSError | None = None
-        self._places: dict[bytes, list[int]] = defaultdict(list)
-        self._end = 0
-        try:
-            self._file = self.path.open("a+b", buffering=0)  # a record is one call of the system
-        except OSError as error:
-            why = error.strerror or error
-            raise InvalidInputError(f"cannot write the journal {path}: {why}") from error
-        try:
-            self._open()
-        except BaseException:
-            self.close()
-            raise
+        import sqlite3  # noqa: PLC0415  most runs keep no journal
 
-    def _open(self) -> None:
-        if not lock(self._file):
-            why = "another process is writing to it: wait for it, or write elsewhere"
-            raise InvalidInputError(f"the journal {self.path} is in use; {why}")
-        first = self._bytes(0, len(FIRST_LINE))
-        if not FIRST_LINE.startswith(first):
-            raise InvalidInputError(f"{self.path} is no journal of a run; write elsewhere")
-        if first == FIRST_LINE:
-            self._scan()
-        else:  # new, or killed at once
-            self._write(FIRST_LINE)
+        self.path = Path(path)
+        self.trouble: Exception | None = None
+        self._numbers: dict[str, list[int]] = defaultdict(list)
+        name = self.path.absolute()  # SQLite would make no file for ":memory:" alone
+        try:
+            self._data = sqlite3.connect(name, 0.0, isolation_level=None, check_same_thread=False)
+            try:
+                self._open()
+            except BaseException:
+                self.close()
+                raise
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # damage may be quoted in the error
+            self._judge(error)
 
     def __len__(self) -> int:
         """Return the number of finished pieces."""
-        return len(self._places[WALK])
+        return len(self._numbers["walk"])
 
     def __repr__(self) -> str:
         return named(self, self.path, counted(len(self), "finished piece"))
@@ -131,91 +120,78 @@ class Journal:
     @property
     def is_finished(self) -> bool:
         """Whether the run came to its end."""
-        return bool(self._places[FINISHED])
-
-    @property
-    def _of_another_run(self) -> str:
-        return f"the journal {self.path} is of another run"
+        return bool(self._numbers["finished"])
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._data.close()
 
     def remove(self) -> None:
-        """Close and delete the file, when what it holds is kept elsewhere."""
+        """Close and delete the file, when the graph is kept elsewhere."""
         self.close()
-        self.path.unlink(missing_ok=True)
+        for suffix in ("", "-wal", "-journal"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
 
     # -- records -------------------------------------------------------------------------
 
-    def _scan(self) -> None:
-        """Note where the records are, and where the last one ends that is whole."""
-        self._end, size = len(FIRST_LINE), self._file.seek(0, os.SEEK_END)
-        while self._end < size:
-            record = self._record(self._end, size)
-            if record is not None:
-                self._places[record.kind].append(self._end)
-                self._end += len(record.at(self._end))
-            elif self._is_cut_off(size):
-                return
-            else:
-                where = f"after {len(self)} pieces (byte {self._end})"
-                raise InvalidInputError(f"the journal {self.path} is damaged {where}; {ADVICE}")
+    def _open(self) -> None:
+        """Lock the file, begin it if it is new, and read it once from end to end."""
+        self._data.executescript(LOCK)
+        table = self._value("SELECT group_concat(sql) FROM sqlite_master")
+        if table not in {None, TABLE}:
+            raise self._refusal(NO_JOURNAL)
+        if (found := self._value("PRAGMA quick_check")) != "ok":
+            raise self._refusal(f"it is damaged ({found}); {ADVICE}")
+        for statement in ([TABLE] if table is None else []) + ["COMMIT", LOG]:
+            self._data.execute(statement)
+        for number in range(self._value("SELECT count(*) FROM journal_3")):
+            self._numbers[self._read(number)[0]].append(number)
 
-    def _record(self, place: int, size: int) -> _Record | None:
-        """Return the record at a place, None if there is none in a file of this size."""
-        prefix = self._bytes(place, PREFIX)
-        if len(prefix) < PREFIX or place + _length(prefix) > size:
-            return None
-        kind, header, _ = LENGTHS.unpack_from(prefix)
-        content = self._bytes(place + PREFIX, _length(prefix) - PREFIX)
-        record = _Record(kind, content[:header], content[header:])
-        return record if record.at(place) == prefix + content else None
+    def _judge(self, error: Exception) -> None:
+        """Go on without a record if the disk is full, else say what the error means."""
+        name = getattr(error, "sqlite_errorname", "")
+        if name not in FULL_DISK:
+            meaning = MEANINGS.get("_".join(name.split("_")[:2]), f"{error}; {ADVICE}")
+            raise self._refusal(meaning) from error
+        self.trouble = error
 
-    def _is_cut_off(self, size: int) -> bool:
-        """Tell whether what is no record may be the last one, not written to its end."""
-        prefix = self._bytes(self._end, PREFIX)
-        if len(prefix) < PREFIX or self._end + _length(prefix) >= size:
-            return True
-        return not self._bytes(self._end, size - self._end).strip(b"\0")  # the power failed
+    def _refusal(self, why: str) -> InvalidInputError:
+        return InvalidInputError(f"cannot use the journal {self.path}: {why}")
 
-    def _bytes(self, place: int, count: int) -> bytes:
-        self._file.seek(place)
-        return self._file.read(count) or b""
+    def _value(self, query: str) -> Any:
+        return self._data.execute(query).fetchone()[0]
 
-    def _nth(self, kind: bytes, number: int) -> _Record | None:
-        """Return a record of a kind, None if there are not so many."""
-        places = self._places[kind]
-        if number >= len(places):
-            return None
-        record = self._record(places[number], self._end)
-        if record is None:
-            raise InvalidInputError(f"the journal {self.path} was written to by others; {ADVICE}")
-        return record
+    def _read(self, number: int) -> tuple[str, str, bytes]:
+        """Return kind, text and rows of a record."""
+        for kind, text, rows, checksum in self._data.execute(READ, [number]).fetchall():
+            if checksum == _digest(repr((number, kind, text)).encode(), rows):
+                return kind, text, rows
+        raise self._refusal(f"it is damaged (record {number} is missing or changed); {ADVICE}")
 
-    def _add(self, record: _Record) -> None:
-        place = self._end
-        if self._write(record.at(place)):
-            self._places[record.kind].append(place)
+    def _nth(self, kind: str, n: int) -> tuple[str, bytes] | None:
+        """Return text and rows of a record of a kind, None if there are not so many."""
+        numbers = self._numbers[kind]
+        return self._read(numbers[n])[1:] if n < len(numbers) else None
 
-    def _write(self, content: bytes) -> bool:
-        """Append, behind what is whole; returns False if nothing is recorded any more."""
+    def _add(self, kind: str, text: str = "", rows: bytes = b"") -> None:
+        """Write a record, unless there was trouble."""
         if self.trouble is not None:
-            return False
+            return
+        number = sum(map(len, self._numbers.values()))
+        checksum = _digest(repr((number, kind, text)).encode(), rows)
         try:
-            self._file.truncate(self._end)
-            if self._file.write(content) != len(content):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        except OSError as error:
+            self._data.execute(WRITE, (number, kind, text, rows, checksum))
+        except self._data.ProgrammingError:
+            raise  # the journal is closed: a mistake of the caller
+        except (self._data.Error, OverflowError) as error:
             self.trouble = error
-            return False
-        self._end += len(content)
-        return True
+        else:
+            self._numbers[kind].append(number)
 
     # -- what a run records --------------------------------------------------------------
 
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
-        """Compare what the run is about with what was recorded of it; record it the first time.
+        """Refuse the journal of another run; the first time, record what this one is about.
 
         Parameters
         ----------
@@ -223,17 +199,12 @@ class Journal:
             What is compared word by word.
         probes : sequence of float
             Values that tell problems apart, compared to half of their digits.
-
-        Raises
-        ------
-        InvalidInputError
-            If they differ.
         """
-        known = self._nth(ABOUT, 0)
+        known = self._nth("about", 0)
         if known is None:
-            self._add(_Record(ABOUT, json.dumps([dict(facts), list(probes)]).encode()))
+            self._add("about", json.dumps([dict(facts), list(probes)]))
             return
-        before, values = json.loads(known.header)
+        before, values = json.loads(known[0])
         different = [
             f"{name}: {before.get(name) or 'none'} when it was begun, {now or 'none'} now"
             for name, now in facts.items()
@@ -242,84 +213,62 @@ class Journal:
         if not different and not _agree(values, probes):
             different = ["the values of its functions have changed"]
         if different:
-            raise InvalidInputError(f"{self._of_another_run}: {'; '.join(different)}; {ADVICE}")
+            raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further ones, which are recorded first."""
         known = 0
-        while record := self._nth(START, known):
-            everything = _rows(record.rows, json.loads(record.header))
+        while found := self._nth("start", known):
+            columns, data = found
+            rows = np.frombuffer(data).reshape(-1, int(columns)).copy()
             known += 1
-            yield everything[0], everything[1:]
-        if self._places[SEARCHED]:
+            yield rows[0], rows[1:]
+        if self._numbers["searched"]:
             return
-        for number, (x, error) in enumerate(searched):
-            if number >= known:
-                rows = np.vstack([x[np.newaxis], error])
-                self._add(_Record(START, json.dumps(rows.shape[1]).encode(), rows.tobytes()))
-                yield x, error
-        self._add(_Record(SEARCHED))
+        for x, error in islice(searched, known, None):
+            self._add("start", str(len(x)), np.vstack([x, error]).tobytes())
+            yield x, error
+        self._add("searched")
 
     def find(self, number: int, ray: Ray) -> FollowedPiece | None:
-        """Return a recorded walk, None if there is none.
-
-        Raises
-        ------
-        InvalidInputError
-            If it was begun from another ray.
-        """
-        found = self._nth(WALK, number)
+        """Return a recorded walk, None if there is none; refuse one from another ray."""
+        found = self._nth("walk", number)
         if found is None:
             return None
-        digest = _digest(ray)
-        if not found.rows.startswith(digest):
-            where = f"piece {number + 1} began elsewhere"
-            raise InvalidInputError(f"{self._of_another_run}: {where}; {ADVICE}")
-        return walk_of(Transcript(found.header.decode(), found.rows[len(digest) :]), ray)
+        (text, rows), begun = found, _place(ray)
+        if not text.startswith(begun):
+            raise self._refusal(
+                f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
+            )
+        return walk_of(Transcript(text.removeprefix(begun), rows), ray)
 
     def add(self, ray: Ray, walk: FollowedPiece) -> None:
         """Record the next walk."""
         transcript = written(walk)
-        self._add(_Record(WALK, transcript.header.encode(), _digest(ray) + transcript.rows))
+        self._add("walk", _place(ray) + transcript.header, transcript.rows)
 
     def finish(self) -> None:
         """Record that the run came to its end."""
         if not self.is_finished:
-            self._add(_Record(FINISHED))
-
-
-def _length(prefix: bytes) -> int:
-    """Return the length of the record that begins so."""
-    _, header, rows = LENGTHS.unpack_from(prefix)
-    return PREFIX + int(header) + int(rows)
+            self._add("finished")
 
 
 def _agree(values: Sequence[float], others: Sequence[float]) -> bool:
     return len(values) == len(others) and np.allclose(values, others, rtol=SAME, atol=0.0)
 
 
-def _rows(data: bytes, columns: int) -> Array:
-    rows: Array = np.frombuffer(data).reshape(-1, columns).copy()
-    return rows
-
-
-def _digest(ray: Ray) -> bytes:
+def _place(ray: Ray) -> str:
     """Return what tells rays apart: their cells, place and direction."""
-    state, parts = ray.state, blake2b(digest_size=16)
-    for part in (*ray.cells, state.x.tobytes(), state.tangent.tobytes()):
-        parts.update(part)
-    return parts.digest()
+    return _digest(*ray.cells, ray.state.x.tobytes(), ray.state.tangent.tobytes())
+
+
+def _digest(*parts: bytes) -> str:
+    return blake2b(b"".join(parts), digest_size=16).hexdigest()
 
 
 @final
 class Recorded(Follower):
-    """Walks as another follower does, and records it; known walks are not walked again.
-
-    Parameters
-    ----------
-    follower : Follower
-    journal : Journal
-    """
+    """Walks as another follower does, and records it; known walks are not walked again."""
 
     def __init__(self, follower: Follower, journal: Journal) -> None:
         self.interval, self.bounds = follower.interval, follower.bounds
