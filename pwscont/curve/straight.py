@@ -32,7 +32,7 @@ from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
-SMALL, AUDIT = 512, 16
+SMALL, AUDIT = 64, 16
 #: A residual of more than this times rounding of its terms is corrected at once.
 ROUGH = 8.0
 #: Errors are estimated afresh where the point has grown by more than this.
@@ -152,7 +152,7 @@ class StraightCell:
         """
         residual = self.curve.selection.residual(x)
         size = self.curve.metric.norm(x)
-        due = len(x) <= SMALL or self._since >= AUDIT or size > GROWN * self._size
+        due = len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size
         if due:
             correction = self._audited(x, residual, size)
         else:
@@ -183,11 +183,12 @@ class StraightCell:
         terms, typical = magnitudes @ (np.abs(x) + CONVERGED * scale), magnitudes @ scale
         if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
             return None
-        rounding = EPS * terms * samples(n + 1)[:, :n]
+        self._terms = float(np.abs(x / scale).max()) * typical
+        rough = terms if n < SMALL else np.maximum(terms, self._terms)
+        rounding = EPS * rough * samples(n + 1)[:, :n]
         solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
         along[:-1] -= solved[1]
-        self._samples, self._terms = solved[2:], np.abs(x / scale).max() * typical
-        self._size, self._since = size, 0
+        self._samples, self._size, self._since = solved[2:], size, 0
         correction: Array = solved[0]
         return correction
 

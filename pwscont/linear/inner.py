@@ -61,7 +61,8 @@ def _sparse_column(jacobian: Any, index: int) -> Array:
     else:
         entries = np.arange(*stored.indptr[index : index + 2])
         rows = stored.indices[entries]
-    return np.bincount(rows, weights=stored.data[entries], minlength=jacobian.shape[0])
+    column: Array = np.bincount(rows, stored.data[entries], jacobian.shape[0]).astype(float)
+    return column
 
 
 def _core(divided: Matrix) -> Core | None:

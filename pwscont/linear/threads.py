@@ -28,8 +28,9 @@ SMALL = 1000
 @contextmanager
 def few_threads(size: int) -> Iterator[None]:
     """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
-    controller = _controller()
-    if controller is None or size > SMALL or any(name in os.environ for name in VARIABLES):
+    decided = size > SMALL or any(name in os.environ for name in VARIABLES)
+    controller = None if decided else _controller()
+    if controller is None:
         yield
         return
     with controller.limit(limits=1, user_api="blas"):
