@@ -5,7 +5,7 @@ where it stopped by being repeated with the walks that the journal knows.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
 checksum over its number and content. A journal without its last records is that of a run that was
-stopped earlier, and leads to the same graph. Every other change is refused.
+stopped earlier, and leads to the same graph, to rounding. Every other change is refused.
 
 Failure modes and answers
 -------------------------

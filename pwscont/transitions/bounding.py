@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import FILL, Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -143,7 +143,7 @@ def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
 
 def is_zero_along(
     gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
-) -> Array:
+) -> Signs:
     """Tell which tests are zero along a piece, to the rounding of their own terms.
 
     A slope is zero if it would not lift the test out of its rounding within the length of the
@@ -152,7 +152,7 @@ def is_zero_along(
     rounding = magnitude_of_values(gradients, state.x, state.error)
     zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
     flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    rides: Array = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    rides: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return rides
 
 

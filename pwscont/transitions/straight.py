@@ -11,7 +11,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
@@ -29,7 +29,7 @@ from pwscont.transitions.rays import Ray, is_zero
 
 #: A direction that falls less steeply than this part of its terms is nearly in the interface.
 SLANT = EPS**0.5
-#: Tests that change by more than this part of the largest are not looked at more closely.
+#: Tests that change by more than this part of typical terms are not looked at more closely.
 FLAT = 1e-4
 #: A piece goes on in the direction in which it began, but for this part of it.
 ALIGNED = EPS**0.5
@@ -56,13 +56,13 @@ class StraightTests(TransitionDetector):
         rows = self._rows(selection.system, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * (rows.matrix @ state.tangent)[selection.bounding]
-        sizes, steepness = np.abs(values), np.abs(slopes)
-        largest = max(np.maximum.reduce(sizes), np.maximum.reduce(steepness))
-        riding = np.flatnonzero((sizes <= NEAR * largest) & (steepness <= FLAT * largest))
+        sizes = np.abs(values)
+        near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
+        riding = np.flatnonzero(near)
         if len(riding):
             gradients = rows.some(selection.bounding[riding])
-            on = is_zero_along(gradients, values[riding], slopes[riding], state, scale)
-            values[riding[on]], slopes[riding[on]] = 1.0, 0.0
+            riding = riding[_still(gradients, values[riding], slopes[riding], state, scale)]
+            values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
     def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
@@ -132,6 +132,13 @@ class StraightTests(TransitionDetector):
         if not len(suspects):
             return False
         return bool(is_zero(rows.some(suspects), tests[suspects], x, found.error, scale).any())
+
+
+def _still(gradients: Array, values: Array, slopes: Array, state: State, scale: Array) -> Signs:
+    """Tell which tests are zero along a piece; most of those that are zero clearly change."""
+    if (np.abs(slopes) > FLAT * (np.abs(gradients) @ scale)).all():
+        return np.zeros(len(values), dtype=bool)
+    return is_zero_along(gradients, values, slopes, state, scale)
 
 
 def _is_crossed(gradient: Array, tangent: Array) -> bool:
