@@ -25,7 +25,6 @@ from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.transcript import walk_of, written
 from pwscont.scenes.scene import Scene
 
-
 ROUNDING = {"rtol": 1e-12, "atol": 1e-13}
 
 
