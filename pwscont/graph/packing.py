@@ -1,4 +1,4 @@
-"""Places of a system that knows which unknowns determine the others.
+"""Places of points, stored with the essential unknowns only (see ``Compact``).
 
 The mode of a contact node fixes two of its four unknowns. Only the other two are stored.
 """
@@ -18,7 +18,7 @@ from pwscont.system.system import PiecewiseSystem
 
 
 def place(system: PiecewiseSystem, character: Character, x: Array, error: Array) -> Place:
-    """Return a solution x of a selection, shape (n + 1,), and its error, as little as needed."""
+    """Return the place of a solution x, shape (n + 1,), with its error, as small as it gets."""
     essential = system.essential(character) if isinstance(system, Compact) else None
     if essential is None:
         return Stored(x, error)
@@ -28,7 +28,7 @@ def place(system: PiecewiseSystem, character: Character, x: Array, error: Array)
 
 @final
 class Packed(Place):
-    """A place of which only the essential unknowns of a cell are stored."""
+    """A place that stores only the essential unknowns of its cell."""
 
     __slots__ = ("_alpha", "_character", "_error", "_system", "_values")
 
