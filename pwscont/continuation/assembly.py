@@ -36,8 +36,8 @@ def assemble(
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery.
 
-    Pieces are directed and numbered along the positive orientation of their component. What
-    was left out of the system is put back.
+    Pieces are directed and numbered along the positive orientation of their component. Unknowns
+    and signs that a reduction left out are put back.
     """
     width = interval[1] - interval[0]
     lift = Lift(system, reduction, Metric.of(system, interval))
@@ -72,7 +72,7 @@ def assemble(
 @final
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """The way from the system that was followed to the full one."""
+    """The way from points and characters of the followed system to those of the full one."""
 
     system: PiecewiseSystem
     reduction: Reduction | None
@@ -95,7 +95,7 @@ class Lift:
 
 
 class _Directed:
-    """An edge turned so that it follows the positive orientation."""
+    """An edge, turned into the direction of the positive orientation."""
 
     def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
         self.edge, followed = edge, edge.followed
@@ -167,7 +167,7 @@ def _special_point(
 
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
-    """Return the place of a node, with an error that covers all that were taken to be there."""
+    """Return the place of a node, with an error that covers all ends and rays joined in it."""
     others = {id(one): one for one in (*ends, *(key.place for key in node.keys))}
     others.pop(id(node.place), None)
     if not others:
@@ -180,7 +180,7 @@ def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
 
 
 def _ends(edges: list[_Directed], node: int) -> list[Place]:
-    """Return where edges begin or end at a node, before anything left out is put back."""
+    """Return the places where edges begin or end at a node, in the followed system."""
     return [
         place
         for edge in edges
@@ -206,7 +206,7 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
 def _messages(
     system: PiecewiseSystem, node: Node, edges: list[_Directed], number: int
 ) -> tuple[str, str]:
-    """Return the messages at a node for both orientations: what changes, and what else is known."""
+    """Return the messages at a node for both orientations: the transition, and the node's own."""
     before = [edge.character for edge in edges if edge.end == number]
     after = [edge.character for edge in edges if edge.start == number]
     if len(before) != 1 or len(after) != 1 or before == after:

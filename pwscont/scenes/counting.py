@@ -20,7 +20,7 @@ ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "nc
 
 
 def is_one_number(graph: BranchGraph) -> bool:
-    """Tell whether there are equally many solutions throughout, in balance."""
+    """Tell whether one number of solutions and one balance hold on the whole interval."""
     vertical = any(piece.is_vertical for piece in graph.pieces)
     return len(graph.multiplicity()) == 1 and len(graph.balance_values()) == 1 and not vertical
 
