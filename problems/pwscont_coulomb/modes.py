@@ -51,7 +51,7 @@ SIGNS = {
     Mode.SLIP_MINUS: (False, True, True),
 }
 
-#: Which of the three tests of a node bound the cell of each mode.
+#: For each mode, which of the three tests of a node bound the cell.
 BOUNDS = np.array(
     [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]
 )

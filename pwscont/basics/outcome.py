@@ -14,7 +14,7 @@ FILL = "solutions fill"
 
 @final
 class FailureReason(Enum):
-    """What went wrong; the value is the advice that a user reads."""
+    """The reason of a failure; its value is the advice that a user reads."""
 
     NOT_CONVERGED = (
         "Newton did not converge down to the smallest step; check the Jacobian with "

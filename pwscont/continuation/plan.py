@@ -111,7 +111,7 @@ class Plan:
         Fitted to the interval, as by :meth:`PiecewiseSystem.within`.
     interval : tuple of float
     reduction : Reduction or None
-        What remains of the system where parts of it provably stay in one mode.
+        The smaller system, where parts of the system provably stay in one mode.
     followed : PiecewiseSystem
         The reduced system, or the system itself.
     metric : Metric

@@ -20,7 +20,7 @@ class Balance(Queries):
     def balance(self, alpha: float) -> int:
         """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
 
-        Where solutions stay bounded it is the same at every regular alpha; if it is not, a
+        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
         branch is missing. The converse does not hold: a missed pair cancels.
         """
         self._inside(alpha)

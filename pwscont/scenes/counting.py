@@ -15,7 +15,7 @@ from pwscont.graph import BranchGraph
 
 #: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
 BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
-#: Where the legend stands: above the axes, clear of the data.
+#: The place of the legend: above the axes, clear of the data.
 ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}
 
 

@@ -1,4 +1,4 @@
-"""Does a new system keep its promises? For authors of plug-ins."""
+"""check_system, which tests whether a new system keeps its promises."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from pwscont.system.system import PiecewiseSystem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What a system returned at one point.
+    """The values that a system returned at one point.
 
     Attributes
     ----------

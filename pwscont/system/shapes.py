@@ -1,4 +1,4 @@
-"""What a user's method returned, as an array of its own and of the right shape."""
+"""Values of a user's methods: copied, and checked for their shape."""
 
 from __future__ import annotations
 

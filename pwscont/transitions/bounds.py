@@ -37,7 +37,7 @@ class Bounds(TransitionDetector):
     ----------
     box : Box
     names : sequence of str
-        What the unknowns are called.
+        The names of the unknowns.
     """
 
     def __init__(self, box: Box, names: Sequence[str]) -> None:

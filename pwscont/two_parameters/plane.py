@@ -140,7 +140,7 @@ class Plane:
     ) -> Plane:
         """Follow all loci that meet some levels, and list the solutions between them.
 
-        Where a region turns out to hold different solutions a locus passes that meets no level:
+        A region with different solutions is crossed by a locus that meets no level:
         the values of mu at such points become levels, too.
 
         Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
