@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-TYPE_CHECKING = False  # not from typing: the command line wants to be there at once
+TYPE_CHECKING = False  # importing typing would delay the command line
 if TYPE_CHECKING:
     from typing import Any
 
@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:
-    """Load numpy and all else with the first name: the command line limits threads before."""
+    """Load numpy and all else with the first name used: threads are limited before."""
     return getattr(import_module("pwscont.public"), name)
 
 

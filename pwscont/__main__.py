@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The commands ``pwscont`` and ``python -m pwscont``: what must happen before numpy is loaded.
+"""The commands ``pwscont`` and ``python -m pwscont``, with the steps before numpy is loaded.
 
 - BLAS takes the number of its threads from the environment when it is loaded. The matrices here
   have a few hundred rows: threads that wait for each other cost ten times the work.

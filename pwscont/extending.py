@@ -1,16 +1,16 @@
-"""What whoever extends pwscont imports: all types in the signatures of its seams.
+"""All types in the signatures of the base classes by which users extend pwscont.
 
 A *detector* (:class:`TransitionDetector`) reads functions along a piece and makes special points
 where they fall to zero; ``detectors=`` of :func:`pwscont.trace` and :func:`pwscont.explore` adds it
 to the default ones. A *stepper* (:class:`Stepper`) owns one step along the curve of one selection.
 A *search* (:class:`Search`) yields starts.
 
-A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out what provably does
-not change (:class:`Reducible`), end somewhere (:class:`Ending`), be stored in part
-(:class:`Compact`), bring searches of its kind (:class:`BringsSearches`), and return a Jacobian that
-is factorised in its own way (:class:`StructuredJacobian`).
+A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out parts that provably
+stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), store
+solutions in part (:class:`Compact`), bring searches of its kind (:class:`BringsSearches`), and
+return a Jacobian that is factorised in its own way (:class:`StructuredJacobian`).
 
-A *scene* of its own kind is a :class:`Runnable` that returns an :class:`Answer`.
+A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`.
 """
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array

@@ -108,7 +108,7 @@ __all__ = [
 ]
 
 
-#: Names whose modules are imported only when they are asked for, such as matplotlib.
+#: Names whose modules are imported when the name is used: they import matplotlib.
 LATER = {
     "Axes": "pwscont.two_parameters.axes",
     "PlaneScene": "pwscont.two_parameters.scene",

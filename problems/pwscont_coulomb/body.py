@@ -27,22 +27,22 @@ class ContactBody:
     A : array_like or scipy.sparse, shape (n, n)
         Stiffness matrix, symmetric positive definite (force per length).
     N, T : array_like or scipy.sparse, shape (p, n)
-        They pick the normal displacement (positive towards the obstacle) and the tangential
+        Operators to the normal displacement (positive towards the obstacle) and the tangential
         displacement of each contact node; of full rank.
     gap : array_like, shape (p,), optional
         Distance of each node to the obstacle, not negative; default 0 (as in the paper).
     guided : array_like of bool, shape (p,), optional
-        Nodes that a support holds along their tangent, such as those on an axis of symmetry: they
+        Nodes that a support holds along their tangent, such as nodes on an axis of symmetry: they
         touch or not, without friction. So that T keeps its full rank, a guided node has a
-        tangential displacement that A and N couple with no other and that no load acts on: it is
-        zero. Default none.
+        tangential displacement that A and N couple with no other and on which no load acts: this
+        displacement is zero. Default none.
 
     Attributes
     ----------
     n, p : int
         Number of displacements and of contact nodes.
     numbers : tuple of int
-        What the contact nodes are called: 1, ..., p.
+        The numbers of the contact nodes in names: 1, ..., p.
     stiffness : ndarray, shape (p,)
         Stiffness of each contact node against normal displacement (force per length).
 
@@ -106,13 +106,13 @@ class ContactBody:
         Parameters
         ----------
         energies : ndarray
-            f.A^-1 f of all loads that may occur, or of those whose convex hull they fill.
+            f.A^-1 f of all loads that may occur, or of loads whose convex hull holds them all.
         """
         reach: Array = np.sqrt(self._flexibility() * energies.max())
         return reach
 
     def _flexibility(self) -> Array:
-        """Return the diagonal of N A^-1 N^T, some columns at a time where they are many."""
+        """Return the diagonal of N A^-1 N^T, computed some columns at a time."""
         if self.is_sparse or self.p <= PART:
             return _diagonal(self.N @ self.solve(_dense(self.N).T))
         from scipy.linalg import cho_factor, cho_solve  # noqa: PLC0415  only for large bodies

@@ -13,9 +13,9 @@ slip+           unit vector             A_t - F A_nu
 slip-           unit vector             A_t + F A_nu
 ==============  ======================  =============================
 
-and the rows of A for the displacements that are in no contact. All rows are A_i - k_i A_nu of
-the same node, or unit vectors: the number k_i, infinite for a unit vector, says which. A node that
-changes its mode changes at most two rows (docs/theory, F9), and the sign of det M is that of
+and the rows of A for the displacements of all other nodes. Each row i is A_i - k_i A_nu, with A_nu
+of the same node, or a unit vector. The key of a row is k_i, or infinity for a unit vector. A node
+that changes its mode changes at most two rows (docs/theory, F9), and the sign of det M is that of
 det(dH/dz).
 
 Failure modes and answers
@@ -24,8 +24,8 @@ Failure modes and answers
   slip rows by the friction in them; results do not depend on units.
 - M is singular at folds and on vertical pieces, where the bordered matrix is not: see
   :mod:`pwscont.linear.updates` and :mod:`pwscont.linear.bordered`.
-- A multiplier is the difference of elastic force and load: it carries their rounding, as the
-  solution of the whole system does.
+- A multiplier is the difference of elastic force and load, and has the rounding errors of both, as
+  in the solution of the whole system.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from pwscont.extending import (
 if TYPE_CHECKING:
     from pwscont_coulomb.body import ContactBody
 
-#: Rows of A that are scaled at a time, so that no second matrix is stored.
+#: Number of rows of A that are scaled at a time, so that no second matrix is stored.
 CHUNK = 64
-#: Below this size a number is zero beside one in the matrix of magnitudes.
+#: A number below this size counts as zero in the matrix of magnitudes.
 SMALLEST = 1e-30
 
 
 @final
 class ContactAlgebra:
-    """What all matrices of one body have in common.
+    """The elimination shared by all matrices of one body.
 
     Parameters
     ----------
@@ -119,14 +119,14 @@ class ContactAlgebra:
         return rows
 
     def weights(self, keys: Array) -> Array:
-        """Return what slip rows are multiplied by, for entries of about one; shape (n,)."""
+        """Return factors that bring the entries of slip rows to about one, shape (n,)."""
         size = np.where(np.isinf(keys), 0.0, np.abs(keys)) * self.D / self.D[self.partner]
         return 1.0 / power_of_two(np.maximum(0.5, size))
 
 
 @final
 class Displacements(RowMatrix):
-    """M, scaled, for the modes that ``keys`` stand for; see the module."""
+    """The scaled matrix M for the keys of its rows; see the module."""
 
     def __init__(self, algebra: ContactAlgebra, keys: Array) -> None:
         self._algebra, self.keys = algebra, keys

@@ -38,7 +38,7 @@ class ContactMatrix:
     def __init__(self, algebra: ContactAlgebra, mode: Indices, friction: Array) -> None:
         self.algebra = algebra
         self.touches = mode != Mode.NO_CONTACT
-        #: A guided node has no tangential row but lam_t = 0.
+        #: The tangential row of a guided node is lam_t = 0, in stick, too.
         self.sticks = (mode == Mode.STICK) & algebra.slides
         #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
         self.slip = friction * np.where(self.touches & ~self.sticks, 1.0, 0.0)
@@ -101,7 +101,7 @@ class ContactMatrix:
         return product
 
     def largest_in_rows(self, scale: Array) -> Array:
-        """Return about the largest magnitude in each row with columns multiplied by ``scale``."""
+        """Return roughly the largest entry of each row, with columns multiplied by ``scale``."""
         u, normal, tangential = self._parts(scale)
         a = self.algebra
         largest = np.empty_like(scale)
@@ -140,7 +140,7 @@ class ContactMatrix:
         return solution
 
     def _displaced(self, rhs: Array) -> tuple[Array, Array]:
-        """Return u of M u = g, scaled, and A u, which tells the residual at no cost."""
+        """Return u of M u = g, scaled, and A u, from which the residual follows at no cost."""
         a, M = self.algebra, self.displacements
         while True:
             x = a.solver.solve(M, rhs)
@@ -203,7 +203,7 @@ class ContactJacobian(StructuredJacobian):
         return np.column_stack([*columns, self.column])
 
     def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
-        """Factorise [J; row] by the elimination of the module."""
+        """Factorise [J; row] by the elimination of :class:`ContactAlgebra`."""
         rows, interior = self._split(scale, beside)
         scaled = row * scale
         whole = row_scale(rows, scaled)
@@ -221,7 +221,7 @@ class ContactJacobian(StructuredJacobian):
         return self.column.copy() if last else self.matrix.column_at(index)
 
     def _split(self, scale: Array, beside: Array | None) -> tuple[Array, Interior]:
-        """Return what the rows are divided by, and the part for z; remembered for one scale."""
+        """Return the divisors of the rows, and the block for z; kept for the last scale."""
         if self._interior is None or self._interior[0] is not scale:
             largest = self.matrix.largest_in_rows(scale[:-1])
             rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
@@ -247,7 +247,7 @@ class _Magnitudes:
 
 @final
 class _ScaledCore(Core):
-    """Solves with the matrix whose rows are divided and columns multiplied."""
+    """Solves with a ContactMatrix whose rows are divided and columns multiplied by numbers."""
 
     def __init__(self, matrix: ContactMatrix, rows: Array, columns: Array) -> None:
         self._matrix, self._rows, self._columns = matrix, rows, columns

@@ -1,4 +1,4 @@
-"""The equations that both Coulomb systems share.
+"""The equations of static contact with Coulomb friction, for both choices of the parameter.
 
 z = (u, lam_nu, lam_t), and per node, with the notation of :mod:`pwscont_coulomb.modes`:
 
@@ -151,7 +151,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
 
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
-        stick too: else points with tension would be taken for solutions.
+        stick, too: otherwise points with tension would count as solutions.
         """
         found: list[int] = self._bounds(character).nonzero()[0].tolist()
         return found
@@ -245,13 +245,13 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return None
 
     def essential(self, character: Character) -> Indices | None:
-        """Return two unknowns per node: displacements where it may move, else multipliers."""
+        """Return n unknowns: lam_nu for u_nu in contact, lam_t for u_t in stick, all other u."""
         if self.algebra is None:
             return None
         return self._free_unknowns.of(contact.modes(character))
 
     def completed(self, values: Array, alpha: float, character: Character) -> Array:
-        """Return z from what is free in these modes."""
+        """Return z from its essential unknowns in this cell."""
         if self.algebra is None:
             return values
         mode = contact.modes(character)
@@ -274,10 +274,11 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return self._scale[1]
 
     def state_matrix(self, mode: Indices, friction: Array) -> Matrix:
-        """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last is remembered.
+        """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last one is kept.
 
-        With the gradients of kappa1 and x, the rows of a node are those of lam_nu, less kappa1
-        in contact, and of lam_t, less x in stick, less or plus F kappa1 in slip.
+        The normal row of a node is the gradient of lam_nu, in contact of lam_nu - kappa1. Its
+        tangential row is the gradient of lam_t, in stick of lam_t - x, in slip+ and slip- of
+        lam_t - F kappa1 and lam_t + F kappa1.
         """
         key = (mode.tobytes(), friction.tobytes())
         if self._known is None or self._known[0] != key:
@@ -293,7 +294,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return self._less_contact(normal, tangential)
 
     def _less_contact(self, normal: Matrix, tangential: Matrix) -> Matrix:
-        """Return the matrix of the body without contact, less rows of the contact nodes."""
+        """Return the matrix without contact minus these rows at the rows of the contact nodes."""
         n, p = self.body.n, self.body.p
         if self.body.is_sparse:
             nothing = sp.csr_matrix((n, self.size))
@@ -339,9 +340,9 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return jacobian
 
     def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
-        """Return [dH/dz | column]; the last is remembered, with what it has solved.
+        """Return [dH/dz | column]; the last one is kept, with its factorisations.
 
-        Here, not by the matrix: two objects that hold each other wait long to be freed.
+        The system keeps it, not the matrix: two objects that refer to each other are freed late.
         """
         last = self._jacobian
         if last is None or last.matrix is not matrix or not np.array_equal(last.column, column):

@@ -11,14 +11,14 @@ from pwscont.extending import Array, Indices, Reduction
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import SIGNS, Mode
 
-#: Rounding in the bound by which nodes are left out is far below this part of it.
+#: Relative margin of the bound by which nodes are left out, far above its rounding.
 REACH_MARGIN = 1e-6
 
 
 def without_far_nodes(
     body: ContactBody, energies: Array, with_nodes: Callable[[Indices], PiecewiseSystem]
 ) -> Reduction | None:
-    """Return what remains without the nodes that cannot touch, None where all may.
+    """Return the reduction to the nodes that may touch, None where all may.
 
     Parameters
     ----------

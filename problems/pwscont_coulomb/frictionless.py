@@ -1,8 +1,8 @@
 """Solutions at a given load and friction, by increasing the friction from zero.
 
-Without friction the problem is a convex one with exactly one solution. Following it while all
-coefficients grow in proportion leads to an odd number of solutions of the problem asked for, since
-the component starts at one end only. Solutions on components that do not reach F = 0 are not found.
+Without friction the problem is convex, with exactly one solution. Following this solution while all
+coefficients grow in proportion leads to an odd number of solutions at the given friction, since the
+component starts at F = 0 only once. Solutions on components that do not reach F = 0 are not found.
 """
 
 from __future__ import annotations

@@ -54,9 +54,9 @@ class CoulombLoad(Coulomb):
     load : callable or AffineLoad
         alpha -> f(alpha), shape (n,), smooth: a kink of the path must be announced by a test
         function, which needs a system of its own. With an AffineLoad every piece is straight and
-        the system is a :class:`~pwscont.PiecewiseLinearSystem`. A load with a method
-        ``derivative(alpha)`` is asked for df/dalpha; otherwise differences are taken, which
-        fit the interval and do not leave it.
+        the system is a :class:`~pwscont.PiecewiseLinearSystem`. A method ``derivative(alpha)`` of
+        the load gives df/dalpha; without it differences are taken, in steps that fit the interval
+        and stay in it.
     friction : float or array_like, shape (p,)
         Friction coefficient F >= 0, for all nodes or per node.
     r : float or array_like, shape (p,), optional
@@ -74,7 +74,7 @@ class CoulombLoad(Coulomb):
         return super().__new__(AffineCoulombLoad if straight else cls)
 
     def __getnewargs__(self) -> tuple[Any, ...]:
-        """Return what ``copy`` and ``pickle`` make the object with."""
+        """Return the arguments with which ``copy`` and ``pickle`` make the object."""
         return self.body, self.load, self.friction
 
     def __init__(
@@ -104,7 +104,7 @@ class CoulombLoad(Coulomb):
         return self.friction
 
     def _energies(self, lo: float, hi: float) -> Array | None:
-        """Return the energies at both ends for an affine load; other paths are not bounded."""
+        """Return the energies at both ends for an affine load; other loads have no known bound."""
         if not isinstance(self.load, AffineLoad):
             return None
         loads = np.column_stack([self.load_at(lo), self.load_at(hi)])

@@ -1,9 +1,9 @@
-"""Contact modes: what the signs of the test functions mean at one node.
+"""Contact modes of a node: the meaning of the signs of its test functions.
 
 With kappa1 = lam_nu - r (u_nu - gap) and x = lam_t - r u_t the tests of a node are
 (kappa1, kappa2, kappa3) with kappa2 = x - F kappa1 and kappa3 = x + F kappa1. The paper
-(section 3.1) writes F lam_nu for F kappa1; on solutions both are equal, but only with kappa1
-the selections agree on the interfaces between the cells.
+(section 3.1) writes F lam_nu for F kappa1; on solutions in contact both are equal, but only with
+kappa1 the selections agree on the interfaces between the cells.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SIGNS = {
     Mode.SLIP_MINUS: (False, True, True),
 }
 
-#: Which of the three tests of a node bound the cell of each mode.
+#: For each mode, which of the three tests of a node bound the cell.
 BOUNDS = np.array(
     [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]
 )
@@ -110,7 +110,7 @@ def describe(character: Character) -> str:
 
 
 def _listed(words: list[str]) -> str:
-    """Return the word of each node; three or more alike in a row are named together."""
+    """Return the word of each node; three or more equal ones in a row are named together."""
     if len(words) == 1:
         return words[0]
     runs, first = [], 1

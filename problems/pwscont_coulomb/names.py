@@ -1,4 +1,4 @@
-"""What the unknowns of a body in contact are called."""
+"""The names of the unknowns of a body in contact."""
 
 from __future__ import annotations
 

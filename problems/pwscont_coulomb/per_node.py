@@ -1,4 +1,4 @@
-"""Numbers that belong to contact nodes: one for all, or one for each."""
+"""Arguments for contact nodes: one number for all nodes, or one for each."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ sigma_4  f_t <= -F f_nu, a f_nu + b f_t >= 0        slip-                 F < a/
 sigma_5  -F f_nu <= f_t <= -(a/b) f_nu              slip- (and 1 and 2)   F > a/b
 =======  =========================================  ====================  ==============
 
-At F = a/b slip- is left with the ray f_t = -(a/b) f_nu, and has a segment of solutions there.
+At F = a/b slip- exists on the ray f_t = -(a/b) f_nu only, with a segment of solutions there.
 """
 
 from __future__ import annotations

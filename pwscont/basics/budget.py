@@ -1,7 +1,7 @@
-"""What is left of the limits of a run, and how a run ends that is out of them or interrupted.
+"""The budget of a run: how much of its limits is left, and how it ends without any, or by Ctrl-C.
 
 Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
-method, the loop over steps. Who calls needs to know nothing of the run that the work is for.
+method, the loop over steps. The caller does not need to know for which run it works.
 
 Failure modes and answers
 -------------------------
@@ -44,7 +44,7 @@ def check_budget() -> None:
     Raises
     ------
     KeyboardInterrupt
-        Which nobody but the run itself should catch.
+        To be caught by the run itself, and by nobody else.
     """
     budget = _current.get()
     if budget is not None:
@@ -80,7 +80,7 @@ class Budget:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the run; that it was interrupted ends the run around it, too."""
+        """End the run; if it was interrupted, the run around it ends, too."""
         _current.reset(self._token)
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)

@@ -1,4 +1,4 @@
-"""What is raised when a caller, a file or a start is at fault.
+"""The exceptions for faults of a caller, a file, a system or a start.
 
 Failures of a numerical step are not exceptions: they are values, see
 :mod:`pwscont.basics.outcome`.

@@ -1,4 +1,4 @@
-"""Generic numbers: directions that no problem was made normal or parallel to."""
+"""Generic numbers, for directions that no problem is normal or parallel to by design."""
 
 from __future__ import annotations
 

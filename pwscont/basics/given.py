@@ -1,4 +1,4 @@
-"""What a caller gives where an object of some class is meant."""
+"""Checks that an argument is an object of the class that is meant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a search promises of its result, in the words that users read."""
+"""Guarantees: the promises of searches, in the words that users read."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Guarantee(IntEnum):
 @final
 @dataclass(frozen=True, slots=True)
 class SearchScope:
-    """What was searched, and what that promises.
+    """The searches of a run, and the promise that they make.
 
     Attributes
     ----------

@@ -6,7 +6,7 @@ from typing import final
 
 @final
 class Kind(StrEnum):
-    """What happens at a special point; the value is the word that users read and query by."""
+    """The kind of a special point; its value is the word that users read and query by."""
 
     START = "start"
     END = "end"

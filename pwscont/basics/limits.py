@@ -1,4 +1,4 @@
-"""What a run may spend: so many pieces, so many seconds."""
+"""The limits of a run: so many pieces, so many seconds."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pwscont.basics.errors import InvalidInputError
 @final
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What :func:`pwscont.trace` and :func:`pwscont.explore` may spend.
+    """The limits of :func:`pwscont.trace` and :func:`pwscont.explore`.
 
-    Where one runs out, everything found so far comes back, and the guarantee says so.
+    Where a limit runs out, everything found so far comes back, and the guarantee says so.
 
     Attributes
     ----------

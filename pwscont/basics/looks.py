@@ -7,11 +7,11 @@ from html import escape
 
 from pwscont.basics.arrays import Array
 
-#: Of longer lists of unknowns only so many are shown,
+#: Most unknowns of a state that are shown.
 MOST_UNKNOWNS = 6
-#: and of longer words, such as those of a body with many contact nodes, so many letters.
+#: Most letters of a text, such as the label of a body with many contact nodes.
 MOST_LETTERS = 72
-#: What the names of unknowns begin with where the user gave none.
+#: The first of the default names of unknowns.
 UNNAMED = ("z[0]",)
 
 
@@ -26,7 +26,7 @@ def short(words: str) -> str:
 
 
 def named(thing: object, *words: object) -> str:
-    """Return the name of a thing's class with what to know of the thing in brackets."""
+    """Return a repr: the name of the class, and in brackets what there is to know."""
     return f"{type(thing).__name__}({', '.join(map(str, words))})"
 
 

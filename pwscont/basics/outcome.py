@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import final
 
-#: What is said, followed by a number, where special points seem to accumulate.
+#: The message where special points seem to accumulate; the value of alpha follows.
 ACCUMULATE = "special points seem to accumulate at alpha ="
 #: How the message of a corner at which solutions are no curves begins.
 FILL = "solutions fill"
@@ -14,7 +14,7 @@ FILL = "solutions fill"
 
 @final
 class FailureReason(Enum):
-    """What went wrong; the value is the advice that a user reads."""
+    """The reason of a failure; its value is the advice that a user reads."""
 
     NOT_CONVERGED = (
         "Newton did not converge down to the smallest step; check the Jacobian with "
@@ -60,7 +60,7 @@ class Failure:
     Attributes
     ----------
     trouble : FailureReason or str
-        What a user reads: of the reasons known here, or in the words of a stepper of one's own.
+        What a user reads: one of the reasons known here, or the words of a user's own stepper.
     """
 
     trouble: FailureReason | str

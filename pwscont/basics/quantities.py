@@ -1,4 +1,4 @@
-"""What a state can be asked for by name: its unknowns, and what a user records."""
+"""Quantities of a state by name: its unknowns, and those that a user records."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError, Unknown
 Function = Callable[[Array, float], float]
 Naming = Callable[[], Iterable[str]] | Sequence[str] | None
 
-#: Names that data frames, JSON and networkx give to something else than a recorded quantity.
+#: Names with another meaning in data frames, JSON or networkx: no recorded quantity has them.
 TAKEN = frozenset(
     {"alpha", "character", "component", "det_sign", "digits", "end", "error", "id", "kind", "label"}
     | {"message", "name", "piece", "points", "start", "z"}
@@ -33,14 +33,14 @@ CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
 
 
 def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Function]:
-    """Return what a user records if names and functions fit.
+    """Return the quantities that a user records, or say which name or function does not fit.
 
     Parameters
     ----------
     record : mapping of str to callable, or None
         Each callable takes (z, alpha) and returns a float.
     names : iterable of str
-        Those of the unknowns.
+        The names of the unknowns.
 
     Raises
     ------
@@ -74,11 +74,11 @@ class Quantities:
     Parameters
     ----------
     naming : callable or sequence of str, optional
-        A name for each unknown, or what returns them when the first is asked for.
+        A name for each unknown, or a function that returns the names, called when one is needed.
     record : mapping of str to callable
         Functions of (z, alpha) that return a finite float.
     elsewhere : iterable of str
-        Names of what a file has for special points only, without the functions.
+        Names of quantities that a file has at special points only, without their functions.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Quantities:
         record: Mapping[str, Function] = MappingProxyType({}),
         elsewhere: Iterable[str] = (),
     ) -> None:
-        #: What gives the unknowns their names, None where they have none of their own.
+        #: The names of the unknowns or the function that returns them; None for default names.
         self.naming = naming
         self.record = dict(record)
         self._elsewhere = frozenset(elsewhere)
@@ -227,5 +227,5 @@ def _unknown(name: str, known: Sequence[str]) -> str:
     return f"there is no {name!r}; names are {', '.join(known[:MOST_NAMES])}{more}{hint}"
 
 
-#: Of states that belong to no system.
+#: The quantities of a state that belongs to no system.
 NAMELESS = Quantities()

@@ -1,9 +1,8 @@
-"""How often the work of a run was done: residuals, Jacobians, factorisations and the like.
+"""Counts of the work of a run: calls of residuals, Jacobians, factorisations and the like.
 
-Nothing in the package counts. While the context is open, the methods of the system's class and of
-the factorisations are replaced by ones that count and call the originals. Not for several threads.
-
-What is not counted: numpy's small dense solves in searches and at corners.
+The package itself does not count. While the context is open, the methods of the system's class and
+of the factorisations are replaced by methods that count and call the originals. Not for several
+threads. numpy's small dense solves in searches and at corners are not counted.
 """
 
 from __future__ import annotations

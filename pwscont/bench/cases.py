@@ -41,7 +41,7 @@ from pwscont.system.system import (
 CHECKS = 37
 #: Beyond this many cells a complete answer takes too long.
 MOST_CELLS = 64
-#: With this many unknowns, verifying and all settings of the steppers take half a minute.
+#: Up to this many unknowns, verifying and all settings of the steppers take half a minute.
 MOST_UNKNOWNS = 200
 AGREES = 1e-9
 

@@ -1,4 +1,4 @@
-"""Which steppers are compared, and at which settings."""
+"""The steppers that are compared, and their settings."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def by_longest(largest: float) -> StepSize:
 
 
 def by_angle(cosine: float) -> StepSize:
-    """Return the step size that the turn within a step limits, and little else."""
+    """Return a step size that is limited by the turn within a step, and by little else."""
     return StepSize(first=0.01, largest=0.5, least_cosine=cosine)
 
 

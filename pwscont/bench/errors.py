@@ -1,8 +1,8 @@
-"""How far a computed graph is from the true answer, in the problem's own metric.
+"""Distances of a computed graph from the true answer, in the problem's own metric.
 
 All distances are Euclidean after dividing each unknown by its typical magnitude and alpha by the
-length of its interval. Two errors of a branch are kept apart: that of the stored points, which is
-the corrector's, and that of the straight lines between them, which is the step size's.
+length of its interval. A branch has two errors: that of the stored points, which comes from the
+corrector, and that of the straight lines between them, which comes from the step size.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pwscont.system.system import PiecewiseSystem
 
 #: At most so many stored points of a graph are compared, evenly spread.
 MOST_POINTS = 200
-#: A piece of the right cell is the right one if its ends are this close, as parts of the interval.
+#: A piece in the right cell is right if its ends are this close, as parts of the interval.
 SAME_PIECE = 1e-4
 
 

@@ -1,4 +1,4 @@
-"""What the figures were measured on, in general words."""
+"""The machine of the measurements, in general words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One row of the report: a problem, a stepper at one setting, and what came out."""
+"""One row of the report: a problem, a stepper at one setting, its time, calls and errors."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ ENOUGH = 0.2
 @final
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one stepper at one setting did with one problem.
+    """The result of one stepper at one setting on one problem.
 
     Attributes
     ----------
     case, stepper, setting : str
-        The stepper is the name of a line in the picture: of another program, too, if one did this.
+        The stepper, or another program, gives its name to a line of the picture.
     step_size : mapping or None
-        First and longest step and least cosine; None where there is no step size. Another
-        program's setting is under its own names.
+        First and longest step and least cosine; None where there is no step size. For another
+        program, its own settings by its own names.
     seconds : tuple of float
-        Of every timed run.
+        The time of every timed run.
     calls : mapping
         Number of calls by kind, see :mod:`pwscont.bench.calls`; empty if they are not known.
     points, pieces : int
     errors : Errors
     wrong : str
-        What is wrong; empty if the answer is right.
+        What is wrong with the answer; empty if it is right.
     """
 
     case: str

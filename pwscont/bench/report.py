@@ -12,7 +12,7 @@ from pwscont.bench.errors import Errors
 from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row
 
-#: Raised by one whenever a reader of the file would have to change.
+#: Version of the file's layout, raised by one whenever readers have to change.
 SCHEMA = 1
 #: A double of size one errs by about this; smaller errors are shown as this in the picture.
 FLOOR = 1e-17
@@ -69,7 +69,7 @@ def row_as_dict(row: Row) -> dict[str, Any]:
 
 
 def rows_of(data: Mapping[str, Any]) -> list[Row]:
-    """Return the rows of a report that was read from its file, such as to draw it again."""
+    """Return the rows of a report read from its file, for drawing the picture again."""
     return [_row_of(row) for row in data["rows"]]
 
 

@@ -1,7 +1,7 @@
 """Options with several values, which a scene's name may follow.
 
-``run --at 1 2 fig7`` is read as ``run --at 1 --at 2 fig7``: what follows an option belongs to it as
-long as it has the form of its values.
+``run --at 1 2 fig7`` is read as ``run --at 1 --at 2 fig7``: the arguments after an option belong to
+the option as long as they have the form of its values.
 """
 
 from __future__ import annotations
@@ -43,5 +43,5 @@ def spread(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def _as_value(argument: str) -> str:
-    """Return a negative number so that it is a value: with a space before it, it is no option."""
+    """Return an argument, a negative number with a space in front, which no option has."""
     return f" {argument}" if _is_number(argument) and float(argument) < 0.0 else argument

@@ -1,4 +1,4 @@
-"""What ``pwscont bench`` does: measure, print a table, write a picture and the data."""
+"""The work of ``pwscont bench``: measure, print a table, write a picture and the data."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run(
 def _load(
     names: Sequence[str], quick: bool, settings: Mapping[str, str]
 ) -> tuple[list[Case], dict[str, str]]:
-    """Return the problems, and why others are left out; what was asked for by name is not."""
+    """Return the problems, and why others are left out; problems asked for by name never are."""
     if settings and len(names) != 1:
         raise InvalidInputError("settings are those of one scene: name it")
     if names:

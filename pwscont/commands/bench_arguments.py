@@ -1,4 +1,4 @@
-"""The sub-command ``pwscont bench``: its arguments; what it does is imported when it runs."""
+"""The arguments of ``pwscont bench``; its work is imported when the command runs."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from pwscont.scenes.registry import scene_names
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell and leave, if it is the shell that asks."""
+    """If the shell asks for completions, answer and leave."""
     if "_ARGCOMPLETE" in os.environ:
         import_module("argcomplete").autocomplete(parser)
 

@@ -1,11 +1,11 @@
-"""What ``--help`` ends with: examples, each run by a test, and what exit statuses mean."""
+"""The end of ``--help``: examples, each run by a test, and the exit statuses."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
-#: For each command, "" for the program itself: examples, and what each of them does.
+#: For each command, "" for the program itself: examples, each with its effect.
 EXAMPLES: dict[str, dict[str, str]] = {
     "": {
         "pwscont scenes": "what is ready to run",

@@ -1,4 +1,4 @@
-"""Options that say how pictures look, and what they show."""
+"""Options for the look and the content of pictures."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def look_of(options: argparse.Namespace, scene: Runnable) -> Look:
     Raises
     ------
     InvalidInputError
-        If the scene draws nothing that an option is about.
+        If an option is about bodies, and the scene draws none.
     """
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     if given and not options.output:

@@ -20,7 +20,7 @@ class Progress:
 
     Silent, too, where the line would end up in a file or in another program.
 
-    How long it will take is not said: nobody knows how many pieces there are.
+    The time left is not shown: nobody knows how many pieces there are.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What ``pwscont run`` does: solve a scene, print the answer, write files, keep a journal."""
+"""The work of ``pwscont run``: solve a scene, print the answer, write files, keep a journal."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def _failing_in_words(scene: Runnable, settings: Sequence[tuple[str, str]]) -> I
     Raises
     ------
     InvalidInputError
-        Where its numbers fail, as with a setting that is not a number.
+        If the numbers of the scene fail, as with a setting that is nan.
     """
     try:
         yield
     except PwscontError:
         raise
-    except (ArithmeticError, ValueError) as error:  # that of linear algebra is a ValueError
+    except (ArithmeticError, ValueError) as error:  # the error of linear algebra is a ValueError
         given = " ".join(f"{name}={value}" for name, value in settings)
         why = f"{type(error).__name__}: {' '.join(str(error).split())}"
         hint = f"; check the settings {given}" if given else ""

@@ -41,8 +41,8 @@ def assemble(
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery.
 
-    Pieces are directed and numbered along the positive orientation of their component. What
-    was left out of the system is put back.
+    Pieces are directed and numbered along the positive orientation of their component. Unknowns
+    and signs that a reduction left out are put back.
     """
     width = interval[1] - interval[0]
     metric = Metric.of(system, interval)
@@ -78,7 +78,7 @@ def assemble(
 @final
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """The way from the system that was followed to the full one."""
+    """The way from points and characters of the followed system to those of the full one."""
 
     system: PiecewiseSystem
     reduction: Reduction | None
@@ -102,7 +102,7 @@ class Lift:
 
 
 class _Directed:
-    """An edge turned so that it follows the positive orientation."""
+    """An edge, turned into the direction of the positive orientation."""
 
     def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
         self.edge, followed = edge, edge.followed
@@ -173,7 +173,7 @@ def _special_point(
 
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
-    """Return the place of a node, with an error that covers all that were taken to be there."""
+    """Return the place of a node, with an error that covers all ends and rays joined in it."""
     others = {id(one): one for one in (*ends, *(key.place for key in node.keys))}
     others.pop(id(node.place), None)
     if not others:
@@ -186,7 +186,7 @@ def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
 
 
 def _ends(edges: list[_Directed], node: int) -> list[Place]:
-    """Return where edges begin or end at a node, before anything left out is put back."""
+    """Return the places where edges begin or end at a node, in the followed system."""
     return [
         place
         for edge in edges

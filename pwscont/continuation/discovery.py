@@ -1,7 +1,7 @@
 """Discovery: rays leave nodes, pieces arrive at nodes, until no ray is left.
 
-A piece arrives at a known node if the node has a ray on the same cell, at the same place, in the
-opposite direction: that is how loops close, and how no piece is followed twice.
+A piece arrives at a known node if the node has a ray in the same cell, at the same place, in the
+opposite direction. So loops close, and no piece is followed twice.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Discovery:
     report : callable
         Called with the number of pieces and the alpha reached after each piece.
     budget : Budget
-        Where it is spent, rays are left that nobody has followed, see :meth:`close`.
+        Where the budget is spent, some rays are not followed, see :meth:`close`.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Discovery:
             self._follow(node, index)
 
     def close(self, why: str) -> None:
-        """Note at the nodes that they have rays left, and why; nothing can be added then."""
+        """Mark the nodes with rays that were not followed, and say why; ends the discovery."""
         for node in self.nodes.values():
             left = sum(ray is not None for ray in node.rays)
             if left:
@@ -152,7 +152,7 @@ class Discovery:
     def _within(self, walk: FollowedPiece) -> FollowedPiece:
         """Return a walk without the rays that leave interval or bounds where it arrived.
 
-        A transition at an end but for rounding may be met before that end is.
+        A transition that only rounding tells from an end may be met before the end.
         """
         back, *others = walk.arrival.rays
         inside = self._staying(others)
@@ -166,9 +166,9 @@ class Discovery:
         return replace(walk, arrival=arrival)
 
     def _reach(self, walk: FollowedPiece, place: Place, begin: int) -> int:
-        """Return the node at which a walk arrived, and take the ray back from there.
+        """Return the node at which a walk arrived, and remove its ray that leads back.
 
-        A walk that stops so close to its beginning that both seem to be one node is no loop.
+        A walk that stops so close to its beginning that both ends seem one node is no loop.
         """
         rays = walk.arrival.rays
         keys = [RayKey.of(ray, place) for ray in rays]
@@ -190,8 +190,8 @@ class Discovery:
     def _absorb(self, node: int, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> None:
         """Add to a node the rays that only this arrival shows.
 
-        Transitions apart by no more than rounding may be one corner or two special points,
-        depending on where they are reached from; the rays known from either side are joined.
+        Transitions apart by no more than rounding may look like one corner from one side and like
+        two special points from the other; the rays found from both sides are joined.
         """
         both = zip(arrival.rays, keys, strict=True)
         news = [(ray, key) for ray, key in both if self._match(ray, key) is None]
@@ -207,7 +207,7 @@ class Discovery:
     def _match(self, ray: Ray, key: RayKey) -> tuple[int, int] | None:
         """Return the node and ray that ``ray`` is, if it is known.
 
-        At a branch point several rays of one cell leave one place: the best aligned is taken.
+        At a branch point several rays of one cell leave one place: the best aligned one is it.
         """
         best, found = 0.0, None
         candidates = chain.from_iterable(self._by_cell.get(cell, ()) for cell in key.names)
@@ -238,7 +238,7 @@ class Discovery:
         return bool(asked) and all(self._is_known(ray) for ray in asked)
 
     def _is_isolated_twin(self, arrival: SpecialPointFound) -> bool:
-        """Tell whether a solution without rays is a node already."""
+        """Tell whether a solution without rays is already a node."""
         if arrival.rays:
             return False
         (lo, hi), alpha = self._follower.interval, float(arrival.x[-1])
@@ -287,9 +287,9 @@ def _is_near(z: Array, other: Array) -> bool:
 
 
 def _place(arrival: SpecialPointFound) -> Place:
-    """Return where an arrival is, as certain as its least certain ray.
+    """Return the place of an arrival, with the error of its least certain ray.
 
-    It is stored as a solution of the piece that arrived.
+    The place is stored as a solution of the selection of the piece that arrived.
     """
     x = arrival.x
     if not arrival.rays:
@@ -300,7 +300,7 @@ def _place(arrival: SpecialPointFound) -> Place:
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:
-    """Tell whether alpha turns at the point where two halves begin: it is a fold."""
+    """Tell whether alpha turns where two halves of a piece begin: the point is a fold."""
     first, second = (float(np.subtract(*edge.track.alpha[1::-1])) for edge in (forth, back))
     return first * second > 0.0
 

@@ -3,10 +3,11 @@
 Failure modes and answers
 -------------------------
 - Special points come closer and closer for a while, and then no more: no path is stopped for that.
-  That points seem to accumulate is said only of a path that was stopped for another reason.
+  Only the message of a path that was stopped for another reason says that points accumulate.
 - Special points come closer so slowly that they reach any alpha (roots of the whole numbers): the
   differences must shrink fast enough for their sum to be finite, by Raabe's test.
-- Several kinds of special points take turns: every second, third or fourth is looked at, too.
+- Several kinds of special points take turns: the sequences of every second, third and fourth point
+  are tested, too.
 - A path with many equal teeth, each in cells of its own, ends: a path repeats itself only in the
   same cells, shifted by the same vector again and again, at the same alphas.
 - A path that repeats itself for a while may end all the same: a user who sets limits decides.
@@ -27,7 +28,7 @@ from pwscont.graph.place import Place
 REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"
 #: Pieces after which a path is looked at again; odd, so that the ends of a path take turns.
 EVERY = 13
-#: Differences that must fit, and up to how many special points may take turns.
+#: Differences that must fit a convergent sequence, and most kinds of points that may take turns.
 TERMS, MOST_TURNS = 6, 4
 #: How far 1 / (1 - q) may stray from a straight line, q the ratio of successive differences.
 STRAY = 0.25
@@ -41,13 +42,13 @@ SAME_SHIFT = 1e-5
 
 @final
 class Past:
-    """How each special point of a run was reached first."""
+    """The way by which each special point of a run was first reached."""
 
     def __init__(self) -> None:
         self._steps: dict[int, tuple[int, Place, object]] = {}
 
     def add(self, start: int, end: int, place: Place, cells: object) -> None:
-        """Remember that a piece in some cells led from one node to another, which is here."""
+        """Remember that a piece in some cells led from a node to another one, and its place."""
         self._steps.setdefault(end, (start, place, cells))
 
     def _leading_to(self, node: int, most: int) -> list[tuple[Place, object]]:
@@ -81,7 +82,7 @@ def accumulation(alphas: Sequence[float]) -> float | None:
     Parameters
     ----------
     alphas : sequence of float
-        Those of successive special points of a path.
+        The alphas of successive special points of a path.
     """
     for turns in range(1, MOST_TURNS + 1):
         terms = np.array(alphas[::-1][::turns][: TERMS + 1][::-1])

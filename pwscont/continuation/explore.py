@@ -1,4 +1,4 @@
-"""Every component that a search finds."""
+"""The branch graph of every component that a search finds."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def explore(
         Where to look for starts; searches add up with ``+``. The default depends on the size:
         complete where that takes seconds (every transition point of a piecewise-linear system, or
         all solutions at both ends and at some values between), otherwise searches that promise
-        nothing. That of a curved system looks around the given starts as well.
+        nothing. The default search of a curved system looks around the given starts as well.
     stepper, detectors, events, record, parameter, report, journal, limits : optional
         As for :func:`pwscont.trace`.
 
@@ -76,7 +76,7 @@ def explore(
     Raises
     ------
     InvalidInputError, InvalidSystemError, StartNotFoundError
-        As for :func:`pwscont.trace`; of several starts the bad one is named by its place.
+        As for :func:`pwscont.trace`; the message names the bad start by its place.
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
@@ -99,7 +99,7 @@ def explore(
 
 
 def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Found]:
-    """Yield the given starts, corrected, and what a search finds, begun when it is asked."""
+    """Yield the given starts, corrected, then the starts of a search, which begins then."""
     for i, start in enumerate(given):
         yield corrected(plan, start, f"starts[{i}]")
     yield from starts_of(search, plan.followed, plan.metric, plan.interval)

@@ -26,9 +26,9 @@ from pwscont.transitions.detection import (
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
-#: A piece of more steps is lost: at the default step it is thousands of intervals long.
+#: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
-#: A piece is singular where so many of its steps were too long to see what happens within them.
+#: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 
 
@@ -45,9 +45,9 @@ class FollowedPiece:
     is_cut: bool = False
 
     def sharing(self, ray: Ray) -> FollowedPiece:
-        """Return the walk with what ``ray``, its first one, knows of an interface, at its end too.
+        """Return the walk with the interface and the index of its first ray at its end, too.
 
-        Beyond an event a piece goes on along the same interface.
+        The ray back has them, and beyond an event the ray that goes on along the same interface.
         """
         if not ray.interface_cells:
             return self
@@ -106,7 +106,7 @@ class PieceFollower(Follower):
             if isinstance(event, Event):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]
                 return FollowedPiece(np.array(points), self.watch.ended(event.arrive(curve)))
-            if isinstance(event, Failure):  # too long a step to see what happens within it
+            if isinstance(event, Failure):  # the step is too long to tell which event comes first
                 if not isinstance(segment, CurvedSegment):
                     return reached.stopped(str(event))
                 reached.blocked += 1
@@ -122,7 +122,7 @@ class PieceFollower(Follower):
     def _first_event(
         self, segment: Segment, reading: Joined
     ) -> tuple[Event | Failure | None, Joined]:
-        """Return the first event on the segment, and what is read at its end."""
+        """Return the first event on the segment, and the reading at its end."""
         if not isinstance(segment, CurvedSegment):
             return first_on_ray(self.watch, segment, reading), reading
         after = self.watch.read(segment.curve, segment.end)
@@ -131,7 +131,7 @@ class PieceFollower(Follower):
 
 @final
 class _Reached:
-    """How far a walk has come."""
+    """The points of a walk so far, and its last state."""
 
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]

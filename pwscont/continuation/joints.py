@@ -18,7 +18,7 @@ from pwscont.transitions.rays import Ray
 class Node:
     """A special point under discovery.
 
-    Of its rays, those that were followed or arrived on leave nothing but their keys.
+    Of a ray that was followed, or on which a piece arrived, only the key is kept.
     """
 
     kind: Kind | str
@@ -34,7 +34,7 @@ class Node:
         self.keys.extend(keys)
 
     def stop(self, message: str, rays: int = 1) -> None:
-        """Note that rays could not be followed; a degenerate point stays what it is."""
+        """Note that rays could not be followed; a degenerate point keeps its kind."""
         if self.kind != Kind.DEGENERATE:
             self.kind = Kind.STOPPED
         self.lost += rays

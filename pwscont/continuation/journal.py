@@ -1,7 +1,7 @@
-"""The journal of a long run: every finished piece is kept at once, and not computed again.
+"""The journal of a long run: every finished piece is stored at once, and not computed again.
 
-A run is the same sequence of walks each time, and walks are all that takes long. So a run goes on
-where it stopped by being repeated with the walks that the journal knows.
+A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
+walks take long. So an interrupted run is repeated, with its recorded walks read from the journal.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
 checksum over its number and content. A journal without its last records is that of a run that was
@@ -258,7 +258,7 @@ def _agree(values: Sequence[float], others: Sequence[float]) -> bool:
 
 
 def _place(ray: Ray) -> str:
-    """Return what tells rays apart: their cells, place and direction."""
+    """Return a digest of the cells, the place and the direction of a ray."""
     return _digest(*ray.cells, ray.state.x.tobytes(), ray.state.tangent.tobytes())
 
 
@@ -268,7 +268,7 @@ def _digest(*parts: bytes) -> str:
 
 @final
 class Recorded(Follower):
-    """Walks as another follower does, and records it; known walks are not walked again."""
+    """A follower that records the walks of another one, and reads walks already recorded."""
 
     def __init__(self, follower: Follower, journal: Journal) -> None:
         self.interval, self.bounds = follower.interval, follower.bounds

@@ -1,19 +1,20 @@
 """Typical magnitudes of z for a system that gives none, from solutions.
 
-Without ``scale()`` magnitudes of one are tried first. Where the first solutions are of that
-magnitude, or not far from it, nothing else is done.
+Without ``scale()`` magnitudes of one are tried first. Where the first solutions are not far from
+one in magnitude, these are kept.
 
 Failure modes and answers
 -------------------------
-- Steps of differences that fit magnitudes of one step over a function of magnitude 1e-9: what
-  Newton finds then is no solution, and of no magnitude in particular. Magnitudes count only where
-  the solutions that are found with them are of these magnitudes.
-- Unknowns of different magnitudes: each has its own, in a second round.
-- No solution but zero is found: each unknown is changed until H changes by as much as H is off
-  zero; the size of that change tells whether magnitudes of one are far off.
-- An unknown that is zero in all solutions found has no magnitude: that of the largest is taken.
-- A tail that decays along a chain: what is next to nothing beside the largest is not measured by
-  itself.
+- Difference steps that fit unknowns of size one are too long for unknowns of size 1e-9: Newton then
+  finds points that are no solutions, of any size. Magnitudes are accepted only if the solutions
+  found with them have these magnitudes.
+- Unknowns of different magnitudes: a second round gives each unknown its own.
+- No solution but zero is found: each unknown is changed until the change of H equals H itself; the
+  size of that change tells whether magnitudes of one are far off.
+- An unknown that is zero in all solutions found has no magnitude: that of the largest unknown is
+  taken.
+- A solution that decays along a chain of unknowns: an unknown that is tiny beside the largest is
+  not measured by its own size.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ from pwscont.system.system import PiecewiseSystem
 
 #: Magnitudes that differ by less than this factor are alike.
 ALIKE = 100.0
-#: Larger solutions would take more steps than these, smaller ones would lose too many digits.
+#: Larger solutions would take too many steps of size one, smaller ones lose too many digits.
 LARGE, SMALL = 1e3, 1e-6
-#: Jacobians that differ by more than this part do not see the same function.
+#: Jacobians by two step lengths that differ by more than this part: one of them is wrong.
 DIFFERENT = 1e-3
 #: Magnitudes to try where solutions give no hint: from one outwards.
 TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
 ROUNDS = 3
-#: An unknown that is smaller than this part of the largest is a tail.
+#: An unknown smaller than this part of the largest is not measured by its own size.
 TAIL = 1e-30
 
 
-@np.errstate(all="ignore")  # what is tried may be far outside of where H can be computed
+@np.errstate(all="ignore")  # trial points may lie where H cannot be computed
 def magnitudes(
     system: PiecewiseSystem, interval: tuple[float, float], guess: Array
 ) -> Array | None:
@@ -62,7 +63,7 @@ def magnitudes(
     Returns
     -------
     ndarray, shape (n,), or None
-        None also where no others are found.
+        None, too, where no magnitudes fit.
     """
     found = list(_solutions(system, interval, guess))
     if ones_fit(system, interval, found):
@@ -78,7 +79,7 @@ def magnitudes(
 
 
 def _reach(system: PiecewiseSystem, interval: tuple[float, float], guess: Array) -> Array:
-    """Return by how much each unknown must change for H to change as much as it is off."""
+    """Return by how much each unknown must change for H to change as much as H is off zero."""
     off = max(float(np.abs(_residual(system, guess, alpha)).max()) for alpha in interval)
     before = _residual(system, guess, interval[0])
 
@@ -109,7 +110,7 @@ def ones_fit(
 
 
 def _sees(system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, x: Array) -> bool:
-    """Tell whether differences in steps of one and of the sizes found see one function."""
+    """Tell whether difference steps of one give the same Jacobian as steps of the sizes found."""
     finer = system.within(*interval, np.where(sizes > 0.0, sizes, 1.0))
     character = system.character(x[:-1], float(x[-1]))
     J, K = (dense(s.jacobian(x[:-1], float(x[-1]), character)) for s in (system, finer))
@@ -119,7 +120,7 @@ def _sees(system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, 
 def _settled(
     system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, guess: Array
 ) -> Array | None:
-    """Return magnitudes that solutions found with them have, starting with ``sizes``."""
+    """Return magnitudes that the solutions found with them confirm, beginning with ``sizes``."""
     for _ in range(ROUNDS):
         found = list(_solutions(system.within(*interval, sizes), interval, guess))
         new = _sizes(found)

@@ -15,7 +15,7 @@ SAME = EPS**0.5
 
 
 def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, float]) -> bool:
-    """Tell whether a state lies on the piece with these points, as far as it is certain.
+    """Tell whether a state lies on the piece with these points, to within its error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What trace and explore do alike: check the input, choose the parts, follow, assemble."""
+"""The work shared by trace and explore: check input, choose parts, follow, assemble."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper
 def default_detectors(
     stepper: Stepper, interval: tuple[float, float]
 ) -> tuple[TransitionDetector, ...]:
-    """Return what must be watched: straight pieces neither fold nor branch within a cell.
+    """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
 
     Branch points come before folds, for alpha may turn at a branch point.
     """
@@ -112,11 +112,11 @@ class Plan:
         Fitted to the interval, as by :meth:`PiecewiseSystem.within`.
     interval : tuple of float
     reduction : Reduction or None
-        What remains of the system where parts of it provably stay in one mode.
+        The smaller system, where parts of the system provably stay in one mode.
     followed : PiecewiseSystem
         The reduced system, or the system itself.
     metric : Metric
-        That of the followed system.
+        The metric of the followed system.
     box : Box
         The bounds and periods of the unknowns of the followed system.
     stepper : Stepper
@@ -151,7 +151,7 @@ class Plan:
         Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
         system = system.within(*interval, magnitudes)
         box = Box.of(system)
-        # a smaller system does not know its box, nor what detectors see
+        # a reduced system has neither a box nor the states that detectors expect
         free = not (box.is_bounded or box.is_periodic or detectors)
         reduction = reduction_of(system, interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
@@ -164,7 +164,7 @@ class Plan:
         return (*default_detectors(self.stepper, self.interval), *self.added)
 
     def told(self, search: Search) -> dict[str, str]:
-        """Return the parts of the run in words; what is not among them is not done."""
+        """Return the parts of the run in words, all of them."""
         left_out = self.reduction.reasons if self.reduction else ()
         unknowns = f"{self.followed.size} of {self.system.size}"
         return {
@@ -202,7 +202,7 @@ class Plan:
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
         usable = Usable(starts, self.metric, self.box)
-        # trial points may lie far from where H can be computed; what is not finite is refused there
+        # trial points may lie where H cannot be computed; values that are not finite are refused
         with few_threads(self.followed.size), np.errstate(all="ignore"):
             try:
                 self._follow_from(usable, discovery, budget)
@@ -221,7 +221,7 @@ class Plan:
                 return
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a start as the special point that an added detector takes it for."""
+        """Return a start, changed by an added detector for which it is a special point."""
         for detector in self.added:
             arrival = detector.begun(arrival)
         return arrival
@@ -233,7 +233,7 @@ class Plan:
         searched: SearchScope,
         record: Mapping[str, Function] | None,
     ) -> BranchGraph:
-        """Return the graph of what was discovered, held to the promise of uniqueness."""
+        """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
             searched = unique(searched)
         system, interval, reduction = self.system, self.interval, self.reduction
@@ -276,7 +276,7 @@ def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
-    """Return a graph, for callers to whom that of an interrupted run is of no use.
+    """Return a graph, for callers that cannot use the graph of an interrupted run.
 
     Raises
     ------
@@ -289,7 +289,7 @@ def uninterrupted(graph: BranchGraph) -> BranchGraph:
 
 
 def _probes(system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]) -> list[float]:
-    """Return sums of H and of the tests at generic points, which other problems do not share."""
+    """Return sums of H and of the tests at generic points: other problems have other sums."""
     sums = []
     for shift, alpha in enumerate((interval[0], 0.5 * sum(interval), interval[1])):
         z = metric.scale[:-1] * generic(system.size, shift)

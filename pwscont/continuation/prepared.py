@@ -1,4 +1,4 @@
-"""The plan of a run whose system keeps its promises, and whose unknowns are measured."""
+"""The plan of a run, made after its system is checked and its unknowns are measured."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pwscont.system.promises import check_promises
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 
-#: Starts by which the unknowns are measured.
+#: Number of starts that measure the unknowns.
 FIRST = 2
 
 
@@ -54,9 +54,9 @@ def measured(
     ----------
     plan : Plan
     guess : ndarray, shape (n,)
-        Where to look for solutions if the starts are none.
+        Where to look for solutions if there are no starts.
     starts_of : callable
-        Plan -> its starts, sought when they are asked for.
+        Plan -> its starts, computed as they are taken.
     """
     starts = starts_of(plan)
     first: list[Found] = []
@@ -66,7 +66,7 @@ def measured(
         first, starts = _looked_ahead(starts)
         fit = ones_fit(plan.system, plan.interval, first)
         fitting = None if fit else magnitudes(plan.system, plan.interval, guess)
-    except KeyboardInterrupt as why:  # or no budget left: what was found so far is followed
+    except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         return plan, chain(first, _raising(why))
     if fitting is None:
         return plan, chain(first, starts)
@@ -75,7 +75,7 @@ def measured(
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
-    """Return the first starts and the others; if none is found, the others raise why."""
+    """Return the first starts and the others; if no start is found, the others raise the error."""
     try:
         return list(islice(starts, FIRST)), starts
     except StartNotFoundError as error:
@@ -83,6 +83,6 @@ def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]
 
 
 def _raising(error: BaseException) -> Iterator[Found]:
-    """Raise where the next start is asked for."""
+    """Raise when the next start is taken."""
     raise error
     yield

@@ -1,8 +1,8 @@
-"""What is remembered of a ray that was followed: enough to know it again.
+"""Keys of rays: enough to recognise a ray that was followed or arrived on.
 
-A ray is known by its cells, its place and its direction. Directions are compared by the cosine
+A ray is recognised by its cells, its place and its direction. Directions are compared by the cosine
 between them, for which a few projections do as well as all components: the projections of equal
-directions agree, those of directions that differ clearly do not.
+directions agree, those of clearly different directions do not.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pwscont.transitions.rays import Ray
 WHOLE = 64
 #: Projections that are kept of longer directions.
 PROJECTIONS = 16
-#: Longer names of cells are replaced by a digest, in bytes.
+#: Bytes of the digest that replaces a longer name of a cell.
 DIGEST = 20
 #: Places closer than this times their size are one, if the rays there agree as well.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
@@ -64,7 +64,7 @@ class RayKey:
         return cosine if cosine > 0.0 and self._is_where(ray) else 0.0
 
     def _is_where(self, ray: Ray) -> bool:
-        """Tell whether a ray starts here, or no further away than both are uncertain."""
+        """Tell whether a ray starts at this place, to within the errors of both."""
         metric, x = ray.curve.metric, ray.state.x
         apart = metric.difference(self.place.x, x)
         if metric.norm(apart) <= metric.slack(x, JOIN):
@@ -98,16 +98,16 @@ def names(ray: Ray) -> tuple[bytes, ...]:
 @final
 @dataclass(frozen=True, slots=True)
 class FollowedRay:
-    """What is remembered of the ray that a piece followed.
+    """The data of a followed ray that its edge keeps.
 
     Attributes
     ----------
     selection : tuple of Character
-        The frozen character, and for a ray along an interface all that it belongs to.
+        The frozen character, and for a ray along an interface those of all its cells.
     names : tuple of bytes
-        Cells in which it may be met.
+        Names of the cells in which the ray may be met again.
     along_interface : bool
-        Whether it runs along an interface.
+        Whether the ray runs along an interface.
     index, orientation, slope
         Of the ray and its state.
     """

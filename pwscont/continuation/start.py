@@ -60,7 +60,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
     Raises
     ------
     StartNotFoundError
-        If there is none, or it lies outside the bounds.
+        If there is no solution nearby, or it lies outside the bounds.
     """
     z, alpha = start
     found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)

@@ -1,4 +1,4 @@
-"""The component through a start."""
+"""The branch graph of the component through a start."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def trace(
     stepper : Stepper, optional
         Default: exact for a PiecewiseLinearSystem, else PseudoArclength.
     detectors : iterable of TransitionDetector, optional
-        What else is watched along every piece; special points may be of kinds of their own.
+        Detectors beside the default ones; their special points may be of kinds of their own.
     events : mapping of str to callable or Stop, optional
         Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
         with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
@@ -100,5 +100,5 @@ def trace(
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
-    """Yield the solution near the start, sought when it is asked for."""
+    """Yield the solution near the start, computed when it is taken."""
     yield corrected(plan, start)

@@ -1,4 +1,4 @@
-"""A finished piece as text and bytes, and back, bit by bit.
+"""A walk (a followed piece and its arrival) as text and bytes, and back, bit by bit.
 
 All arrays of a walk are rows of n + 1 numbers. Many are the same: the end of the piece is also
 where its rays start, and the rays share the samples of its error. Each row is written once.
@@ -24,14 +24,14 @@ from pwscont.transitions.rays import Ray
 
 
 class Transcript(NamedTuple):
-    """A walk in writing: a JSON object, and rows of doubles."""
+    """A walk as a text, which is a JSON object, and rows of doubles."""
 
     header: str
     rows: bytes
 
 
 def written(walk: FollowedPiece) -> Transcript:
-    """Write a walk down."""
+    """Return the transcript of a walk."""
     rows, arrival = _JournalRows(), walk.arrival
     header = {
         "kind": str(arrival.kind),
@@ -44,7 +44,7 @@ def written(walk: FollowedPiece) -> Transcript:
 
 
 def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
-    """Read a walk; its system and metric are those of the ray that began it."""
+    """Return the walk of a transcript; ``ray``, with which it began, has system and metric."""
     header = json.loads(transcript.header)
     rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
     system, metric = ray.curve.selection.system, ray.curve.metric
@@ -56,7 +56,7 @@ def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
 
 @final
 class _JournalRows:
-    """Rows that were written, each once."""
+    """The different rows of a transcript, each with its number."""
 
     def __init__(self) -> None:
         self.numbers: dict[bytes, int] = {}

@@ -1,4 +1,4 @@
-"""The promise that there is never more than one solution at one alpha, held against a graph."""
+"""The promise that there is at most one solution at every alpha, checked on a graph."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_unique(graph: BranchGraph) -> None:
     Raises
     ------
     InvalidSystemError
-        Naming both.
+        Naming both solutions.
     """
     breaks = graph.breaks()
     for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:

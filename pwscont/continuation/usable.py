@@ -16,7 +16,7 @@ from pwscont.system.box import Box
 
 @final
 class Usable:
-    """Starts within the bounds of which at least one digit is known; the others are counted.
+    """Starts within the bounds, of which at least one digit is certain; the others are counted.
 
     Parameters
     ----------

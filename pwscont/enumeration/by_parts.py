@@ -1,15 +1,15 @@
 """All solutions of one slice, part by part (docs/theory, F13).
 
-Every solution of the parts before it makes a small slice of a part, which is solved like any other.
-What the solution before is uncertain by goes into the slice as an uncertainty of its constants.
+Each solution of the parts before a part makes of that part a small slice, which is solved like any
+other. The error of the solution before enters the slice as an uncertainty of its constants.
 
 Failure modes and answers
 -------------------------
 - A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
   solved at once, as far as there are not too many cells.
-- A solution lies on interfaces of many parts: its cells are all combinations of theirs, made when
-  asked for.
-- What is found part by part is refined in the whole system, and must lie in its closed cell there.
+- A solution lies on interfaces of many parts: its cells are all combinations of the parts' cells,
+  made when they are needed.
+- A solution found part by part is refined in the whole system, and must lie in its closed cell.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from pwscont.enumeration.parts import Part, parts_of
 from pwscont.enumeration.point import Point, Slice
 from pwscont.system.system import Block, SlicewiseLinearSystem
 
-#: Constants that are a smaller part of typical ones are taken for zero.
+#: Constants smaller than this part of typical constants are taken for zero.
 TINY = 1e-150
-#: So many cells of one solution are listed.
+#: Most cells of one solution that are listed.
 MOST_LISTED = 4**6
-#: In parts with more cells not all of them are looked at.
+#: Parts with more cells are not checked for regularity.
 MOST_CELLS = 4**6
 
 
@@ -54,7 +54,7 @@ class Table:
         Gradients by z, shape (m, n), and values at z = 0, shape (m,).
     blocks : tuple of Block
     bounding : list of list of list of int
-        For every mode of every block, which tests bound it.
+        For every mode of every block, the tests that bound it.
     """
 
     rows: list[tuple[Array, Array]]
@@ -64,7 +64,7 @@ class Table:
 
     @classmethod
     def of(cls, system: SlicewiseLinearSystem, alpha: float, dx: Array) -> Table:
-        """Ask a system for everything; that it is affine is held to at ``dx``."""
+        """Evaluate a system at z = 0, and check at ``dx`` that it is affine."""
         zero, blocks = np.zeros(system.size), system.blocks()
         tests = np.array(system.test_functions(zero, alpha), dtype=float)
         gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
@@ -73,7 +73,7 @@ class Table:
         return cls(rows, (gradients, tests), blocks, bounds)
 
     def parts(self) -> list[Part]:
-        """Return the parts of the slice, each after those that it depends on."""
+        """Return the parts of the slice, each after the parts that it depends on."""
         pattern = np.any([matrix != 0.0 for matrix, _ in self.rows], axis=0)
         return parts_of(pattern, self.tests[0] != 0.0, self.blocks)
 
@@ -86,13 +86,13 @@ class Partial:
     Attributes
     ----------
     z : ndarray, shape (n,)
-        Zero where no part has decided yet.
+        Zero for the unknowns of later parts.
     error : ndarray, shape (k, n)
         Samples of its error.
     cells : tuple of sequence of Character
-        For each part the cells of that part in whose closure it lies.
+        For each part the cells of that part in whose closure the solution lies.
     in_doubt : bool
-        Whether rounding leaves open, in some part, in which cells it lies.
+        Whether rounding leaves open, in some part, in which cells the solution lies.
     """
 
     z: Array
@@ -101,10 +101,10 @@ class Partial:
     in_doubt: bool = False
 
     def with_part(self, part: Part, point: Point) -> Partial:
-        """Return the solution with what one more part says."""
+        """Return the solution with the unknowns of one more part."""
         z, error = self.z.copy(), np.zeros((len(point.error), len(self.z)))
         z[part.unknowns] = point.x[:-1]
-        error[-len(self.error) :] = self.error  # the last samples are what was inherited
+        error[-len(self.error) :] = self.error  # the last samples are those of the parts before
         error[:, part.unknowns] = point.error[:, :-1]
         in_doubt = self.in_doubt or bool(point.in_doubt)
         return Partial(z, error, (*self.cells, point.characters), in_doubt)
@@ -153,7 +153,7 @@ class PartSlice(SlicewiseLinearSystem):
         return values
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return their gradients, with a column of zeros for the idle parameter."""
+        """Return the gradients of these tests, with a column of zeros for the idle parameter."""
         rows = self._all_gradients[:, self.unknowns]
         return np.column_stack([rows, np.zeros(len(rows))])
 
@@ -174,7 +174,7 @@ class PartSlice(SlicewiseLinearSystem):
         return [test for bounds, mode in bounding if mode is not None for test in bounds[mode]]
 
     def _modes(self, character: Character) -> list[int | None]:
-        """Return which mode each block is in, None for signs that are none."""
+        """Return the number of the mode of each block, None for signs that are no mode."""
         signs = character.signs
         chosen = (tuple(signs[test] for test in block.tests) for block in self._blocks)
         pairs = zip(self._blocks, chosen, strict=True)
@@ -188,7 +188,7 @@ class PartSlice(SlicewiseLinearSystem):
         return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
     def inherited_error(self, root: Root, character: Character) -> Array:
-        """Return what the error of the parts before makes of a root, shape (k, size + 1)."""
+        """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
         residual = self._before.error @ self._in_cell(character)[0].T
         residual = np.vstack([np.diag(EPS * self._terms), residual])
         return root.factor.solve_all(np.column_stack([residual, np.zeros(len(residual))]))
@@ -214,12 +214,12 @@ class PartSlice(SlicewiseLinearSystem):
 
 @final
 class Cells(Sequence[Character]):
-    """All combinations of the cells of parts, made when asked for.
+    """All combinations of the cells of parts, each made when it is taken.
 
     Parameters
     ----------
     tests : list of tuple of int
-        Which tests of the system those of each part are.
+        For each part, the numbers of its tests in the whole system.
     cells : list of sequence of Character
     size : int
         Number of tests of the system.
@@ -234,7 +234,7 @@ class Cells(Sequence[Character]):
         return min(prod(map(len, self._cells)), sys.maxsize)
 
     def listed(self) -> tuple[Character, ...]:
-        """Return all cells; where they are too many, those unlike the first in one part only."""
+        """Return all cells; if they are too many, those that differ from the first in one part."""
         if len(self) <= MOST_LISTED:
             return tuple(self)
         found, stride = [self[0]], 1
@@ -292,7 +292,7 @@ def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
 
 
 def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
-    """Tell whether every part has a regular matrix in each of its cells, as far as they are few.
+    """Tell whether every part is small, and has a regular matrix in each of its cells.
 
     Then H = 0 with all constants zero has no solution but zero.
     """
@@ -317,7 +317,7 @@ def _is_regular(table: Table, part: Part, scale: Array) -> bool:
 def _in_modes(
     wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]
 ) -> Array:
-    """Return the rows of a cell: of the k-th whole those of the blocks in their k-th mode."""
+    """Return the rows of a cell, those of a block in its k-th mode from the k-th of wholes."""
     chosen = +wholes[0]
     for block, mode in zip(rows, modes, strict=True):
         chosen[list(block)] = wholes[mode][list(block)]

@@ -3,20 +3,20 @@
 At fixed alpha selections and tests are affine in z with coefficients that are doubles, hence
 rational. Each row is made one of integers, and Bareiss's fraction-free elimination (1968) leaves
 integers whose quotients are the solution: no rounding, whatever the condition, and the sign of
-the determinant for nothing. Choices of modes share the elimination of the blocks decided before.
+the determinant as well. Choices of modes share the elimination of the blocks decided before.
 
-Why exact and not refined: refinement with exact residuals ends at the same solution in every cell
-that is not hopeless, but does not tell a singular cell from a nearly singular one, nor on which
-side of an interface a solution lies that is closer to it than rounding.
+Refinement with exact residuals would end at the same solution in nearly every cell, but does not
+tell a singular cell from a nearly singular one, nor on which side of an interface a solution lies
+that is closer to it than rounding.
 
 Failure modes and answers
 -------------------------
-- Cost: the numbers grow by 53 bits and more for each row, and all cells are tried. Beyond
+- Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded: selections that agree on an interface do so to rounding
-  only. A solution that close to an interface may lie in both cells, is then found twice, and merged
-  by its error; or it lies in none: cells that miss their solution by no more than its error are
-  counted as undecided unless the solution was found in another cell.
+  only. A solution that close to an interface may lie in both cells: it is found twice, and merged
+  by its error. Or it lies in neither cell: cells that miss their solution by no more than its
+  error are counted as undecided, unless the solution was found in another cell.
 - Cells with infinitely many solutions: counted, not solved.
 """
 
@@ -37,9 +37,9 @@ from pwscont.system.system import Block, SlicewiseLinearSystem
 
 Row: TypeAlias = list[int]
 
-#: Multiplications of integers, a few seconds of them.
+#: Multiplications of integers that take a few seconds.
 MOST_WORK = 5_000_000
-#: Solutions further outside a cell than this part of the terms of a test are not looked at again.
+#: A solution is far outside its cell if a test is negative by more than this part of its terms.
 FAR = 0.1
 
 
@@ -59,7 +59,7 @@ def _ordered(system: SlicewiseLinearSystem) -> list[Block]:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class ExactSolution:
-    """The solution of one cell, in it or so near that rounding of the equations may be why not.
+    """The solution of the equations of one cell, which lies in the cell or not far outside.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class ExactSolution:
     exactly : tuple of Fraction
         The same, not rounded.
     error : ndarray, shape (n, n)
-        What the rounding of each row contributes to its error, one row each.
+        The error by the rounding of each equation, one row per equation.
     character : Character
     det_sign : int
     is_inside : bool
@@ -86,7 +86,7 @@ class ExactSolution:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Echelon:
-    """Rows eliminated so far, each with the column of its pivot; n columns belong to unknowns."""
+    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'."""
 
     n: int
     rows: tuple[Row, ...] = ()
@@ -112,7 +112,7 @@ class _Echelon:
 
     @property
     def determinant(self) -> int:
-        """That of the rows in their order, with the columns in the order of the pivots."""
+        """The determinant of the rows in order, with the columns in the order of the pivots."""
         return self.rows[-1][self.columns[-1]]
 
     def solved(self, side: int) -> Row:
@@ -154,11 +154,11 @@ class ExactSlice:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all numbers are finite; others are no rational numbers."""
+        """Whether all numbers are finite, and so rational."""
         return all(np.isfinite(rows).all() for rows in (*self._rows, self._tests))
 
     def solutions(self) -> Iterator[ExactSolution]:
-        """Yield the solution of every regular cell that is in it, or nearly so."""
+        """Yield the solution of every regular cell that lies in it, or not far outside."""
         self._integers = [[_integers(row) for row in rows] for rows in self._rows]
         self._integer_tests = [_integers(row) for row in self._tests]
         start = _Echelon(self._n).extended([self._integers[0][i] for i in self._common])

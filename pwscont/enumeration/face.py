@@ -30,9 +30,9 @@ class Face:
     character : Character
     dimension : int
     corners : ndarray, shape (k, n + 1)
-        Its extreme points, as far as they are finite and the dimension is at most three.
+        The finite extreme points; none are listed where the dimension is above three.
     directions : ndarray, shape (n, d)
-        What spans it.
+        Vectors that span the face.
     """
 
     character: Character

@@ -36,7 +36,7 @@ class Option:
     signs : tuple of bool
         Their signs.
     bounding, side : ndarray, shape (t,)
-        The tests among them that bound the cell, and +1 or -1 for their signs.
+        The tests of the block that bound its cell, and +1 or -1 for their signs.
     E, e, G, g : ndarray
         Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
     """
@@ -59,7 +59,7 @@ class Problem:
     Attributes
     ----------
     blocks : list of list of Option
-        Those with the fewest options first.
+        The options of each block; blocks with the fewest options come first.
     A, b : ndarray, shapes (l, d) and (l,)
         Inequalities A y + b >= 0 that every solution satisfies, whatever the options.
     origin, basis : ndarray, shapes (n,) and (n, d)
@@ -84,11 +84,11 @@ class Problem:
         return int(self.basis.shape[1])
 
     def chosen(self, picks: Indices | tuple[int, ...]) -> list[Option]:
-        """Return the options that a choice takes in the first blocks, by their place in each."""
+        """Return the options that a choice picks in the first blocks, one by its place in each."""
         return [options[pick] for options, pick in zip(self.blocks, picks, strict=False)]
 
     def character(self, picks: Indices) -> Character:
-        """Return the character that a choice of one option per block is."""
+        """Return the character of a choice of one option per block."""
         signs = [True] * self.tests
         for option in self.chosen(picks):
             for test, sign in zip(option.tests, option.signs, strict=True):
@@ -133,7 +133,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
 
 
 def aside(scale: Array) -> Array:
-    """Return a generic displacement of z, shape (n + 1,), at which promises are held to."""
+    """Return a generic displacement of z, shape (n + 1,), for testing that H is affine."""
     return np.append(scale * np.abs(generic(len(scale))), 0.0)
 
 
@@ -147,7 +147,7 @@ def affine(
 ) -> tuple[Array, Array]:
     """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last).
 
-    Whether H is affine there is seen at ``dx``.
+    That H is affine there is checked at ``dx``.
     """
     zero = np.zeros(system.size)
     signs = [True] * len(system.test_functions(zero, alpha))
@@ -167,7 +167,7 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     None without solution.
 
     By an orthogonal factorisation in scaled unknowns: the basis is as well conditioned as can
-    be. Rows may depend on each other: a test that vanishes in all modes, as one more equation.
+    be. Rows may depend on each other, as where a test that vanishes is one more equation.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale), 1.0
@@ -217,8 +217,8 @@ def bounding(
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:
     """Return matrix @ basis with rows of length one, and matrix @ origin + vector divided alike.
 
-    A row that is nothing but the rounding of its own terms is zero: what it says does not depend
-    on the reduced unknowns.
+    A row that is nothing but the rounding of its own terms is zero: it does not depend on the
+    reduced unknowns.
     """
     rows, rest = matrix @ basis, vector + matrix @ origin
     terms = np.linalg.norm(np.abs(matrix) @ np.abs(basis), axis=1)

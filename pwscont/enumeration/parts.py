@@ -1,14 +1,14 @@
 """Parts of a system that can be solved one after the other (docs/theory, F13).
 
-Which unknowns stand in which rows, in any mode, is a graph; its strongly connected components, in
-topological order, are the parts: each needs nothing but what the parts before it have decided. A
-search over all modes is then exponential in the largest part only. The rows of a block belong to
-one part, and so do its tests, unless these depend on earlier parts alone.
+The unknowns that stand in each row, in any mode, make a directed graph. Its strongly connected
+components, in topological order, are the parts: each depends on the parts before it only. A search
+over all modes is then exponential in the largest part only. The rows of a block belong to one part,
+and so do its tests, unless these depend on earlier parts alone.
 
 Failure modes and answers
 -------------------------
-- An entry that vanishes by chance where it is looked at, and not elsewhere: entries are those of
-  all modes, and a cell is cut off only by inequalities that its part really decides.
+- An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if it is not
+  zero in any mode, and a cell is cut off only by inequalities that its part really decides.
 - Rows and unknowns that cannot be paired, as in a system that is singular by its structure, and
   blocks without rows: there is one part only.
 """
@@ -49,7 +49,7 @@ class Part:
 
 
 def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[Part]:
-    """Return the parts of a system, each after those that it depends on.
+    """Return the parts of a system, each after the parts that it depends on.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[
 
 
 def _in_order(needs: Pattern, label: Indices) -> list[int]:
-    """Return the numbers of the components, each after those that it needs."""
+    """Return the numbers of the components, each after the components that it needs."""
     before: dict[int, set[int]] = {int(number): set() for number in np.unique(label)}
     for row, needed in np.argwhere(needs):
         if label[row] != label[needed]:

@@ -1,4 +1,4 @@
-"""What a slice of a system is solved by: points, and faces of infinitely many."""
+"""The solutions of a slice of a system: points, and faces of infinitely many solutions."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Point:
     error : ndarray, shape (k, n + 1)
         Samples of its error.
     characters : sequence of Character
-        The cells in whose closure it lies; one unless it lies on an interface.
+        The cells in whose closure the point lies; one unless it lies on an interface.
     det_sign : int
-        Sign of det(dH/dz) in the first of them.
+        Sign of det(dH/dz) in the first of these cells.
     known_signs : tuple of int
-        The signs in all of them, where they are known; else empty.
+        The signs in all of these cells, where they are known; else empty.
     in_doubt : bool or None
-        Whether rounding leaves open in which cells it lies; None where its tests have to tell.
+        Whether rounding leaves open in which cells the point lies; None if not yet tested.
     """
 
     x: Array
@@ -50,7 +50,7 @@ class Slice:
     points : tuple of Point
     faces : tuple of Face
     undecided : int
-        Cells of which rounding leaves open whether they hold a solution.
+        Number of cells that may or may not hold a solution, because of rounding.
     exact : bool
         Whether the points were found in exact arithmetic.
     """

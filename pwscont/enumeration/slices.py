@@ -5,8 +5,8 @@ Failure modes and answers
 - Two solutions 1e-12 apart next to a fold, or none just beyond it: every candidate is refined
   on the full system, and accepted by the signs of its tests to within the rounding of their
   own terms, not by a fixed tolerance.
-- One solution found in several cells, on whose common boundary it lies: counted once, and its
-  cells are kept. At an apex these are 4^p; they are told from the signs of the tests there.
+- One solution found in several cells, on whose common boundary it lies: it is counted once, with
+  all its cells. At an apex there are 4^p; the signs of the tests at the solution name them.
 - A cell with infinitely many solutions: a face, with its dimension and its corners.
 """
 
@@ -39,7 +39,7 @@ from pwscont.linear.factorise import last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
-#: Up to this many cells all are tried, whatever depends on what.
+#: Up to this many cells, all are tried at once, without splitting the system into parts.
 FEW_CELLS = 64
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
@@ -75,7 +75,7 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
 
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
-    """Return in how many cells a slice is solved: of independent parts the sum, not the product."""
+    """Return how many cells of a slice are solved: the sum over parts, not the product."""
     blocks = system.blocks()
     parts = Table.of(system, alpha, aside(metric.scale[:-1])).parts()
     return sum(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
@@ -122,7 +122,7 @@ def _whole(
 
 
 def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution is on an interface, but for rounding, and in one cell only."""
+    """Tell whether a solution lies within rounding of an interface, but in one cell only."""
     if len(point.characters) > 1:
         return False
     if point.in_doubt is not None:
@@ -139,7 +139,7 @@ def _tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> t
 
 
 def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array | float:
-    """Return what some tests of a part may be off because of the parts before it."""
+    """Return the error of some tests of a part by the errors of the parts before it."""
     if not isinstance(system, PartSlice):
         return 0.0
     return CONFIDENCE * system.inherited_slack()[which]
@@ -148,8 +148,7 @@ def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array |
 def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
     """Return all isolated solutions by trying every cell in exact arithmetic.
 
-    None where that takes too long, or the system's numbers are not finite. What is infinitely many
-    is left out.
+    None where that takes too long, or the system's numbers are not finite. Faces are left out.
     """
     if not is_affordable(system):
         return None
@@ -175,8 +174,8 @@ def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
     """Tell whether two points of exact cells are one.
 
-    Equal points are. Points that only their errors do not tell apart are one where the signs agree:
-    by F1 the curve crosses the interface between their cells. Where the signs differ the curve
+    Equal points are one. Points that differ by no more than their errors are one if their signs
+    agree: by F1 the curve crosses the interface between their cells. If the signs differ, the curve
     turns back at the interface, and there are two points.
     """
     if np.array_equal(a.x, b.x):
@@ -191,7 +190,7 @@ def _is_undecided(
     point: Point,
     points: Sequence[Point],
 ) -> bool:
-    """Tell whether a solution is outside its cell by no more than its error, and in no other."""
+    """Tell whether a solution is outside its cell by no more than its error, in no other cell."""
     if one.is_inside:
         return False
     selection = Selection(system, one.character)
@@ -219,8 +218,8 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 class _Points:
     """The isolated solutions found so far, each with the choices whose cells share it.
 
-    A solution in the closure of another cell solves that cell's equations as well, which have
-    one solution only: such a choice need not be solved for.
+    A solution in the closure of another cell also solves that cell's equations, which have one
+    solution only: the choice of that cell need not be solved.
     """
 
     def __init__(
@@ -318,7 +317,7 @@ class _Known:
 
 @final
 class _Cells(Sequence[Character]):
-    """The characters of some choices, made when asked for: an apex has 4^p of them."""
+    """The characters of some choices, each made when it is taken: an apex has 4^p of them."""
 
     def __init__(self, problem: Problem, picks: Indices) -> None:
         self._problem, self._picks = problem, picks

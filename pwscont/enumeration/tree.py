@@ -10,13 +10,13 @@ Failure modes and answers
 - A solution on the very boundary of a cell must not be cut off: the linear programs and the
   first look at a batch are relaxed by SLACK, far above rounding; the exact decision is the
   caller's, from a refined solution.
-- Ill-conditioned equations, whose solution is off by far more: by how much rounding may have grown
-  is carried along, and nothing is cut off for less.
+- Ill-conditioned equations, whose solution is off by far more: the growth of rounding is carried
+  along with each choice, and the slack grows with it.
 - Equations that depend on those decided before: found by the factorisation of each block's own
   equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
   batch. A cell without a unique point is handed on as a subspace, not solved.
-- Blocks with one option, of which there may be many: they come first, so that what follows
-  from them is worked out once and the batches have only the few unknowns left.
+- Blocks with one option, of which there may be many: they come first, so that their equations are
+  eliminated once and the batches have only the few unknowns left.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option, Problem
 
-#: Relative slack of everything that only cuts off: HiGHS itself works to 1e-7.
+#: Relative slack of inequalities by which choices are cut off: HiGHS itself works to 1e-7.
 SLACK = 1e-5
 #: Choices decided in one batch: a larger one gains little, cuts off less and costs memory.
 BATCH = 4**7
@@ -54,7 +54,7 @@ class Choices:
         Which option of each block every choice takes.
     starts : ndarray, shape (N, d)
     directions : ndarray, shape (N, d, q)
-        q is the same for all; 0 where all blocks are decided, but in singular cells.
+        q is the same for all; 0 once all blocks are decided, except in singular cells.
     growth : ndarray, shape (N,)
         By how much rounding may have grown in the starts: the worst condition of the equations of
         a block on the subspace left to it. (The product over all blocks bounds it, but by so much
@@ -130,12 +130,12 @@ def _impose(space: _Subspace, option: Option) -> _Subspace | None:
 
 
 def _slack(growth: Any) -> Any:
-    """Return the relative slack of what only cuts off: more where rounding may have grown."""
+    """Return the relative slack of inequalities: more where rounding may have grown."""
     return SLACK + GUARD * EPS * growth
 
 
 def _negligible(matrix: Array) -> float:
-    """Return the rounding of unit rows in an orthonormal basis, shape (..., k, q)."""
+    """Return the size below which entries of unit rows, shape (..., k, q), are rounding."""
     return 8.0 * EPS * float(max(matrix.shape[-2:]))
 
 

@@ -20,7 +20,7 @@ class Balance(Queries):
     def balance(self, alpha: float) -> int:
         """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
 
-        Where solutions stay bounded it is the same at every regular alpha; if it is not, a
+        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
         branch is missing. The converse does not hold: a missed pair cancels.
         """
         self._inside(alpha)
@@ -35,21 +35,21 @@ class Balance(Queries):
     def balance_values(self) -> list[int]:
         """Return the different values of the balance, ascending; one where nothing is missing.
 
-        Only stretches of alpha count that can be judged: one that is no longer than the
-        uncertainty of the special points around it may be there or not, and in either order.
+        A stretch of alpha that is no longer than the uncertainty of the special points around it
+        does not count: it may not exist, and its ends may be in the other order.
         """
         return sorted({value for value, _ in self._judged()})
 
     def _judged(self) -> list[tuple[int, tuple[float, float]]]:
         """Return balance and ends of the stretches that are longer than their ends are uncertain.
 
-        Where all of them are shorter there is nothing else to go by than all of them.
+        If there is no such stretch, return all of them.
         """
         everything = list(zip(self.balances(), pairwise(self.breaks()), strict=True))
         return [row for row in everything if not self._is_blurred(*row[1])] or everything
 
     def _is_blurred(self, lo: float, hi: float) -> bool:
-        """Tell whether the special points around a stretch may as well lie within it."""
+        """Tell whether the errors of the special points around a stretch overlap within it."""
         left = self._alphas < 0.5 * (lo + hi)
         blur = CONFIDENCE * self._alpha_errors
         first = (self._alphas + blur)[left].max(initial=lo)
@@ -67,8 +67,8 @@ class Balance(Queries):
     def unbalanced(self) -> list[tuple[float, float]]:
         """Return the stretches in which the balance is not what it must be.
 
-        Without a known degree, those that differ from the most frequent value, when the branches
-        that end on purpose are left out.
+        Without a known degree: the stretches whose balance differs from the most frequent one, each
+        without the signs of branches that end on purpose.
         """
         judged = self._judged()
         degree = self.system.degree if self.system else None
@@ -91,5 +91,5 @@ class Balance(Queries):
 
 
 def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
-    """Return by how much some ends change the balance between lo and a stretch."""
+    """Return by how much the ends to the left of a stretch change the balance."""
     return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))

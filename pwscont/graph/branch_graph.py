@@ -1,4 +1,4 @@
-"""The branch graph: smooth pieces joined at special points, and what can be asked of it."""
+"""The branch graph: smooth pieces joined at special points, and its queries."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class BranchGraph(Balance):
     pieces : iterable of Piece
     interval : tuple of float
     starts : iterable of SpecialPoint
-        Where tracing began within a piece.
+        Points within pieces at which tracing began.
     system : PiecewiseSystem, optional
         Needed to answer to full accuracy between the points of a curved piece.
     parameter : str
@@ -117,7 +117,7 @@ class BranchGraph(Balance):
         )
 
     def _names_to_keep(self) -> tuple[str, ...] | None:
-        """Return the names for a file; one with numbers is better than none for a wrong name."""
+        """Return the names for a file, None for names that do not fit: the numbers are kept."""
         try:
             return self.names if self.quantities.is_named and self._points else None
         except InvalidSystemError:
@@ -208,7 +208,7 @@ class BranchGraph(Balance):
 def _check_system(
     path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
 ) -> None:
-    """Refuse a system with other numbers of unknowns or tests than those of a file."""
+    """Refuse a system that has another number of unknowns or tests than the graph of a file."""
     unknowns, name = len(point.z), type(system).__name__
     if unknowns != system.size:
         raise InvalidInputError(

@@ -5,7 +5,7 @@ Failure modes and answers
 - GraphML and the like know numbers and texts only: states and characters are written as texts.
 - A recorded quantity fails at some point: a data frame is refused with what happened, the networkx
   graph has no such attribute there, and neither changes the branch graph.
-- An unknown has the name of another column: it is called by its number.
+- An unknown has the name of another column: its column is called ``z[i]``.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
 def magnitudes(graph: Structure) -> Array:
     """Return the largest magnitude of each unknown, 1 where it is zero, and the interval's length.
 
-    They are those of the graph, not of its system, so that a graph read from a file measures the
-    same.
+    They are taken from the graph, not from its system, so that lengths are the same for a graph
+    that was read from a file.
     """
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
@@ -142,7 +142,7 @@ def _states(graph: Structure, pandas: Any, states: Array) -> Any:
 
 
 def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
-    """Return tables side by side; those of records are made here, without values as well."""
+    """Return tables side by side; a pair (rows, columns) becomes a table of floats first."""
     tables = [
         pandas.DataFrame(part[0], columns=part[1], dtype=float) if isinstance(part, tuple) else part
         for part in parts

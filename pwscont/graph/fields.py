@@ -12,13 +12,13 @@ from pwscont.basics.arrays import Array
 
 
 class DamagedError(Exception):
-    """Something in a file is not what it must be; the message says what."""
+    """An entry of a file is missing or of the wrong type; the message names it."""
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object, and what messages call it.
+    """A JSON object, and its name in messages.
 
     All methods raise :class:`DamagedError` where an entry is missing or of another type.
 
@@ -27,7 +27,7 @@ class Fields:
     name : str
         Such as ``"node 3"``.
     data : object
-        What was read; refused if it is no JSON object.
+        The value read from the file; refused if it is no JSON object.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Fields:
             raise DamagedError(f"{self.name} is no JSON object")
 
     def has(self, key: str) -> bool:
-        """Tell whether there is an entry, for those that older files lack."""
+        """Tell whether there is an entry, for entries that older files lack."""
         return key in self.data
 
     def entry(self, key: str) -> Any:
@@ -96,7 +96,7 @@ class Fields:
         return np.array(values, dtype=float)
 
     def objects(self, key: str) -> list[Fields]:
-        """Return a list of JSON objects, called by their place in it."""
+        """Return a list of JSON objects, named by their place in the list."""
         return [Fields(f"entry {i} of {key}", item) for i, item in enumerate(self.items(key))]
 
     def _unfit(self, key: str, what: str) -> DamagedError:

@@ -1,6 +1,6 @@
-"""Where branches begin or end within the interval, by which the sum of signs may change.
+"""Ends of branches within the interval: there the sum of signs may change.
 
-A vertical piece joins ends at one alpha: they are one end.
+The ends that a vertical piece joins count as one.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from pwscont.basics.kind import Kind
 from pwscont.graph.records import SpecialPoint
 from pwscont.graph.structure import Structure
 
-#: Kinds of points at which a branch may end because the system says so.
+#: Kinds of points at which a branch may end because the system or the user ends it.
 ON_PURPOSE = ("end", "event")
 
 
 def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
-    """Return the points within the interval by which the sum of signs jumps, and how much."""
+    """Return the points within the interval at which the sum of signs jumps, and the jumps."""
     jumps, found = _jumps(graph), {}
     for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
         points = [graph.point(node) for node in nodes]
@@ -30,7 +30,7 @@ def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
 
 
 def _jumps(graph: Structure) -> dict[int, int]:
-    """Return by how much the pieces at each node change the sum of signs from left to right."""
+    """Return by how much the sum of signs grows from left to right at each node."""
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
         first, last = piece.track.start.alpha, piece.track.end.alpha
@@ -41,18 +41,18 @@ def _jumps(graph: Structure) -> dict[int, int]:
 
 
 def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield nodes, those at the ends of one vertical piece together."""
+    """Yield sets of nodes: those joined by vertical pieces together, the others alone."""
     joined = nx.Graph((piece.start, piece.end) for piece in graph.verticals)
     joined.add_nodes_from(nodes)
     yield from nx.connected_components(joined)
 
 
 def _suspicion(point: SpecialPoint) -> int:
-    """Sort the points at which pieces end before those where they go on."""
+    """Return a key that sorts points: ends on purpose, then stops, then the others."""
     order = (*ON_PURPOSE, Kind.STOPPED)
     return order.index(point.kind) if point.kind in order else len(order)
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a branch ends at a point because the system says so."""
+    """Tell whether a branch ends at a point because the system or the user ends it."""
     return point.kind in ON_PURPOSE and len(graph.pieces_at(point.id)) == 1

@@ -1,4 +1,4 @@
-"""Places of a system that knows which unknowns determine the others.
+"""Places of points, stored with the essential unknowns only (see ``Compact``).
 
 The mode of a contact node fixes two of its four unknowns. Only the other two are stored.
 """

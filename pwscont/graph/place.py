@@ -1,4 +1,4 @@
-"""Where special points are, stored so that thousands of them are cheap.
+"""Places of special points, stored so that thousands of them are cheap.
 
 A piece begins and ends at special points, and shares their places. Only the first digits of an
 estimate of an error mean anything, and only these are kept.

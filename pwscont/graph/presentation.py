@@ -11,7 +11,7 @@ from pwscont.graph.balance import Balance
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
 from pwscont.graph.verdict import verdict
 
-#: Recorded quantities of a state, in place of one that fails what happened.
+#: The recorded quantities of a state by name; a text says why one failed.
 Attempt = Mapping[str, float | str]
 
 
@@ -55,9 +55,9 @@ def as_dict(graph: Balance) -> dict[str, Any]:
     ``parameter`` has the name of alpha, and its interval. The ``name`` of a node is that of an
     event, empty for other kinds.
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
-    numbers at single values of alpha where they differ, None for infinitely many. ``names`` are
-    those of the components of every state. What is ``recorded`` is None where it failed, and
-    ``not_recorded`` then says why.
+    single values of alpha with another number of solutions, None for infinitely many. ``names``
+    are those of the components of every state. A ``recorded`` quantity is None where it failed,
+    and ``not_recorded`` then says why.
     """
     sums, rows = graph.balance_values(), graph.multiplicity()
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}

@@ -1,4 +1,4 @@
-"""How many solutions there are at a value of alpha, and which."""
+"""Queries for the solutions at a value of alpha, and for their number."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pwscont.graph.structure import Structure
 
 
 class Queries(Structure):
-    """What can be asked of a branch graph; see :class:`pwscont.BranchGraph`."""
+    """The queries of a branch graph; see :class:`pwscont.BranchGraph`."""
 
     def count(self, alpha: float) -> int | float:
         """Return the number of solutions at ``alpha``; infinite on a vertical piece.
@@ -68,7 +68,7 @@ class Queries(Structure):
         )
 
     def _isolated(self, point: SpecialPoint) -> Solution:
-        """Return a solution from which no piece leaves; its cell is that of the point itself."""
+        """Return a solution from which no piece leaves, in the cell of the point itself."""
         character, label = Character(()), "unknown"
         if self.system is not None:
             character = self.system.character(point.z, point.alpha)
@@ -109,9 +109,9 @@ class Queries(Structure):
         return sorted([*stretches, *single])
 
     def _index(self, node: int) -> int:
-        """Return the index of the solution at a node: the sum of the signs to its right.
+        """Return the index of the solution at a node: the sum of the signs of pieces to its right.
 
-        At the right end of the interval, of those to its left; both sums agree elsewhere.
+        At the right end of the interval the pieces to its left count; elsewhere both sums agree.
         """
         alpha, pieces = self.point(node).alpha, self.pieces_at(node)
         right = [p for p in pieces if not p.is_vertical and self.same(p.interval[0], alpha)]

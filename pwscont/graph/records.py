@@ -1,4 +1,4 @@
-"""What a branch graph is made of and what it answers with."""
+"""The records of a branch graph: special points, pieces, solutions and stretches."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _value_of(state: SpecialPoint | Solution, name: str) -> float:
     Raises
     ------
     UnknownNameError
-        If there is none of this name; it names close ones.
+        If there is no such name; the message names close ones.
     InvalidInputError
         If the function of a recorded quantity fails, or returns no finite float.
     """
@@ -50,10 +50,10 @@ class SpecialPoint:
     Attributes
     ----------
     id : int
-        The node in ``graph.nx``; -1 for a start in the middle of a piece, which is no node.
+        The id of the node in ``graph.nx``; -1 for a start within a piece, which is no node.
     kind : str
         A :class:`~pwscont.basics.kind.Kind`, equal to its plain word, such as ``"transition"``
-        or ``"nonsmooth fold"``; the word of a detector that has kinds of its own.
+        or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimate of its error.
     passed : callable
@@ -65,7 +65,7 @@ class SpecialPoint:
     lost : int
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
-        What it can be asked for by name.
+        The unknowns and recorded quantities by name.
     """
 
     id: int
@@ -191,8 +191,8 @@ class Piece:
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
         Sign of det(dH/dz) inside the piece, 0 where it is vertical. Along interfaces the index:
-        the sum of the signs of the solutions that a small change of H makes of it, so 0 where two
-        coincide.
+        the sum of the signs of the solutions into which a small change of H splits it, so 0 where
+        two solutions of opposite signs coincide.
     """
 
     id: int
@@ -267,16 +267,16 @@ class Solution:
     det_sign : int
         Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
     piece : int
-        The id of the piece that it lies on (at a node: of one of them); -1 where there is no
+        The id of the piece that the solution lies on (at a node: of one of several); -1 without a
         graph.
     kind : str or None
-        The kind of special point that it is, such as a fold; None inside a piece.
+        The kind of special point, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
         Estimate of the error of (z, alpha) from rounding and conditioning.
     digits : float
-        Number of significant decimal digits, by that estimate.
+        Number of significant decimal digits, by the estimate of the error.
     quantities : Quantities
-        What it can be asked for by name.
+        The unknowns and recorded quantities by name.
     """
 
     z: Array
@@ -305,7 +305,7 @@ class Solution:
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
-    """Return all recorded quantities of a state, in place of one that fails what happened."""
+    """Return all recorded quantities of a state; for one that fails, a text that says why."""
     if not state.quantities.record:  # the state itself may have to be computed
         return {}
     return state.quantities.attempted(state.z, state.alpha)

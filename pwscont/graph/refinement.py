@@ -40,7 +40,7 @@ def refine(
     interval : tuple of float
         The interval of the graph, for the metric.
     quantities : Quantities
-        What the solution can be asked for by name.
+        The unknowns and recorded quantities by name.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def solve_between(
 
 
 def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield the directions of the curve at two points, then what may serve where one is wrong.
+    """Yield pairs of directions of the curve at two points, the second and later ones as guesses.
 
-    Where two curves cross the Jacobian knows no direction: there it is that of the parabola which
-    the other point and its direction give, or of the chord.
+    At a point where two curves cross the Jacobian gives no direction. The guesses for it are that
+    of the parabola through both points with the other point's direction, and that of the chord.
     """
     chord = curve.metric.normalised(b - a)
     if isinstance(curve.selection.system, PiecewiseLinearSystem):
@@ -111,7 +111,7 @@ def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
 
 
 def _unrefined(segment: CurvedSegment, s: float, alpha: float) -> tuple[Array, Array]:
-    """Return the point of a chord, as uncertain as the chord is long."""
+    """Return the point of the cubic at this alpha, with an error as large as the chord."""
     x = segment.near(s)
     x[-1] = alpha
     return x, np.abs(segment.end.x - segment.start.x)

@@ -40,7 +40,7 @@ VERSION = 1
 @final
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a file holds; ``names`` are those of the unknowns, None where there are none."""
+    """The content of a file; ``names`` are those of the unknowns, None for default names."""
 
     points: Sequence[SpecialPoint]
     pieces: Sequence[Piece]
@@ -103,7 +103,7 @@ def _stack(rows: list[Any]) -> Any:
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
-    """Return what there is to a special point; in place of a value that fails, why."""
+    """Return the header of a special point; for a recorded value that fails, a text says why."""
     return {
         "id": point.id,
         "kind": str(point.kind),
@@ -178,7 +178,7 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
 
 
 def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:
-    """Return the names of the unknowns, which files had none of at first."""
+    """Return the names of the unknowns, which old files lack."""
     if not header.has("names"):
         return None
     names = header.items("names", rows.unknowns)
@@ -243,7 +243,7 @@ def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoi
 
 
 def _recorded(header: Fields) -> dict[str, Kept]:
-    """Return the recorded values of a special point, which files had none of at first."""
+    """Return the recorded values of a special point, which old files lack."""
     if not header.has("recorded"):
         return {}
     values = Fields(f"recorded of {header.name}", header.entry("recorded"))
@@ -251,7 +251,7 @@ def _recorded(header: Fields) -> dict[str, Kept]:
 
 
 def _kind(header: Fields) -> str:
-    """Return a kind of ours, or the word of a detector that has kinds of its own."""
+    """Return a ``Kind``, or the word of a user's own detector."""
     word = header.text("kind")
     if not word:
         raise DamagedError(f"kind of {header.name} must not be empty")
@@ -320,7 +320,7 @@ def _check_references(
 def _check_places(
     points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
 ) -> None:
-    """Refuse what lies outside the interval, and characters of different systems."""
+    """Refuse points outside the interval, and characters of different lengths."""
     slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
     lo, hi = interval[0] - slack, interval[1] + slack
     for point in points:

@@ -1,4 +1,4 @@
-"""Pieces and the special points that they join: what a branch graph is made of."""
+"""The structure of a branch graph: pieces, and the special points that they join."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.system.system import PiecewiseSystem
 
-#: A word that is so much like that of a kind is a misspelt one.
+#: A word as similar as this to the word of a kind is a misspelt one.
 MISSPELT = 0.7
 NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
 
@@ -47,7 +47,7 @@ class Structure:
         self.system = system
         self.parameter = parameter
         given, within = list(points), list(starts)
-        #: What its states can be asked for by name.
+        #: The unknowns and recorded quantities of its states, by name.
         self.quantities = _quantities([*given, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
         self._nodes = {point.id: _asked(point, self.quantities) for point in given}
@@ -84,12 +84,12 @@ class Structure:
         ----------
         kind : str, optional
             A value of :class:`~pwscont.basics.kind.Kind`, such as "nonsmooth fold", or a kind
-            of one's own detector, of which there may be none.
+            of a user's own detector, of which there may be no point.
 
         Raises
         ------
         InvalidInputError
-            If it is no text, or nearly one of the kinds that are known.
+            If the kind is no text, or a misspelt one.
         """
         everything = [*self._points, *self.starts]
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
@@ -181,7 +181,7 @@ def _quantities(
     record: Mapping[str, Function] | None,
     names: Sequence[str] | None,
 ) -> Quantities:
-    """Return what a graph can be asked for by name; names come from its points if need be."""
+    """Return the quantities of a graph; without a system the names come from its points."""
     naming: Naming = names if names is not None or system is None else system.names
     if naming is None:
         naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
@@ -192,7 +192,7 @@ def _quantities(
 
 
 def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
-    """Return a point that can be asked by name; what it knows already, it keeps."""
+    """Return a point with the quantities of the graph; values read from a file are kept."""
     kept = point.quantities.record
     if kept:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
@@ -200,7 +200,7 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
 
 
 def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
-    """Refuse a kind that is a misspelt one; any other may be that of a detector of one's own."""
+    """Refuse a misspelt kind; any other word may be the kind of a user's own detector."""
     near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
     if near or not isinstance(kind, str) or not kind:
         hint = f"; did you mean {' or '.join(near)}?" if near else ""

@@ -1,12 +1,12 @@
-"""What is known about the completeness of a graph, in words: what, and where.
+"""The verdict on the completeness of a graph, in words: what is in the way, and where.
 
-The sum of signs can change only where a piece ends that does not go on (docs/theory, F4). So where
-the sum is not what it must be, the ends around that stretch tell why: a piece was stopped, or the
-model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
+The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
+where the sum is wrong on a stretch of alpha, the ends around it tell why: a piece was stopped, or
+the model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
 
 Failure modes and answers
 -------------------------
-- A branch that the system itself ends takes its sign along: the sums on both sides of such an end
+- A branch that ends on purpose takes its sign out of the sum: the sums on both sides of such an end
   are compared without that sign.
 - A solution that stands twice is told from two that are close by their errors.
 """
@@ -31,7 +31,7 @@ from pwscont.graph.records import Solution, SpecialPoint
 TOO_FEW_DIGITS = 2.0
 #: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
-#: More places of one kind are counted, not listed.
+#: Most places of one kind that are listed; more are counted.
 MOST_PLACES = 3
 WORDS = {
     Guarantee.NOTHING: "balanced",
@@ -57,11 +57,11 @@ def verdict(graph: Balance) -> str:
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
 
-# -- why the sum is not what it must be ----------------------------------------------------------
+# -- why the sum of signs is wrong ----------------------------------------------------------------
 
 
 def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
-    """Yield what is wrong in some stretches of alpha, each kind of cause once."""
+    """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
     on_purpose = [point for point in ends if is_on_purpose(graph, point)]
@@ -93,7 +93,7 @@ def _listed(gaps: Iterable[Gap]) -> str:
 
 
 def _stands_twice(graph: Balance, gap: Gap) -> bool:
-    """Tell whether two solutions in the middle of a stretch are one, as far as is certain."""
+    """Tell whether two solutions in the middle of a stretch agree within their errors."""
     try:
         found = graph.solutions(0.5 * (gap[0] + gap[1]))
     except PwscontError:  # the graph was loaded without its system, or is damaged here
@@ -107,7 +107,7 @@ def _is_one(a: Solution, b: Solution) -> bool:
     return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
 
 
-# -- what leaves doubt, and where ----------------------------------------------------------------
+# -- doubts, and where they arise ----------------------------------------------------------------
 
 
 def _doubts(graph: Balance) -> Iterator[str]:
@@ -130,7 +130,7 @@ def _leaves_its_alpha(graph: Balance, point: SpecialPoint) -> bool:
 
 
 def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
-    """Yield where pieces were stopped, and why; where the model ends they could not go on."""
+    """Yield where pieces were stopped, and why: in the numbers, or at the end of the model."""
     groups: dict[str, list[SpecialPoint]] = {}
     for point in points:
         groups.setdefault(_what_happened(graph, point), []).append(point)
@@ -139,7 +139,7 @@ def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
 
 
 def _what_happened(graph: Balance, point: SpecialPoint) -> str:
-    """Tell a piece that was stopped from one beyond which H is not defined, or degenerates."""
+    """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
@@ -151,7 +151,7 @@ def _what_happened(graph: Balance, point: SpecialPoint) -> str:
 
 
 def _reason(point: SpecialPoint) -> str:
-    """Return why a piece was stopped, without the advice, and where kinks accumulate."""
+    """Return why a piece was stopped, without the advice, and where special points accumulate."""
     known = [trouble.value for trouble in FailureReason if trouble.value in point.message]
     words = (known or point.message.split("; ")[-1:])[0]
     near = _accumulation(point)
@@ -160,7 +160,7 @@ def _reason(point: SpecialPoint) -> str:
 
 
 def _accumulation(point: SpecialPoint) -> str:
-    """Return what the message says of kinks that accumulate."""
+    """Return the part of the message about special points that accumulate."""
     _, what, limit = point.message.partition(ACCUMULATE)
     return f"{what}{limit.split(';')[0]}"
 
@@ -171,7 +171,7 @@ def _places(
     points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
-    """Yield what is the matter with some points, and where; those with one reason in one line."""
+    """Yield a line for each reason, with the places of the points that share the reason."""
     alphas: dict[str, dict[str, None]] = {}
     for point in points:
         alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None

@@ -1,4 +1,4 @@
-"""What the command line asks of a scene, and of what it answers."""
+"""The base classes of scenes and of their answers, as the command line uses them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Answer(ABC):
 
     @abstractmethod
     def as_text(self) -> str:
-        """Return what a user reads."""
+        """Return the text that a user reads."""
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
@@ -43,14 +43,14 @@ class Runnable(ABC):
     ----------
     name, title : str
     parameter : str
-        What the progress line calls the parameter.
+        The name of the parameter in the line of progress.
     """
 
     name: str
     title: str
     parameter: str
 
-    #: Whether an interrupted run can go on: then there is with_journal.
+    #: Whether an interrupted run can go on; such a scene overrides with_journal.
     resumable: ClassVar[bool] = False
     #: Whether its pictures show a body, with displacements.
     has_body: ClassVar[bool] = False
@@ -77,7 +77,7 @@ class Runnable(ABC):
         raise InvalidInputError(f"--panels: scene {self.name} draws no quantity over a parameter")
 
     def curve(self) -> Runnable | None:
-        """Return the scene with one parameter that runs, built; None where there is none."""
+        """Return the scene with one parameter that runs, built; None for other scenes."""
         return None
 
     @abstractmethod
@@ -87,7 +87,7 @@ class Runnable(ABC):
         Parameters
         ----------
         wanted : sequence of float or None
-            What the user asked for; None for the scene's own choice.
+            The values that the user asked for; None for the scene's own choice.
 
         Raises
         ------

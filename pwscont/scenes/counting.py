@@ -15,12 +15,12 @@ from pwscont.graph import BranchGraph
 
 #: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
 BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
-#: Where the legend stands: above the axes, clear of the data.
+#: The place of the legend: above the axes, clear of the data.
 ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}
 
 
 def is_one_number(graph: BranchGraph) -> bool:
-    """Tell whether there are equally many solutions throughout, in balance."""
+    """Tell whether one number of solutions and one balance hold on the whole interval."""
     vertical = any(piece.is_vertical for piece in graph.pieces)
     return len(graph.multiplicity()) == 1 and len(graph.balance_values()) == 1 and not vertical
 

@@ -26,7 +26,7 @@ CORE, RAIL = 3.4, 1.6
 
 
 def mode_of(graph: BranchGraph, panel: Panel) -> Callable[[Character], str]:
-    """Return what tells the mode that chooses the line style."""
+    """Return the function from a character to the mode that chooses the line style."""
     if panel.mode is not None:
         return panel.mode
     labels = {piece.character: piece.label for piece in graph.pieces}
@@ -36,7 +36,7 @@ def mode_of(graph: BranchGraph, panel: Panel) -> Callable[[Character], str]:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagram:
-    """What is drawn of a quantity.
+    """The lines and marks that draw a quantity.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Diagram:
             ax.set_ylim(low - half, high + half)
 
     def room(self, ax: Axes) -> Room:
-        """Return where nothing is drawn."""
+        """Return the room that lines and marks leave free."""
         room = Room(ax)
         room.draw(stroke.points for stroke in self.strokes)
         for mark in self.marks:

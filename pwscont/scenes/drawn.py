@@ -1,4 +1,4 @@
-"""What a branch diagram shows: an unknown, a recorded quantity, or a function."""
+"""The quantity that a branch diagram shows: an unknown, a recorded one, or a function."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Drawn:
 
     @classmethod
     def of(cls, graph: BranchGraph, what: What) -> Drawn:
-        """Return what is asked for.
+        """Return the quantity that is asked for.
 
         Raises
         ------
         InvalidInputError
-            If there is no such unknown; a name that is close is told (UnknownNameError).
+            If there is no such quantity; UnknownNameError names close ones.
         """
         if isinstance(what, Integral):
             return cls._component(graph, int(what))
@@ -57,7 +57,7 @@ class Drawn:
         raise _undrawable(what)
 
     def is_constant(self, values: Sequence[Array]) -> bool:
-        """Tell whether all values are one but for rounding; there must be some."""
+        """Tell whether there are values, all equal but for rounding."""
         if not values:
             return False
         low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))
@@ -75,7 +75,7 @@ class Drawn:
             return cls._component(graph, graph.names.index(name))
         value = partial(graph.quantities.value, name)
         if name not in graph.quantities.record:
-            value(np.zeros(len(graph.names)), 0.0)  # says which are close
+            value(np.zeros(len(graph.names)), 0.0)  # raises an error that names close ones
         return cls(name, _each(value))
 
 
@@ -85,7 +85,7 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
     Raises
     ------
     UnknownNameError
-        If there is none; a name that is close is told.
+        If there is none; the message names close ones.
     """
     if name.isdecimal() and name not in record and int(name) < len(unknowns):
         return unknowns[int(name)]
@@ -95,7 +95,7 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
 
 
 def check_drawn(what: Any, unknowns: Sequence[str], record: Mapping[str, Function]) -> None:
-    """Refuse what no diagram can show, before there is a graph; errors as those of ``Drawn.of``."""
+    """Refuse a quantity that no diagram can show, before any work; errors as of ``Drawn.of``."""
     if isinstance(what, Integral):
         _check_index(int(what), len(unknowns))
     elif isinstance(what, str) and what not in record:
@@ -116,7 +116,7 @@ def _check_index(index: int, size: int) -> None:
 
 
 def _size(graph: BranchGraph, index: int) -> float:
-    """Return a typical magnitude of an unknown: the system's, else that of all unknowns."""
+    """Return a typical magnitude of an unknown: the system's, else the largest of all unknowns."""
     if graph.system is not None and graph.system.gives_scale:
         return float(graph.system.scale(*graph.interval)[index])
     return max((float(np.abs(piece.z).max()) for piece in graph.pieces), default=0.0)

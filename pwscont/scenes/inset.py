@@ -12,16 +12,16 @@ from pwscont.scenes.marks import LETTERS, Window, label_marks
 from pwscont.scenes.room import Room
 
 FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
-#: Folds that fill less than this part of the axis are enlarged, if two of them are closer to each
-#: other than that part of the picture.
+#: Folds that fill less than the first part of the axis are enlarged, if two of them are closer to
+#: each other than the second part of the picture.
 SMALL, CROWDED = 0.12, 0.05
-#: What an inset shows to either side of the folds, as a part of their extent.
+#: Margin of an inset on either side of the folds, as a part of their extent.
 MARGIN = 0.25
-#: Sizes of an inset, and what its numbers take to the left and below, as parts of the axes.
+#: Sizes of an inset, and the room of its numbers to the left and below, as parts of the axes.
 SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4))
 NUMBERS = 0.13, 0.11
 POINTS = 101
-#: The colour of the inset's frame, and of the frame around what it enlarges.
+#: The colour of the frames around the inset and around the part that it enlarges.
 FRAME = "0.55"
 
 

@@ -1,4 +1,4 @@
-"""What a scene's picture shows, and how it is arranged."""
+"""The content of a scene's picture, and its arrangement."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from pwscont.scenes.symbols import number_of, symbol
 Content: TypeAlias = Panel | ParameterPath
 
 ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
-#: Diagrams side by side at most, and rows of a legend beside the counts.
+#: Most diagrams side by side, and most rows of a legend beside the counts.
 MOST_COLUMNS, LEGEND_ROWS = 3, 6
-#: Constant quantities that a title names, and its letters per inch.
+#: Most constant quantities that a title names, and its letters per inch.
 MOST_CONSTANTS, LETTERS = 4, 12
 
 
 def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
-    """Return what is drawn, a row per title with its parameter path; not what stays constant.
+    """Return the diagrams in rows, a row per title with its parameter path.
 
-    If all is constant, all of it is drawn.
+    Constant quantities are left out, unless all quantities are constant.
     """
     lively = [panel for panel in scene.panels if constant_value(graph, panel) is None]
     panels = lively or scene.panels
@@ -52,7 +52,7 @@ def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
 
 
 def place_title(figure: Figure, scene: Shown, graph: BranchGraph) -> None:
-    """Write the title of a scene, and in words what is not drawn."""
+    """Write the title of a scene, and the values of the quantities that are not drawn."""
     said = "; ".join([*_constants(scene, graph), *_number(graph)])
     lines = wrap(scene.title.replace("alpha", "α"), int(figure.get_figwidth() * LETTERS))
     lines += [said] if said else []

@@ -13,7 +13,7 @@ from pwscont.scenes.marks import UNLABELLED, marked, markers_of
 from pwscont.scenes.styles import COLORS, THIN, WIDTH, are_told_apart, color_of
 from pwscont.scenes.symbols import symbol
 
-#: Letters of a name, and branches, that a legend holds.
+#: Most letters of a name, and most branches, in a legend.
 MOST_LETTERS, MOST_BRANCHES = 40, len(COLORS)
 
 
@@ -44,7 +44,7 @@ def _modes(styles: Mapping[str, Any]) -> list[Line2D]:
 
 
 def _signs(graph: BranchGraph) -> list[Line2D]:
-    """Return what thin lines are, where there are any."""
+    """Return the handle that explains thin lines, where there are any."""
     if not any(piece.det_sign < 0 for piece in graph.pieces):
         return []
     return [Line2D([], [], color="black", linewidth=THIN, label="thin: det(dH/dz) < 0")]
@@ -69,6 +69,6 @@ def shortened(word: str) -> str:
 
 
 def _word(graph: BranchGraph, kind: str) -> str:
-    """Return the word for a kind, and that the number beside its mark is the parameter."""
+    """Return the word for a kind, with a note on the number beside its mark."""
     beside = "" if kind in {*UNLABELLED, Kind.EVENT} else f", at {symbol(graph.parameter)}"
     return f"{kind}{beside}".replace("nonsmooth", "non-smooth")

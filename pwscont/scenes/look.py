@@ -24,8 +24,7 @@ class Look:
     dpi : int
         Dots per inch.
     scale : float or None
-        How many times larger than they are displacements of bodies are drawn; default so that they
-        can be seen.
+        Factor by which displacements of bodies are enlarged; default so that they can be seen.
     animate : bool
         Whether moving pictures are written, too.
     """

@@ -1,4 +1,4 @@
-"""Marks of special points, and what is written beside them."""
+"""Marks of special points, and the labels beside them."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ MARKERS: dict[str, dict[str, Any]] = {
 }
 #: The shapes of kinds of a user's own detectors, in the order of their names.
 OWN_MARKERS = "hp<>8dX1"
-#: Kinds without a label: there are many of them, or the mark says all. Others have alpha beside
-#: them, and events their name.
+#: Kinds without a label: there are many of them, or the mark says all. The label of the others is
+#: alpha, that of events their name.
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
-#: Labels in one diagram at most, and transitions whose marks have their full size.
+#: Most labels in one diagram, and most transitions whose marks have their full size.
 MOST_LABELS, FEW = 8, 12
-#: Size of the smallest marks, of letters, and half that of what labels keep clear of, in points.
+#: Sizes in points: of the smallest marks, of letters, and the radius of a mark for labels.
 SMALLEST, LETTERS, RADIUS = 1.5, 7.0, 4.5
 
 
@@ -62,7 +62,7 @@ class Mark:
     at : ndarray, shape (2,)
     branch : int
     side : int
-        Where its pieces are not: to the right (1), to the left (-1), or neither (0).
+        The side without pieces of the point: right (1), left (-1), or neither (0).
     """
 
     kind: str
@@ -80,7 +80,7 @@ class Mark:
 
 
 def markers_of(graph: BranchGraph) -> dict[str, dict[str, Any]]:
-    """Return how each kind of special point is drawn, those of one's own detectors as well."""
+    """Return how each kind of special point is drawn, also those of a user's own detectors."""
     kinds = {str(point.kind) for point in graph.special_points()}
     own = zip(sorted(kinds - {str(kind) for kind in Kind}), cycle(OWN_MARKERS), strict=False)
     return MARKERS | {kind: {"marker": shape, "markersize": 8} for kind, shape in own}
@@ -110,7 +110,7 @@ def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
 def marks_of(
     graph: BranchGraph, mode: Callable[[Character], str], along: Callable[[Array], Array]
 ) -> list[Mark]:
-    """Return the marks of a diagram: not those of transitions that its mode does not see."""
+    """Return the marks of a diagram, without transitions that do not change its mode."""
     sides, unseen, looks = _sides(graph), _unseen(graph, mode), markers_of(graph)
     return [
         Mark(
@@ -128,7 +128,7 @@ def marks_of(
 
 
 def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
-    """Return the transitions at which a mode stays what it is: another part of the system moves."""
+    """Return the transitions at which a mode does not change: another part of the system does."""
     words: dict[int, set[str]] = {}
     for piece in graph.pieces:
         for node in (piece.start, piece.end):
@@ -138,7 +138,7 @@ def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
 
 
 def _label(graph: BranchGraph, point: SpecialPoint) -> str:
-    """Return what is written beside a point; rounding dust reads as zero."""
+    """Return the label of a point; rounding dust reads as zero."""
     if point.kind in UNLABELLED:
         return ""
     dust = DUST * float(np.ptp(graph.interval))
@@ -146,7 +146,7 @@ def _label(graph: BranchGraph, point: SpecialPoint) -> str:
 
 
 def _sides(graph: BranchGraph) -> dict[int, int]:
-    """Return on which side of each node no piece lies."""
+    """Return the side, 1 or -1, of each node on which no piece lies, where there is one."""
     seen: dict[int, set[int]] = {}
     for piece in graph.pieces:
         for node in {piece.start, piece.end}:
@@ -155,7 +155,7 @@ def _sides(graph: BranchGraph) -> dict[int, int]:
 
 
 def _side(point: SpecialPoint, piece: Piece) -> int:
-    """Return on which side of a node one of its pieces lies."""
+    """Return the side, 1 or -1, of a node on which one of its pieces lies."""
     return int(np.sign(0.5 * sum(piece.interval) - point.alpha))
 
 

@@ -1,4 +1,4 @@
-"""What of a scene its answer shows."""
+"""The parts of a scene that its answer shows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Panel:
         Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
     mode : callable, optional
         Character -> the word that chooses the line style; default the system's description.
-        Transitions that do not change it, of other parts of the system, are not marked.
+        Transitions that do not change this word, in other parts of the system, are not marked.
     title : str
     """
 
@@ -55,11 +55,11 @@ class Shown(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is run by."""
+        """The name by which the scene is run."""
 
     @property
     def title(self) -> str:
-        """What a reader sees."""
+        """The title that a reader sees."""
 
     @property
     def system(self) -> PiecewiseSystem:

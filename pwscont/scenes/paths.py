@@ -12,7 +12,7 @@ from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.symbols import number_of, symbol
 
 POINTS = 201
-#: Paths shorter than this part of their size stay where they are.
+#: A path shorter than this part of its size is a point.
 AT_REST = 1e-9
 
 
@@ -23,7 +23,7 @@ def points_of(graph: BranchGraph, path: ParameterPath) -> Array:
 
 
 def is_at_rest(graph: BranchGraph, path: ParameterPath) -> bool:
-    """Tell whether nothing happens on a path."""
+    """Tell whether a path is a point."""
     points = points_of(graph, path)
     return bool(np.ptp(points, axis=0).max() <= AT_REST * np.abs(points).max())
 
@@ -55,7 +55,7 @@ def draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
 
 
 def _ends(graph: BranchGraph, points: Array) -> list[tuple[tuple[float, float], str]]:
-    """Return where a path begins and ends, in words; once where it closes."""
+    """Return the ends of a path with their labels; one end and label for a closed path."""
     (first, last), name = map(number_of, graph.interval), symbol(graph.parameter)
     begin, end = (tuple(map(float, points[i])) for i in (0, -1))
     if np.abs(points[0] - points[-1]).max() <= AT_REST * np.abs(points).max():

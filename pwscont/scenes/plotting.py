@@ -50,7 +50,7 @@ def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
     Raises
     ------
     InvalidInputError
-        If there is no such quantity; a name that is close is told.
+        If there is no such quantity; the message names close ones.
     """
     panel = Panel(what)
     Drawn.of(graph, what)  # refuses what cannot be drawn before there is a figure
@@ -70,9 +70,9 @@ def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
 
 
 def draw_scene(scene: Shown, graph: BranchGraph) -> Figure:
-    """Draw what happens in a scene: panels, parameter paths, and how many solutions there are.
+    """Draw the panels and parameter paths of a scene, and the number of solutions.
 
-    What stays constant is said in the title.
+    Quantities that stay constant are named in the title instead.
     """
     rows, counted = rows_of(scene, graph), not is_one_number(graph)
     cells = [cell for row in rows for cell in row]

@@ -19,7 +19,7 @@ from pwscont.scenes.answer import Runnable
 from pwscont.scenes.settings import described, settings_of
 
 GROUP = "pwscont.scenes"
-#: A name that is so much like another one is a misspelt one.
+#: A name as similar as this to another one is a misspelt one.
 NEAR = 0.6
 
 
@@ -40,11 +40,11 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
     Raises
     ------
     SceneNotFoundError
-        If no installed package offers it; the message names the nearest ones.
+        If no installed package offers the scene; the message names similar ones.
     BrokenSceneError
-        If the package cannot make it, or if several packages offer one of this name.
+        If the package cannot make the scene, or several packages offer one of this name.
     InvalidInputError
-        If the scene has no such parameter, or the value does not fit it.
+        If the function has no such parameter, or a value does not fit.
     """
     point = _entry_point(name)
     make = _loaded(point)

@@ -1,4 +1,4 @@
-"""Where a picture is empty: room for labels and insets."""
+"""The empty parts of a picture: room for labels and insets."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 
 from pwscont.basics.arrays import Array
 
-#: Cells of a picture, across and up.
+#: Number of cells of a picture, across and up.
 CELLS = np.array([120, 80])
-#: Lines take what lies within so many cells.
+#: A line occupies all cells up to so many cells away.
 CLOSE = 1
 
 #: Left, bottom, width and height, as parts of the axes.
@@ -22,12 +22,12 @@ Box = tuple[float, float, float, float]
 
 @final
 class Room:
-    """The cells of an axes that nothing is drawn in.
+    """The free cells of an axes, in which nothing is drawn.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-        With its limits set.
+        Its limits are set.
 
     Attributes
     ----------
@@ -54,13 +54,13 @@ class Room:
         return size
 
     def box(self, middle: Array, size: Array) -> Box:
-        """Return a box of which middle and size are given in points."""
+        """Return the box with this middle and size, both given in points."""
         left, bottom = (middle - 0.5 * size) / self.extent
         width, height = size / self.extent
         return float(left), float(bottom), float(width), float(height)
 
     def draw(self, lines: Iterable[Array]) -> None:
-        """Take the cells along lines, each of shape (k, 2)."""
+        """Occupy the cells along lines, each of shape (k, 2)."""
         for line in lines:
             cells = np.clip(self.part(line), -0.5, 1.5) * CELLS
             steps = np.abs(np.diff(cells, axis=0)).max(axis=1)
@@ -76,13 +76,13 @@ class Room:
             self._is_taken[tuple(near[inside].T)] = True
 
     def is_free(self, box: Box) -> bool:
-        """Tell whether a box lies in the axes, and nothing in it."""
+        """Tell whether a box lies in the axes and is empty."""
         left, bottom, width, height = box
         inside = min(left, bottom) >= 0.0 and left + width <= 1.0 and bottom + height <= 1.0
         return inside and not self._cells(box).any()
 
     def take(self, box: Box) -> None:
-        """Take the cells of a box."""
+        """Occupy the cells of a box."""
         self._cells(box)[...] = True
 
     def _cells(self, box: Box) -> npt.NDArray[np.bool_]:
@@ -92,7 +92,7 @@ class Room:
         return self._is_taken[first[0] : last[0], first[1] : last[1]]
 
     def largest(self, sizes: Iterable[tuple[float, float]]) -> Box | None:
-        """Return a free box of the first size that there is room for, next to a corner."""
+        """Return a free box close to a corner, of the first size that has room."""
         for width, height in sizes:
             across, up = (np.linspace(0.0, 1.0 - part, 12) for part in (width, height))
             spots = [(float(x), float(y), width, height) for x in across for y in up]

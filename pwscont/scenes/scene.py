@@ -1,4 +1,4 @@
-"""A scene: a named problem, ready to run, and what of it a user wants to see."""
+"""A scene: a named problem, ready to run, and what to report and draw of its graph."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Scene(Runnable):
         Raises
         ------
         UnknownNameError
-            If there is none of a name; names that are close are told.
+            If a name is not known; the message names close ones.
         """
         unknowns = self.system.names()
         own = {
@@ -125,7 +125,7 @@ class Scene(Runnable):
         )
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
-        """Return the values of alpha whose solutions are listed, all of the interval."""
+        """Return the values of alpha whose solutions are listed; refuse values off the interval."""
         interval = checked_interval(self.system, self.interval)
         self._check_panels()
         return values_within(self, interval, self.at, wanted)

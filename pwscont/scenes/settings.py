@@ -1,4 +1,4 @@
-"""Settings of a scene: text for the parameters of the function that makes it."""
+"""Settings of a scene: texts for the parameters of the function that makes the scene."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def _setting(text: str) -> tuple[str, str]:
 def settings_of(scene: str, make: Callable[..., Any], given: Mapping[str, str]) -> dict[str, Any]:
     """Return the arguments for a function.
 
-    The type of a parameter is its annotation; without one, that of its default: a number where this
-    is a number, else text.
+    The type of a parameter is its annotation. Without annotation it is a number where the default
+    is a number, else a text.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def _number(text: str) -> float:
 
 
 def _kind(default: Any) -> Callable[[str], Any]:
-    """Return what makes a setting of a text where only the default tells its type."""
+    """Return the function that converts a text where only a default tells the type."""
     if isinstance(default, bool):
         return bool
     return _number if isinstance(default, int | float) else str

@@ -19,17 +19,17 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph, Piece
 
-#: Pieces of at least so many points are drawn as smooth curves, with so many parts of each step.
+#: Pieces with at least so many points are drawn as smooth curves, each step in so many parts.
 LEAST_POINTS, FINER = 4, 8
-#: Points closer than this part of a piece are one in its curve.
+#: Points of a piece closer than this part of its length are drawn as one.
 APART = 1e-6
-#: Lines closer than this part of what is drawn are one in a picture.
+#: Lines closer than this part of the largest value drawn are one line.
 SAME = 1e-9
 #: Lines of two branches closer than this part of the picture's height look like one.
 NEAR = 3e-3
 #: A common stretch shorter than this part of the picture's width is a crossing.
 LEAST_STRETCH = 0.01
-#: Points by which common stretches are compared and drawn.
+#: Number of points at which common stretches are compared and drawn.
 SAMPLES = 17
 
 
@@ -59,7 +59,7 @@ class Stroke:
 
     @property
     def kind(self) -> tuple[int, str, bool]:
-        """What two strokes have in common that can be drawn as one."""
+        """Branch, style and width: strokes that share them can be drawn as one."""
         return self.branch, repr(self.style), self.is_thin
 
     def at(self, alpha: Array) -> Array:
@@ -92,7 +92,7 @@ def strokes_of(
     along: Callable[[Array], Array],
     styles: Mapping[str, Any],
 ) -> list[Stroke]:
-    """Return the lines of all pieces, one each; without those that another one hides."""
+    """Return the lines of all pieces, one each, without lines hidden by another one."""
     strokes = [
         Stroke(
             np.column_stack(line_of(piece, along)),
@@ -108,9 +108,9 @@ def strokes_of(
 
 
 def _visible(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Leave out what lies on a line of the same branch and style.
+    """Leave out lines that lie on another line of the same branch and style.
 
-    Dashes on dashes of another phase would look like a solid line, which is another mode.
+    Two dashed lines of different phase would look like a solid line, which is another mode.
     """
     boxes, kept = _boxes(strokes), np.zeros(len(strokes), dtype=bool)
     looks = {look: i for i, look in enumerate(dict.fromkeys(s.kind[:2] for s in strokes))}
@@ -137,7 +137,7 @@ def _hides(upper: Stroke, lower: Stroke, near: float) -> bool:
 def joined(strokes: Sequence[Stroke]) -> list[Stroke]:
     """Return the same lines, those that follow each other in one style as one.
 
-    The dashes of short pieces would else begin anew at every transition.
+    Otherwise the dashes of short pieces would begin anew at every transition.
     """
     found: list[list[Stroke]] = []
     for stroke in strokes:
@@ -167,7 +167,7 @@ def alike(strokes: Sequence[Stroke]) -> Iterator[tuple[Stroke, list[Array]]]:
 
 
 def rails_of(strokes: Sequence[Stroke]) -> list[Rail]:
-    """Return where lines of different branches coincide."""
+    """Return the stretches on which lines of different branches coincide."""
     if not strokes or strokes[0].branch == strokes[-1].branch:
         return []
     boxes, branch = _boxes(strokes), np.array([stroke.branch for stroke in strokes])
@@ -187,7 +187,7 @@ def rails_of(strokes: Sequence[Stroke]) -> list[Rail]:
 
 
 def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[np.bool_]:
-    """Tell which extents have a stretch in common with one."""
+    """Tell which extents have a stretch in common with the extent ``box``."""
     common = np.minimum(boxes[:, 1], box[1]) - np.maximum(boxes[:, 0], box[0])
     apart = np.maximum(boxes[:, 2], box[2]) - np.minimum(boxes[:, 3], box[3])
     meets: npt.NDArray[np.bool_] = (common > width) & (apart <= near)
@@ -197,9 +197,9 @@ def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[n
 def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return alpha and a quantity along a piece: a smooth curve through its points.
 
-    Corners of a polygon would look like kinks. The parameter is the length along the points; the
-    cubics in between never leave the range of their ends (Fritsch and Carlson 1980). Unknowns
-    that move by rounding only do not count, and of points almost upon each other one does.
+    Corners of a polygon would look like kinks. The curve's parameter is the length along the
+    points; its cubics never leave the range of their ends (Fritsch and Carlson 1980). Unknowns that
+    change by rounding only do not count for the length; of points that nearly coincide one is kept.
     """
     points = piece.points
     if len(points) < LEAST_POINTS:

@@ -1,4 +1,4 @@
-"""Names as matplotlib sets them."""
+"""Names and numbers in the notation of matplotlib."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ GREEK = {"alpha": "α", "phi": "φ"}
 
 
 def symbol(name: str) -> str:
-    """Return a name such as ``u_t,1``, ``alpha`` or ``u_t [mm]`` as matplotlib sets it."""
+    """Return a name such as ``u_t,1``, ``alpha`` or ``u_t [mm]`` in matplotlib's notation."""
     if found := re.fullmatch(r"(.+?)(\s*\[[^\]]*\])", name):
         return f"{symbol(found[1])}{found[2]}"  # a unit stays upright
     name = GREEK.get(name, name)

@@ -1,7 +1,7 @@
-"""The answer as text.
+"""The answer of a scene as text.
 
-Each special point has the estimated error of its parameter behind a plus-minus sign, each solution
-that of its state relative to typical magnitudes; where fewer than six digits are known, it says so.
+Each special point has the estimated error of alpha behind a plus-minus sign, each solution the
+error of its state relative to typical magnitudes. Fewer than six known digits are pointed out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pwscont.graph.presentation import number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 
-#: Solutions of these kinds, or of none, are like those around them.
+#: Kinds of points whose solutions need no remark: they are like the solutions around them.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
 HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
@@ -102,7 +102,7 @@ def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
 
 
 def _balance(graph: BranchGraph) -> str:
-    """Return the sum of signs, which is necessary for completeness but not sufficient."""
+    """Return the balance; one value is necessary for completeness, but not sufficient."""
     values = graph.balance_values()
     if len(values) == 1:
         return f"balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout"

@@ -1,4 +1,4 @@
-"""Where tracing can start, found without being told."""
+"""Searches for starts: solutions from which components can be traced."""
 
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import enumerate_solutions

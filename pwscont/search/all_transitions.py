@@ -2,7 +2,7 @@
 
 A component without a transition is a straight line from one end of the interval to the other;
 all others, closed loops included, have a transition point. So these points and the solutions at
-one end give every component, unless some unknown is free: then vertical lines need not have any.
+one end give every component, unless some unknown is free: vertical lines then need not have one.
 """
 
 from __future__ import annotations
@@ -80,20 +80,20 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
 
 @final
 class _Corners:
-    """Solutions with the tests that vanish there: a corner is found once for each of them."""
+    """Solutions and the tests that vanish there: a corner is found once for each such test."""
 
     def __init__(self, system: PiecewiseSystem, metric: Metric) -> None:
         self._system, self._metric = system, metric
         self._known: list[tuple[Found, frozenset[int]]] = []
 
     def add(self, found: Found) -> None:
-        """Remember a solution; not a start of which nothing is known."""
+        """Remember a solution, unless its error is infinite."""
         if not np.isfinite(found[1]).all():
             return
         self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
 
     def has(self, test: int, found: Found) -> bool:
-        """Tell whether a solution where a test vanishes is one of those remembered."""
+        """Tell whether a solution where a test vanishes is already remembered."""
         if not np.isfinite(found[1]).all():
             return False
         return any(test in zero and is_same(self._metric, found, old) for old, zero in self._known)
@@ -115,7 +115,7 @@ def _on_interfaces(
 def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:
     """Yield the points (z, alpha) in the interval, without the idle parameter.
 
-    An alpha that is an end but for its error is made that end.
+    An alpha within its error of an end is set to that end.
     """
     for x, error in found:
         alpha = interval[0] + float(x[-2])
@@ -125,7 +125,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
-    """Return where a test vanishes; a line along which it does so is known by its lower end."""
+    """Return the points where a test vanishes; of vertical faces, their corners."""
     found = solve_slice(points, metric, 0.0)
     faces = [face for face in found.faces if _is_vertical(face, metric)]
     parts: tuple[Point | Face, ...] = (*found.points, *faces)
@@ -133,7 +133,7 @@ def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
 
 
 def _is_vertical(face: Face, metric: Metric) -> bool:
-    """Tell whether a face, if it has no corners, is one of solutions at one alpha."""
+    """Tell whether a face has corners, or else lies at one alpha."""
     moves = face.directions / metric.scale[:-1, np.newaxis]
     return bool(len(face.corners)) or bool((np.abs(moves[-1]) <= ALONG * np.abs(moves).max()).all())
 
@@ -142,8 +142,8 @@ def _is_vertical(face: Face, metric: Metric) -> bool:
 class _OnInterface(SlicewiseLinearSystem):
     """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha - lo).
 
-    Only cells that the test bounds take part, and only points of the interval. Its own
-    parameter is idle.
+    Only cells that the test bounds take part, and only points of the interval. The parameter of
+    this system is idle: nothing depends on it.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class _OnInterface(SlicewiseLinearSystem):
         return self._system.test_functions(*self._split(z))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return their gradients, with a column of zeros for the idle parameter."""
+        """Return the gradients of the tests, with a column of zeros for the idle parameter."""
         return _with_zero_column(self._system.test_jacobian(*self._split(z)))
 
     def _split(self, z: Array) -> tuple[Array, float]:
@@ -191,7 +191,7 @@ class _OnInterface(SlicewiseLinearSystem):
         return _with_zero_column(np.vstack([rows, kappa]))
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return those of the system but for the test that is zero."""
+        """Return the bounding tests of the system without ``test``, which is zero."""
         return [i for i in self._system.bounding_tests(character) if i != self._test]
 
     def blocks(self) -> tuple[Block, ...]:

@@ -22,11 +22,12 @@ from pwscont.system.system import (
 
 #: Cells that can be tried at one alpha in a second or two: ten contact nodes.
 MANY_CELLS = 4**10
-#: The same for all interfaces of all cells together: eight contact nodes.
+#: Interfaces of all cells that can be tried in a second or two: eight contact nodes.
 MANY_INTERFACES = 2_000_000
 #: Cells of a curved system in which Newton can be tried in a second or two.
 MANY_NEWTONS = 2**11
-#: Slices between the ends at which loops are looked for: as many as have these cells together.
+#: Slices between the ends, to find loops: from the first to the second number, as long as their
+#: cells together are not more than the third.
 FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 
 
@@ -69,7 +70,7 @@ def _most_complete(
 
 
 def _ends_and_slices(cells: int, interval: tuple[float, float]) -> Search:
-    """Return the search at both ends, and at more slices between where these cost little."""
+    """Return the search at both ends, and at more slices in between where slices cost little."""
     count = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
     return EndPoints() + Slices.spread(count, interval)
 

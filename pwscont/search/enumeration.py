@@ -2,11 +2,11 @@
 
 Failure modes and answers
 -------------------------
-- Ill conditioning: cells are cut off, or solutions taken to be outside them, by rounding that has
-  grown. Where few digits are left, the signs do not sum to the degree, cells could not be decided
-  or none has a solution, all is solved again in exact arithmetic.
-- That takes too long: the guarantee says what is not certain, and a search that meets it promises
-  nothing.
+- Ill conditioning: rounding has grown so much that cells are cut off, or solutions taken to be
+  outside their cells. Where few digits are left, the signs do not sum to the degree, cells are
+  undecided or no cell has a solution, the slice is solved again in exact arithmetic.
+- Exact arithmetic takes too long: the guarantee says what is not certain, and a search promises
+  nothing for such a slice.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Found = tuple[Array, Array]
 
 @final
 class Solutions(list[Solution]):
-    """Solutions at one alpha, with what is known of their number.
+    """Solutions at one alpha, and whether they are all.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     Returns
     -------
     Solutions
-        A list of them, whose ``guarantee`` says whether any may be missing. Each once, also where
-        several cells share it; such a one carries the ``kind`` of point that it is, and the sum of
-        signs of the solutions that meet there: 0 at a fold.
+        A list whose ``guarantee`` says whether a solution may be missing. A solution that several
+        cells share is listed once, with the ``kind`` of its point, and with the sum of the signs of
+        the solutions that meet there: 0 at a fold.
 
     Raises
     ------
@@ -101,7 +101,8 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
-    Where that takes too long, at least one cell is undecided. Of no solution at all it makes sure.
+    Where exact arithmetic takes too long, at least one cell is undecided. An empty slice is always
+    checked in this way.
     """
     found = solve_slice(system, metric, alpha)
     doubt = _leaves_doubt(system, metric, found) or _is_empty(found)
@@ -127,7 +128,7 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
 
 
 def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution lost its digits, or is on an interface but in one cell only."""
+    """Tell whether a solution lost its digits, or lies on an interface but in one cell only."""
     digits = significant(magnitude(point.x, point.error), point.x, metric.scale)
     return digits < FEW_DIGITS or is_in_doubt(system, metric, point)
 
@@ -192,8 +193,8 @@ def _signs(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
 def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
     """Return solutions at ``alpha`` to start from, each once; of a face, its corners.
 
-    Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried
-    once in every cell, from z = 0 or what of the bounds is near it, which may miss some.
+    Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried once
+    in every cell, from the point within the bounds near z = 0, which may miss some.
     """
     if isinstance(system, SlicewiseLinearSystem):
         slice_ = solve_surely(system, metric, alpha)
@@ -210,7 +211,7 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
 def as_starts(found: Slice) -> list[Found]:
     """Return the points of a slice, and the corners of its faces, as starts.
 
-    A face without corners is a start of which nothing is known.
+    A face without corners gives a start of unknown z, with an infinite error.
     """
     parts: tuple[Point | Face, ...] = (*found.points, *found.faces)
     return [start for part in parts for start in starts_of(part)]
@@ -226,12 +227,12 @@ def starts_of(part: Point | Face) -> list[Found]:
 
 
 def _undecided(found: Slice, metric: Metric, alpha: float) -> list[Found]:
-    """Return as many points of which nothing is known as there are undecided cells."""
+    """Return a start of unknown z, with an infinite error, for each undecided cell."""
     return [_nowhere(len(metric.scale), alpha)] * found.undecided
 
 
 def _nowhere(size: int, alpha: float) -> Found:
-    """Return a start, shape (size,), of which nothing but alpha is known."""
+    """Return a start, shape (size,), of unknown z: zeros with an infinite error."""
     return np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
 
 

@@ -20,7 +20,7 @@ from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 
-#: Solutions closer than this in the metric are one: far above what Newton leaves as error.
+#: Solutions closer than this in the metric are one: far above the error that Newton leaves.
 SAME = EPS**0.5
 
 
@@ -36,13 +36,13 @@ class MultiStart(Search):
     Attributes
     ----------
     count : int
-        Number of starts at each end; the first is z = 0, or what of the bounds is near it.
+        Number of starts at each end; the first is z = 0, or the point within the bounds near it.
     seed : int
     spread : float
-        Starts are normally distributed with this many typical magnitudes as deviation; evenly
-        over a period, and between bounds that are not much further apart.
+        Starts are normally distributed with this many typical magnitudes as deviation, but evenly
+        over a period, and between bounds that are not much further apart than the deviation.
     around : tuple of tuple of float
-        States around which to start as well: from each of them, and every other start.
+        States to start from as well; every other random start is around one of them.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class MultiStart(Search):
             yield from _found_at(system, metric, box, alpha, guesses)
 
     def _guesses(self, box: Box, scale: Array) -> list[Array]:
-        """Return all starts: the first ones, then random ones, every other around one of these."""
+        """Return all starts: the fixed ones, then random ones, every other around a fixed one."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
         around = [finite_array("around", z, (len(scale),)) for z in self.around]
@@ -91,7 +91,7 @@ class MultiStart(Search):
 def _found_at(
     system: PiecewiseSystem, metric: Metric, box: Box, alpha: float, guesses: list[Array]
 ) -> Iterator[Found]:
-    """Yield the solutions at one alpha that some starts lead to; the same once more after each."""
+    """Yield the solutions at one alpha; a start that led to one is tried again, deflated."""
     known: list[Found] = []
     for guess in guesses:
         found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])

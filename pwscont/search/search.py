@@ -1,4 +1,4 @@
-"""The seam of the searches for starts, and how searches combine."""
+"""The base class of searches for starts, and how searches combine."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Search(ABC):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return what this search does for a system, in words, and what that promises.
 
-        A search that says nothing of itself promises nothing.
+        Default: the name of the class, and no promise.
         """
         return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
@@ -45,17 +45,17 @@ class Search(ABC):
 
 
 class BringsSearches(ABC):
-    """A system for which there are searches of its kind.
+    """A system that has searches of its own, for its kind of problem.
 
-    They are added to the default of :func:`pwscont.explore` where trying every cell would take
-    too long.
+    Its searches are added to the default of :func:`pwscont.explore` where trying every cell would
+    take too long.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def searches(self) -> Sequence[Search]:
-        """Return these searches."""
+        """Return the searches of the system."""
 
 
 @final
@@ -85,7 +85,7 @@ def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
     Raises
     ------
     InvalidInputError
-        If it says so in something else than a :class:`~pwscont.extending.SearchScope`.
+        If ``searched`` returns something else than a :class:`~pwscont.extending.SearchScope`.
     """
     scope = search.searched(system)
     if not isinstance(scope, SearchScope):
@@ -104,7 +104,7 @@ def starts_of(
     Raises
     ------
     InvalidInputError
-        If that is no start; the message names the search.
+        If it yields something else than starts; the message names the search.
     """
     what = f"{type(search).__name__}.starts"
     found = search.starts(system, metric, interval)

@@ -17,7 +17,7 @@ from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
-#: More values of alpha than these are not listed one by one.
+#: Most values of alpha that are listed one by one.
 MANY_LISTED = 5
 #: Where a slice cuts its part of the interval: the smaller part of the golden section.
 OFFSET = 0.5 * (3.0 - 5.0**0.5)
@@ -29,9 +29,10 @@ class EndPoints(Search):
     """All solutions at both ends of the interval.
 
     A component of the zero set within the interval is a closed loop or ends at an end of the
-    interval, so this finds every component but loops, wherever the enumeration is complete and
-    solutions stay bounded: one that comes from infinity and goes there within the interval meets no
-    end. Where unknowns have bounds a component may also end at a bound, and nothing is promised.
+    interval. So this search finds every component but loops, wherever the enumeration is complete
+    and solutions stay bounded: a component that comes from infinity and returns there within the
+    interval meets no end. Where unknowns have bounds, a component may also end at a bound, and
+    nothing is promised.
     """
 
     def starts(
@@ -54,8 +55,8 @@ class EndPoints(Search):
 class Slices(Search):
     """Solutions at some values of alpha in between, which find loops that cross them.
 
-    All of them where the system is affine in z at fixed alpha; otherwise Newton is tried once in
-    every cell, which may miss some.
+    Complete where the system is affine in z at fixed alpha; otherwise Newton is tried once in every
+    cell, which may miss some.
 
     Attributes
     ----------
@@ -74,7 +75,7 @@ class Slices(Search):
 
     @classmethod
     def spread(cls, count: int, interval: tuple[float, float]) -> Slices:
-        """Return slices at even distances, off the middle and other values that are special."""
+        """Return slices at even distances that avoid the middle and other special values."""
         lo, hi = interval
         return cls(tuple((lo + (hi - lo) * (np.arange(count) + OFFSET) / count).tolist()))
 

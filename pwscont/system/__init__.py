@@ -1,1 +1,1 @@
-"""What a user writes, its selections, and the checks of it."""
+"""The system that a user writes, its selections, and the checks of systems."""

@@ -12,7 +12,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
-#: Cells that are tried.
+#: Most cells that are tried.
 MOST_CELLS = 4096
 #: A test that is smaller than this part of its terms has no certain sign.
 UNCERTAIN = EPS**0.5
@@ -45,7 +45,7 @@ def _character(blocks: Sequence[Block], modes: Sequence[tuple[bool, ...]]) -> Ch
 
 
 def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Character) -> int | None:
-    """Return the sign of the solution in a cell, 0 where there is none, None where in doubt."""
+    """Return sign det(dH/dz) at the solution in a cell, 0 without one, None where in doubt."""
     zero = np.zeros(system.size)
     matrix = dense(system.jacobian(zero, alpha, character))[:, :-1]
     rest = np.array(system.residual(zero, alpha, character), dtype=float)

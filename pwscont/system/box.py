@@ -1,9 +1,9 @@
-"""Where the unknowns of a system may be: between bounds, and up to whole periods.
+"""The box of the unknowns of a system: their bounds, and the periods of periodic ones.
 
 Failure modes and answers
 -------------------------
-- A solution on a bound is on either side of the bound by rounding: a solution is outside only
-  where it is so by more than its error.
+- Rounding puts a solution on a bound to either side of it: a solution counts as outside only
+  where it is beyond the bound by more than its error.
 - Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at
   points well inside.
 """
@@ -86,9 +86,9 @@ class Box:
         return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
 
     def centre(self, scale: Array) -> Array:
-        """Return a point inside: zero, or else the nearest one that is a magnitude inside.
+        """Return the point nearest to zero that is a typical magnitude inside the bounds.
 
-        The middle where the bounds are closer than that.
+        Of an interval shorter than two magnitudes, the middle.
         """
         depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
         return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)
@@ -96,10 +96,11 @@ class Box:
     def guess(
         self, normal: Array, even: Array, deviation: Array, near: Array | None = None
     ) -> Array:
-        """Return a point inside, from random numbers, normal and evenly within (-1/2, 1/2).
+        """Return a random point inside, made of random numbers.
 
-        Normally distributed with this deviation around ``near``, or else around the centre; then
-        evenly over a period, or from bound to bound, where that is not much wider.
+        ``normal`` are normally distributed, ``even`` evenly in (-1/2, 1/2). The point is normally
+        distributed with this deviation around ``near``, or around the centre. Around the centre,
+        an unknown with a narrow range or a short period is distributed evenly over it.
         """
         if near is not None:
             return self.inside(near + deviation * normal)

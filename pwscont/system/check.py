@@ -1,4 +1,4 @@
-"""Does a new system keep its promises? For authors of plug-ins."""
+"""check_system, which tests whether a new system keeps its promises."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def check_system(
       the system says ``unique`` there are no two at one alpha.
     - At the alphas of the points, of a slicewise linear system of up to some thousand cells: the
       signs of all solutions sum to ``degree``, and there is one only if ``unique`` says so. For
-      other systems every run says it: the graph is not balanced, or the promise is refused.
+      other systems a run tells: its graph is not balanced, or it refuses the promise.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def check_system(
 
 
 def _checked_points(points: Any, size: int) -> list[Array]:
-    """Return points (z, alpha) as vectors, or say which is none."""
+    """Return points (z, alpha) as vectors, or say which of them is no point."""
     if not isinstance(points, Iterable):
         raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
     return [_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points)]
@@ -207,7 +207,7 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
 def _wrong_bounds(
     system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
 ) -> Iterator[Defect]:
-    """Compare selections between which there is no interface, aside of where they meet."""
+    """Compare both sides of a test that bounds neither, off its zero set: one selection is due."""
     scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
     z = x[:-1] + scale[:-1] * generic(len(x) - 1)
     one, other = (system.residual(z, alpha, side).copy() for side in sides)

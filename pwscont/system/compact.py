@@ -1,4 +1,4 @@
-"""Systems of whose solutions some components determine the others."""
+"""Systems in whose solutions some components determine all others."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pwscont.basics.character import Character
 
 
 class Compact(ABC):
-    """A system of whose special points only a part is stored, as much as determines the rest.
+    """A system of whose special points only the essential components are stored.
 
-    The other components are affine in these, each a multiple of one of them and a constant.
+    Every other component is a multiple of one essential component, plus a constant.
     """
 
     __slots__ = ()

@@ -1,4 +1,4 @@
-"""Shapes that a system's methods must return: all before any work, those of values always."""
+"""Shapes of what a system's methods return: all checked before any work, those of H always."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pwscont.system.system import PiecewiseSystem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """What a system returned at one point.
+    """The values that a system returned at one point.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
 
 
 def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names that are not one text for each unknown, each another.
+    """Refuse names that are not texts, one for each unknown, all different.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     Raises
     ------
     InvalidSystemError
-        If it has another shape, which it need not have had before.
+        If the shape is wrong here, even if it was right at other points.
     """
     value = system.residual(z, alpha, character)
     return own_array(system, "residual", value, (system.size,))
@@ -131,7 +131,7 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     Raises
     ------
     InvalidSystemError
-        If it has another shape, which it need not have had before.
+        If the shape is wrong here, even if it was right at other points.
     """
     jacobian = system.jacobian(z, alpha, character)
     expect(system, "jacobian", jacobian, (system.size, system.size + 1))

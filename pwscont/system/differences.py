@@ -1,13 +1,13 @@
-"""Derivatives of functions that bring none, by differences in the units of the problem.
+"""Derivatives by differences, with steps in the units of the problem.
 
 Failure modes and answers
 -------------------------
-- Steps in other units than the unknowns are rounding or miss the function: steps are taken from
-  typical magnitudes of the unknowns, and from the length of the interval of alpha.
+- A step that fits an unknown of size one is rounding to one of size 1e20, and too long for one of
+  size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the interval.
 - A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
   end differences are one-sided, of the same order of accuracy.
-- The step is not what was asked for (alpha between 1e6 and 1e6 + 1): the values are divided by the
-  difference of their arguments, which is exact.
+- x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
+  difference of the rounded arguments, which is exact.
 - A function may return one and the same array again and again: its values are copied.
 """
 
@@ -69,7 +69,7 @@ class Differences:
 
     def jacobian(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 10 digits right."""
-        with np.errstate(invalid="ignore"):  # inf - inf is what the caller sees to be not finite
+        with np.errstate(invalid="ignore"):  # inf - inf gives nan, which callers refuse
             columns = [_central(function, x, j, self._step(x, j)) for j in range(len(x) - 1)]
             return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
@@ -111,11 +111,11 @@ class Differences:
         return derivative
 
     def _inward(self, x: Array, reach: float) -> float:
-        """Return the sign of the way that leads inside from next to an end of the interval."""
+        """Return the sign of the steps of alpha that lead away from a close end of the interval."""
         return 1.0 if x[-1] - reach < self.lo else -1.0
 
     def _step(self, x: Array, j: int) -> float:
-        """Return the step: terms that a large x makes large cancel with EPS times their size."""
+        """Return the step in x_j, longer where x_j is large: there larger terms cancel."""
         scale = float(self.scale[j])
         larger = max(abs(float(x[j])) / scale, 1.0)
         return float(STEP * scale * np.cbrt(larger))

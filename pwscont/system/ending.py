@@ -1,4 +1,4 @@
-"""Systems that mean nothing beyond some of their tests."""
+"""Systems whose equations mean nothing beyond some of their interfaces."""
 
 from __future__ import annotations
 

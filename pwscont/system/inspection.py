@@ -1,4 +1,4 @@
-"""Promises that only a closer look sees broken: what check_system does besides Jacobians and F1.
+"""The part of check_system beyond Jacobians and F1: kinks, affine models, blocks, scale.
 
 Failure modes and answers
 -------------------------
@@ -36,9 +36,9 @@ DIRECTIONS, SAMPLES = 4, 33
 #: then shrink at least: half way between that of a kink and that of a parabola, on a log scale.
 FINER = 8
 SHRINK = float(FINER) ** 1.5
-#: A solution larger than its typical magnitude by this factor has another one.
+#: A solution larger than its typical magnitude by this factor refutes that magnitude.
 FAR = 1e3
-#: Modes of a block that are compared.
+#: Most modes of a block that are compared.
 MOST_MODES = 64
 
 
@@ -142,7 +142,7 @@ def _kink(function: Callable[[float], Array]) -> float | None:
 
 
 def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Compare affine models, and look at what the blocks own."""
+    """Check that H and the tests are affine as promised, and that the blocks own their rows."""
     z, alpha = x[:-1], float(x[-1])
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
@@ -166,7 +166,7 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
 
 
 def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Compare all solutions at one alpha with what is said of their number and signs."""
+    """Compare all solutions at one alpha with the promises ``unique`` and ``degree``."""
     alpha = float(x[-1])
     if system.degree is None and not system.unique:
         return
@@ -195,7 +195,7 @@ def _with_mode(character: Character, tests: Sequence[int], mode: Sequence[bool])
 
 
 def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
-    """Compare a solution with what is said to be typical."""
+    """Compare a solution with the typical magnitudes that ``scale`` returns."""
     scale = system.differences(float(x[-1])).scale[:-1]
     ratios = np.abs(x[:-1]) / scale
     j = int(np.argmax(ratios))
@@ -205,7 +205,7 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
 
 
 def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Look whether a solution in its cell satisfies what is said to hold for every solution."""
+    """Check the inequalities of ``necessary`` at a solution in its cell."""
     z, alpha = x[:-1], float(x[-1])
     A, b = system.necessary(alpha)
     rows, scale = dense(A), system.differences(alpha).scale[:-1]

@@ -31,7 +31,7 @@ from pwscont.system.system import (
     SlicewiseLinearSystem,
 )
 
-#: What is promised to be affine may differ from its affine model by this part of its terms: far
+#: A function promised to be affine may differ from its affine model by this part of its terms: far
 #: more than rounding, far less than a curved function does over typical magnitudes.
 BENT = EPS**0.5
 #: Tests below this part of their terms may vanish at the same corner.
@@ -41,7 +41,7 @@ PROBES = 8
 
 
 def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
-    """Test what a system promises by its class, before any work, away from one point.
+    """Test what a system promises by its class, before any work, from one point to a far one.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
         Fitted to the interval.
     interval : tuple of float
     sample : Sample
-        What it returned at a point of the interval.
+        What the system returned at a point of the interval.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
     """Tell whether several tests are next to zero at a point.
 
     The signs of such tests are rounding, and may name a cell whose selection agrees with the other
-    selection at the corner only. Rows with different gradients differ as far as the corner is away.
+    selection at the corner only. Next to the corner both differ in proportion to its distance.
     """
     near: set[int] = set()
     for side in sides:
@@ -175,8 +175,8 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
     """Tell whether a point lies in the closed cells of both selections, as far as tests can tell.
 
-    A test tells nothing where rounding of one of its terms hides another term: with friction
-    coefficients of 1e13 the cell that the test names may be any.
+    A test tells nothing where rounding of one of its terms hides another term: with a friction
+    coefficient of 1e13 its sign says nothing about the cell.
     """
     for side in sides:
         gradients = np.abs(dense(side.test_gradients(x)))
@@ -190,7 +190,7 @@ def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale:
 
 
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
-    """Refuse a system that is finite at none of some points around zero, at the ends or between.
+    """Refuse a system whose H is finite at no point tried: around zero, over the whole interval.
 
     Raises
     ------

@@ -34,16 +34,16 @@ def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Redu
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
-    """What remains of a system when parts that provably stay in one mode are left out.
+    """A smaller system, without the parts that provably stay in one mode.
 
     Attributes
     ----------
     system : PiecewiseSystem
         The smaller system.
     kept : ndarray of int
-        Where its unknowns stand among those of the full system; the others are zero.
+        The places of its unknowns among those of the full system; all others are zero.
     tests : ndarray of int
-        Where its test functions stand among those of the full system.
+        The places of its test functions among those of the full system.
     idle : Character
         A character of the full system with the signs of the parts left out.
     reasons : tuple of str

@@ -1,4 +1,4 @@
-"""What a user's method returned, as an array of its own and of the right shape."""
+"""Values of a user's methods: copied, and checked for their shape."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
     Raises
     ------
     InvalidSystemError
-        If it is no array of that shape, which it may have been before.
+        If the value is no array of that shape, even if earlier values were.
     """
     if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
         return value.copy()  # nearly always

@@ -1,4 +1,4 @@
-"""The seam that a new problem plugs into."""
+"""The base classes of problems: piecewise smooth, linear at fixed alpha, and linear."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pwscont.system.shapes import own_array
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
-#: Slots that a system does not share with the same system within an interval.
+#: Slots that ``within`` does not copy from a system to its copy for an interval.
 OWN = ("__weakref__", "_differences")
 
 
@@ -79,7 +79,7 @@ class PiecewiseSystem(ABC):
         )
 
     def _residual(self, x: Array, character: Character) -> Array:
-        """Return H_chi(x) for differences, which a wrong shape would not stop."""
+        """Return H_chi(x) for differences, which would not notice a wrong shape."""
         value = self.residual(x[:-1], float(x[-1]), character)
         return own_array(self, "residual", value, (self.size,))
 
@@ -90,11 +90,11 @@ class PiecewiseSystem(ABC):
         )
 
     def differences(self, alpha: float) -> Differences:
-        """Return what takes derivatives of functions of (z, alpha), in steps that fit.
+        """Return the object that differentiates functions of (z, alpha), in steps that fit.
 
-        In a run they fit its interval, which they do not leave. Elsewhere they fit
-        :meth:`scale` at this alpha, do not leave :attr:`domain`, and take one, or alpha if it is
-        larger, for a typical change of alpha.
+        In a run the steps fit its interval, and stay in it. Elsewhere they fit :meth:`scale` at
+        this alpha, stay in :attr:`domain`, and take one, or alpha if it is larger, for a typical
+        change of alpha.
         """
         if self._is_fitted:
             return self._differences
@@ -147,7 +147,7 @@ class PiecewiseSystem(ABC):
         return taken
 
     def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
-        """Return some rows; that there are as many everywhere is checked where it costs nothing."""
+        """Return some rows, or say that there are fewer here than elsewhere."""
         try:
             return rows[which]
         except IndexError as error:

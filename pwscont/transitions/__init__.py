@@ -1,4 +1,4 @@
-"""What ends a smooth piece, where, and which pieces leave from there."""
+"""Special points: the ends of smooth pieces, and the rays that leave from there."""
 
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.branch_point import SmoothBranchPoints

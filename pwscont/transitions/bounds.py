@@ -1,11 +1,11 @@
-"""The bounds of the unknowns: a branch ends where it leaves them.
+"""The bounds of the unknowns: a branch ends where an unknown leaves its bounds.
 
 Failure modes and answers
 -------------------------
 - A piece may run along a bound, as a multiplier that stays zero does: a distance that is zero,
   and stays so, is no event.
-- A test may vanish where a bound is met, as the test of a complementarity does: what goes on
-  inside from that transition goes on.
+- A test may vanish where a bound is met, as the test of a complementarity does: the rays of that
+  transition that stay within the bounds are followed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Bounds(TransitionDetector):
     ----------
     box : Box
     names : sequence of str
-        What the unknowns are called.
+        The names of the unknowns.
     """
 
     def __init__(self, box: Box, names: Sequence[str]) -> None:
@@ -51,7 +51,7 @@ class Bounds(TransitionDetector):
         self._names = names
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the distances to the bounds; one that is zero and stays so counts as one."""
+        """Return the distances to the bounds; a distance that is zero and stays so is set to 1."""
         values = self._side * (state.x[self._which] - self._limit)
         slopes = self._side * state.tangent[self._which]
         rides = self._is_on(curve, state) & (np.abs(slopes) <= self._flat(curve, state))
@@ -66,7 +66,7 @@ class Bounds(TransitionDetector):
         return on
 
     def _flat(self, curve: Curve, state: State) -> Array:
-        """Return which slopes are rounding."""
+        """Return the size below which a slope is rounding."""
         flat: Array = GUARD * EPS * (curve.metric.scale + np.abs(state.x))[self._which]
         return flat
 
@@ -85,7 +85,7 @@ class Bounds(TransitionDetector):
         return f"{name} reaches its {side} bound {self._limit[index]:.6g}"
 
     def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where each falls to zero, all being affine; what has fallen falls at once."""
+        """Return where the affine distances fall to zero: at once if they are not positive."""
         return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:

@@ -72,9 +72,9 @@ class SmoothBranchPoints(TransitionDetector):
 def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFound:
     """Return a branch point with its four rays.
 
-    The signs of det[J; t^T] on the rays, each seen leaving the point, alternate around it:
-    what arrives on one curve with a positive sign goes on with a negative one, and positively
-    along both halves of the other curve.
+    The signs of det[J; t^T] on the rays, each seen leaving the point, alternate around it: a piece
+    that arrives on one curve with a positive sign goes on with a negative one, and both halves of
+    the other curve leave with a positive one.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
 
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
-    """Return the branch point that a rough start is, None if it is none."""
+    """Return the branch point near a rough start, None if the start is none."""
     found = crossing(curve, x)
     if isinstance(found, Failure) or not found.meets:
         return None
@@ -130,7 +130,7 @@ def _locate(
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
-    """Tell whether a branch point lies on the segment, or so near that it cannot be said."""
+    """Tell whether a branch point lies on the segment, or too close to its ends to tell."""
     s, slack = segment.position(x), SLACK * segment.length
     aside = segment.curve.metric.norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)
@@ -139,7 +139,7 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 def _own(segment: CurvedSegment, found: Crossing) -> Array:
     """Return the direction of the segment's own curve, pointing forward.
 
-    It is the one closest to the slope there of the cubic through both ends of the segment.
+    Of the two directions, the one closest to the slope of the cubic through the segment's ends.
     """
     covector = segment.curve.metric.covector(_slope(segment, segment.position(found.x)))
     cosines = [float(covector.dot(direction)) for direction in found.directions]

@@ -25,7 +25,7 @@ from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, 
 def departures(
     system: PiecewiseSystem, metric: Metric, x: Array, error: Array
 ) -> SpecialPointFound:
-    """Return the special point that a solution ``x`` is, with its rays.
+    """Return a solution ``x`` as a special point, with its kind and its rays.
 
     A point inside a cell has two rays on one curve and the kind START.
     """
@@ -70,7 +70,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
 def _regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
     """Return the unit row e_j that borders J to a regular matrix, and its factorisation.
 
-    It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
+    The row holds one unknown fixed: alpha, or at a fold another one. At a branch point no row does.
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):

@@ -6,8 +6,8 @@ Failure modes and answers
   outside the cell whatever is beyond it (docs/theory, F7).
 - A test that dips below zero and comes back within one step: its slopes at both ends differ in
   sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
-  that neither end knows of is seen by the tests inside the step: at thirds of a long one, at one
-  point of a short one.
+  that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
+  step, at one point of a short one.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
   says that the step is inside, and a bracket starts where the value of the test is positive.
 """
@@ -72,7 +72,7 @@ class Watch:
         return Joined.of([detector.read(curve, state) for detector in self._detectors])
 
     def first(self, curve: Curve, state: State) -> Joined:
-        """Return what all detectors read where a piece begins, and look at what they return.
+        """Return what all detectors read where a piece begins, and check these readings.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class Watch:
         return Joined.of(parts)
 
     def check(self, start: Joined, end: Joined) -> None:
-        """Refuse detectors whose number of functions changed, or that read nan of their own.
+        """Refuse detectors whose number of functions changed, or whose values are nan.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Watch:
     def falls(self, segment: Segment, start: Joined) -> Array:
         """Return the distance at which each function falls to zero on a straight segment.
 
-        A detector is asked for what comes before all that those before it found.
+        Each detector looks only as far as the nearest zero found by the detectors before it.
         """
         distances, farthest = [], np.inf
         for detector, part in zip(self._detectors, start.parts, strict=True):
@@ -124,7 +124,7 @@ class Watch:
         return np.concatenate(distances)
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point as the end of a branch, if an event says so."""
+        """Return a special point, or the end of the branch if a detector ends it there."""
         for detector in self._detectors:
             arrival = detector.ended(arrival)
         return arrival
@@ -171,7 +171,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failu
 
 
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
-    """Refuse a selection that does not follow its ray: its first correction was not rounding."""
+    """Refuse a selection that leaves its ray: the correction was more than rounding."""
     start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
     if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
         return
@@ -183,8 +183,8 @@ def first_on_curve(
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
-    After an event was found, only the segment up to that event is looked at: a function that does
-    not change sign there falls to zero later, and is not located.
+    Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
+    segment falls to zero later, and is not located.
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)
@@ -211,7 +211,7 @@ def first_on_curve(
 
 
 def _before(reading: Joined) -> Joined:
-    """Return what is read just before an event: what vanishes together with it is positive."""
+    """Return the reading just before an event: functions that are zero at it are positive."""
     values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
     return Joined(reading.parts, values, reading.slopes)
 
@@ -285,7 +285,7 @@ def _bracket_of_dip(
 def _bracket_of_return(
     detector: TransitionDetector, index: int, segment: CurvedSegment
 ) -> tuple[float, float] | Failure:
-    """Return a bracket of the zero to which a function returns that starts at zero, rising."""
+    """Return a bracket of the zero of a function that starts at zero, rises and falls back."""
     lo = hi = segment.length
     for _ in range(MOST_HALVINGS):
         lo *= 0.5

@@ -1,4 +1,4 @@
-"""The seam of everything that is watched along a piece."""
+"""The base class of detectors, which watch functions along a piece."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
 FARTHEST = 0.1 / EPS**0.75
-#: Slopes of a pair of functions that are not known.
+#: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
 
@@ -31,7 +31,7 @@ PLACES = 64
 def ratio_test(values: Array, slopes: Array) -> Array:
     """Return the distances at which affine functions fall to zero, infinite where they do not.
 
-    One that is negative already falls at once.
+    A function that is negative already falls at distance zero.
     """
     falling = slopes < 0.0
     distances = np.full(len(falling), np.inf)
@@ -88,16 +88,16 @@ class TransitionDetector(ABC):
     """Watches functions along a piece; where one falls to zero is a special point.
 
     The contract: :meth:`read` returns the same number of functions all along a piece. Each is
-    positive while nothing happens; where it changes from positive to zero or below, it is located
-    and its special point made. One that is zero or negative is not watched until it is positive
-    again, so a function whose sign changes either way matter is returned twice, as g and as -g.
-    Right after its own special point a function must be zero or negative, or rise: zero what is
-    rounding. What is returned at a point of one curve depends on that point, not on the way there.
+    positive while nothing happens; where it changes from positive to zero or below, the zero is
+    located and a special point made. A function that is zero or negative is not watched until it
+    is positive again, so return g and -g where sign changes both ways matter. Right after its own
+    special point a function must be zero or negative, or rise: return zero for rounding. Values at
+    a point of a curve depend on that point, not on the way there.
     """
 
     @abstractmethod
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return what is watched at ``state``.
+        """Return the values of the watched functions at ``state``.
 
         Parameters
         ----------
@@ -119,16 +119,16 @@ class TransitionDetector(ABC):
         segment : Segment
             A ray without an end.
         start : Reading
-            What this detector reads at its beginning.
+            The reading of this detector at the beginning of the segment.
         farthest : float
-            What comes later than this distance does not matter, for the piece ends there.
+            Zeros beyond this distance do not matter, for the piece ends there at the latest.
 
         Returns
         -------
         ndarray, shape (k,)
-            Infinite where it does not. The default takes functions with a slope to be affine along
-            straight pieces (the ratio test), and reads those without one, which are not known, at
-            a number of places; override it for others.
+            Infinite for functions that do not fall. The default takes functions with a slope to be
+            affine along straight pieces (the ratio test), and reads functions whose slope is not
+            known at a number of places; override it for other functions.
         """
         positive = start.values > 0.0
         distances = ratio_test(np.where(positive, start.values, np.inf), start.slopes)
@@ -155,7 +155,7 @@ class TransitionDetector(ABC):
         return np.asarray(self.read(segment.curve, state).values)
 
     def _first_zero(self, segment: Segment, index: int, lo: float, hi: float) -> float:
-        """Return, to rounding, where a function that is positive at ``lo`` is so no more."""
+        """Return, to rounding, where a function that is positive at ``lo`` is positive no more."""
         while lo < (middle := 0.5 * (lo + hi)) < hi:
             is_positive = self._values(segment, middle)[index] > 0.0
             lo, hi = (middle, hi) if is_positive else (lo, middle)
@@ -169,10 +169,10 @@ class TransitionDetector(ABC):
         ----------
         segment : Segment
         index : int
-            Into what :meth:`read` returns.
+            Place of the function in the reading of :meth:`read`.
         bracket : tuple of float
-            Distances along the segment; the function is positive at the first. Both are one on a
-            straight segment.
+            Distances along the segment; the function is positive at the first. On a straight
+            segment both are the same.
 
         Returns
         -------
@@ -183,18 +183,18 @@ class TransitionDetector(ABC):
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say why a shorter step must be taken, if something comes and goes within this one.
+        """Say why a shorter step must be taken, if this one may hide a special point.
 
         Parameters
         ----------
         segment : CurvedSegment
         start, end : Reading
-            What this detector reads at both ends.
+            The readings of this detector at both ends.
 
         Returns
         -------
         Failure or None
-            What is said of the branch where no shorter step helps.
+            The message of the branch's end where no shorter step helps.
         """
         return None
 
@@ -202,7 +202,7 @@ class TransitionDetector(ABC):
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Return the special point at ``state``, where function ``index`` vanishes.
 
-        Its rays are all ways from there that are known, first the one back. A detector that only
+        Its rays are all known ways from there, the way back first. A detector that only
         marks a point goes on along the same curve::
 
             forth = Ray(curve, state)
@@ -210,15 +210,15 @@ class TransitionDetector(ABC):
         """
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component as a special point of this detector's.
+        """Return the start of a component, changed if it is a special point of this detector's.
 
-        Default: it is what it is.
+        Default: unchanged.
         """
         return arrival
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point that another detector found as the end of the branch.
+        """Return a special point of another detector, changed to an end if the branch ends there.
 
-        Default: it is what it is.
+        Default: unchanged.
         """
         return arrival

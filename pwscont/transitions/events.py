@@ -1,23 +1,22 @@
-"""Events: what users want to know of along a branch, and where it may end on purpose.
+"""Events: points along a branch that a user asks for, at which the branch may end on purpose.
 
 An event is a zero of a user's function g(z, alpha). It divides a piece in two, and changes neither
-the solutions nor their signs: counts and balances are what they are without it.
+the solutions nor their signs: counts and balances are the same without it.
 
 Failure modes and answers
 -------------------------
-- g has either sign: both g and -g are watched, of which one falls to zero.
-- Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
-  accuracy of the point explains is zero, and a zero does not fall.
-- g is not affine on a straight piece: the ratio test of affine functions does not hold. It is
-  looked at in a number of places on the way to the piece's end; two zeros between two of them are
-  not seen.
-- g is zero on a stretch, as max(0, z) is: its edges are events. Of these -g and g see only where a
-  stretch begins; a third function falls where one ends.
-- g is zero wherever it is tried: it is no event, and is refused at the start.
-- Events at one point: the point has the names of all of them.
-- An event at a transition: both are one point, and the transition is it.
-- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: the
-  user hears of it by its name.
+- g may fall or rise to zero: both g and -g are watched, one of which falls.
+- The piece after an event begins with g = 0, with a sign that is rounding: a value of g that the
+  error of the point explains counts as zero, and a zero does not fall.
+- g is not affine on a straight piece, and the ratio test does not hold: g is evaluated at a number
+  of places on the way to the piece's end. Two zeros between two such places are not seen.
+- g is zero on a stretch, as max(0, z) is: both ends of the stretch are events. g and -g see only
+  its beginning; a third function falls at its end.
+- g is zero wherever it is tried: g is no event, and is refused at the start.
+- Several events at one point: the point has all their names.
+- An event at a transition: the point is a transition, and no event of its own.
+- g cannot be computed, or returns no number (a truth value has no zero to be found): the error
+  names the event.
 """
 
 from __future__ import annotations
@@ -42,16 +41,16 @@ from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionD
 from pwscont.transitions.location import locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
 
-#: Places on a straight piece in which events are looked at.
+#: Places on a straight piece at which g is evaluated.
 SAMPLES = 64
-#: Before the end of a straight piece by less than this part of it is at its end.
+#: A zero closer to the end of a straight piece than this part of its length is at the end.
 AT_THE_END = CONVERGED
-#: What is watched of each event: g and -g by these factors, and whether g is zero on a stretch.
+#: Of each event g and -g are watched, by these factors, and whether g is zero on a stretch.
 WATCHED = (1.0, -1.0, 0.0)
 FLAT = 2
-#: Which of these is watched where g begins with a sign: the factors are the signs.
+#: The one of the three that is positive, and so watched, where g begins with a given sign.
 BY_SIGN = {1.0: 0, -1.0: 1, 0.0: FLAT}
-#: In so many places along and off a branch a function is tried that is zero where it begins.
+#: A function that is zero at a start is tried at so many places along and off the branch.
 PLACES = 9
 TINY = float(np.finfo(float).tiny)
 ALWAYS = (
@@ -89,17 +88,17 @@ class UserEvent:
         Raises
         ------
         InvalidInputError
-            If it fails, or is not a finite number.
+            If g fails, or is not a finite number.
         """
         return evaluated(f"the event {self.name!r}", self._number, x[:-1], float(x[-1]))
 
     def _number(self, z: Array, alpha: float) -> Any:
-        """Return what the function returns; the entry of an array that has one."""
+        """Return the value of the function; of an array with one entry, that entry."""
         given = self.function(z, alpha)
         return given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
 
     def read(self, curve: Curve, state: State) -> tuple[float, float]:
-        """Return g, zero where its place explains it, and its derivative along the tangent."""
+        """Return g, or zero where the error of the state explains g, and its slope."""
         value, slope, steep = self._differences(curve, state)
         small = abs(value) <= steep * curve.metric.slack(state.x, CONVERGED)
         return (0.0 if small else value), slope
@@ -149,7 +148,7 @@ def checked_events(events: Mapping[str, Any] | None) -> Events | None:
     Raises
     ------
     InvalidInputError
-        If they are no mapping of names to functions or :class:`Stop`.
+        If ``events`` is no mapping of names to functions or :class:`Stop`.
     """
     if not events:
         return None
@@ -177,20 +176,20 @@ def _checked(name: Any, what: Any) -> UserEvent:
 class Events(TransitionDetector):
     """Watches functions of (z, alpha) that users give by name; each as g, as -g, and as flat.
 
-    The third is one where g is zero on a stretch, and minus one elsewhere.
+    The third is 1 where g is zero on a stretch, and -1 elsewhere.
     """
 
     events: tuple[UserEvent, ...]
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the three of each; zero to the accuracy of the state counts as zero."""
+        """Return three functions of each event; g is zero if the error of the state explains it."""
         read = np.array([event.read(curve, state) for event in self.events])
         values, slopes = np.outer(read[:, 0], WATCHED), np.outer(read[:, 1], WATCHED)
         values[:, FLAT] = np.where(read.any(axis=1), -1.0, 1.0)
         return Reading(values.ravel(), slopes.ravel())
 
     def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where on a straight segment each falls to zero before ``farthest``."""
+        """Return where on a straight segment each function falls to zero before ``farthest``."""
         distances = np.full(len(start.values), np.inf)
         if not np.isfinite(farthest):
             return distances
@@ -203,7 +202,7 @@ class Events(TransitionDetector):
         return distances
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Find the zero along the curve."""
+        """Find the zero of the function along the curve."""
         if not isinstance(segment, CurvedSegment):
             return locate_point(segment, bracket[0])
         event, sign = self.events[index // len(WATCHED)], WATCHED[index % len(WATCHED)]
@@ -229,7 +228,7 @@ class Events(TransitionDetector):
         return arrival
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component as the event that it is, if it lies on one."""
+        """Return the start of a component, as an event if one is zero there."""
         for event in self.events:
             if arrival.rays and event.is_zero_around(arrival.rays[0]):
                 raise InvalidInputError(ALWAYS.format(event.name, arrival.x[-1]))
@@ -243,7 +242,7 @@ class Events(TransitionDetector):
 
 
 def _crosses(event: UserEvent, curve: Curve, state: State) -> bool:
-    """Tell whether an event is zero at a state, and not around it."""
+    """Tell whether an event is zero at a state with a slope: zero there, and not around."""
     value, slope = event.read(curve, state)
     return value == 0.0 != slope
 
@@ -253,9 +252,9 @@ def _named(events: Sequence[UserEvent]) -> str:
 
 
 def _ahead(sign: float, value: float) -> float:
-    """Return what is positive as long as a function keeps its sign, and then negative.
+    """Return a number that is positive where g has this sign, and negative elsewhere.
 
-    Without a sign it is zero, and keeps to that.
+    The sign of a g that is zero on a stretch is 0.
     """
     if sign == 0.0:
         return 1.0 if value == 0.0 else -1.0
@@ -263,7 +262,7 @@ def _ahead(sign: float, value: float) -> float:
 
 
 def _first_change(event: UserEvent, segment: Segment, places: Array, sign: float) -> float | None:
-    """Return where a function that begins with a sign first has another, None if nowhere."""
+    """Return where g, which begins with this sign, first has another; None if nowhere."""
 
     def value(s: float) -> float:
         return _ahead(sign, event.value(segment.near(s)))
@@ -282,7 +281,7 @@ def _first_change(event: UserEvent, segment: Segment, places: Array, sign: float
 
 
 def _still_positive(value: Callable[[float], float], s: float) -> float | None:
-    """Return a distance before ``s`` at which a function has not changed sign yet."""
+    """Return a distance before ``s`` at which a value is positive, None if none is found."""
     for _ in range(50):
         s *= 0.5
         if value(s) > 0.0:

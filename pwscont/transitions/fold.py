@@ -16,7 +16,7 @@ from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, Tr
 from pwscont.transitions.location import locate_sign_change
 from pwscont.transitions.rays import Ray
 
-#: A dip of the slope of alpha below zero by less than this part of it is not looked into.
+#: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW = 1e-4
 
 
@@ -35,9 +35,9 @@ class SmoothFolds(TransitionDetector):
     ) -> Failure | None:
         """Say that alpha turns twice on the cubic of the segment, or does not change at its end.
 
-        The slope of the cubic is a parabola; where that only seems to touch zero is left alone.
-        After a fold, where the slope is zero, alpha may turn once. At a fold alpha changes on both
-        sides: a shorter step ends before it, and where none does the branch is flat.
+        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone.
+        On the step after a fold, which begins with slope zero, alpha may turn once. A step that
+        ends with slope zero must be shorter; where every shorter one does, the branch is flat.
         """
         first, last = float(start.values[0]), float(end.values[0])
         if not (first or last):
@@ -76,7 +76,7 @@ def _settled(segment: CurvedSegment, state: State) -> State:
     which the tangent turns. Alpha is stationary there: its error is of second order.
     """
     tangent = state.tangent.copy()
-    tangent[-1] = 0.0  # what a fold is; a rest of rounding would be found again
+    tangent[-1] = 0.0  # by definition of a fold; rounding in its place would be a fold again
     turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
     along = GUARD * EPS * segment.length / turn if turn else segment.length
     error = np.vstack([state.error, along * tangent])

@@ -36,7 +36,7 @@ class IntervalEnds(TransitionDetector):
         return Reading(np.array(distances), np.array((slope, -slope)))
 
     def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where each falls to zero, all being affine; what has fallen falls at once."""
+        """Return where the affine distances fall to zero: at once if they are not positive."""
         return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:

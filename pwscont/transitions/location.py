@@ -1,13 +1,13 @@
-"""Where exactly a function vanishes on a segment.
+"""The exact point of a segment at which a function vanishes.
 
 Failure modes and answers
 -------------------------
-- Newton runs off to another zero, or to another sheet: what it finds counts only within the
-  bracket and beside the cubic of the segment, which is otherwise halved on the curve itself.
+- Newton runs off to another zero, or to another sheet: its point counts only within the bracket and
+  beside the cubic of the segment. Otherwise the bracket is halved on the curve itself.
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
   :class:`~pwscont.basics.outcome.Failure`, not a point.
-- The curve is nearly tangent: at the angle d, the correction that follows a correction c is about
-  c^2 / d, which is not rounding when c is small by itself. Newton goes on until its corrections
+- The curve is nearly tangent to the zero set: at the angle d, a correction c is followed by one of
+  about c^2 / d, which need not be rounding where c is small. Newton goes on until its corrections
   are rounding; where they never are, the last correction counts as an error.
 - A straight segment needs no bracket: its prediction is exact and one correction removes the
   rounding that a long ray has gathered.
@@ -32,8 +32,8 @@ from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.system import PiecewiseLinearSystem
 
 MOST_NEWTON = 8
-#: A sign change is bracketed within this part of a segment. What turns there, alpha or a test, is
-#: flat: its error is the square of this. Much closer, the tangents on a fine grid are rounding.
+#: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
+#: flat: its error is the square of this. Much closer, changes of the tangent are rounding.
 NARROW = EPS**0.6
 #: A bracket in double precision cannot be halved more often.
 MOST_HALVINGS = 60
@@ -81,7 +81,7 @@ def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
     """Return the zero that Newton finds from the point of the segment at ``guess``.
 
-    Its tangent is the one along which the border falls.
+    The tangent of the state points to where the border falls.
     """
     found = _root(segment, border, segment.near(guess))
     if isinstance(found, Failure):

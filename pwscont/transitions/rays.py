@@ -12,11 +12,11 @@ Failure modes and answers
   the point contributes: relative, so units and magnitudes do not matter.
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
 - Interfaces that meet within rounding may be apart all the same: a ray then starts on its own
-  curve, not at the common point, from where it would arrive elsewhere than its curve does.
+  curve, not at the common point, which is a point of another curve.
 - The orientations differ: the user's selections disagree on the interface. The user is told, and no
   ray is returned.
-- H jumps: the system is refused. A jump below rounding is none, and a jump below the error of the
-  point cannot be told from none.
+- H jumps: the system is refused. A jump below rounding counts as no jump, and a jump below the
+  error of the point cannot be told from no jump.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ def vanishing(
     error : ndarray, shape (k, n + 1)
         Samples of the error of ``x``.
     scale : ndarray, shape (n + 1,), optional
-        Typical magnitudes of ``x``, for where all unknowns of a test vanish (those of a node that
-        lifts off while it begins to slip): there their own size is no measure of rounding.
+        Typical magnitudes of ``x``, needed where all unknowns of a test vanish, as at a node that
+        lifts off while it begins to slip: there their own size is no measure of rounding.
     """
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
@@ -121,9 +121,9 @@ def gradient_of(selection: Selection, x: Array, test: int) -> Array:
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     """Return the ray from ``x`` on the zero set of one test into the cell, if there is one.
 
-    None where the curve is tangent to the interface, is not on this selection at all, or where
-    the test does not bound the cell: within rounding of a corner the signs of the other tests
-    may name a cell beside it.
+    None where the curve is tangent to the interface, where ``x`` does not solve this selection, or
+    where the test does not bound the cell: within rounding of a corner the signs of the other tests
+    may name a neighbouring cell.
     """
     selection, metric = curve.selection, curve.metric
     if test not in selection.bounding:
@@ -144,7 +144,7 @@ def check_continuity(
 ) -> None:
     """Refuse a jump of H between the selection of a curve and another one at a common point.
 
-    Nothing need be computed where a ray of the other one begins at the point within its error.
+    Nothing is computed where a ray of the other selection begins at the point within its error.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def check_continuity(
 
 
 def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
-    """Return the state of a curve at a common point of several, or next to it where it is apart."""
+    """Return the state of a curve at a common point of several, or at its own point close by."""
     border = curve.metric.covector(tangent)
     factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
     if factor.is_singular():

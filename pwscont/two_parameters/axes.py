@@ -1,4 +1,4 @@
-"""What of a scene with two parameters its answer shows."""
+"""The parts of a scene with two parameters that its answer shows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Axes:
     to_the_left : bool
         Whether alpha grows to the left, as in Figs. 4 to 6 of the paper.
     equal : bool
-        Whether both have one unit.
+        Whether alpha and mu have the same unit of length in the picture.
     """
 
     alpha: str = "alpha"
@@ -36,11 +36,11 @@ class PlaneShown(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is run by."""
+        """The name by which the scene is run."""
 
     @property
     def title(self) -> str:
-        """What a reader sees."""
+        """The title that a reader sees."""
 
     @property
     def family(self) -> Callable[[float], SlicewiseLinearSystem]:
@@ -64,7 +64,7 @@ class PlaneShown(Protocol):
 
     @property
     def lowest_fold(self) -> str:
-        """What the smallest mu on all folds is called."""
+        """The name of the smallest mu on all folds."""
 
     def sector_name(self, sector: Sector) -> str:
         """Return the name of a sector, empty where it has none."""

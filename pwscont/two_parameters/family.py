@@ -1,4 +1,4 @@
-"""A system that depends on a second parameter mu."""
+"""A family of systems, which depend on a second parameter mu."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pwscont.two_parameters.alpha_range import AlphaRange
 #: mu -> a system; all of one size, with the same tests in the same order.
 MakeSystem: TypeAlias = Callable[[float], PiecewiseSystem]
 
-#: Systems that are remembered: a Newton step asks for one mu several times, and for both
-#: neighbours of it.
+#: Number of systems that are remembered: a Newton step needs one mu several times, and both its
+#: neighbours for differences.
 REMEMBERED = 8
 
 
 @final
 class Family:
-    """The systems of a family, built when they are asked for.
+    """The systems of a family, each built when it is needed.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ class Family:
         mu -> :class:`~pwscont.PiecewiseSystem`.
     sample : float
         A value of mu for which there is a system.
-    limits : Limits
-        Of alpha: where they are finite nothing is evaluated beyond them.
+    limits : AlphaRange
+        Limits of alpha: beyond finite ones nothing is evaluated.
 
     Attributes
     ----------
     sample : PiecewiseSystem
-        The one from which sizes and names are read off.
+        The system from which sizes and names are read off.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class Family:
         self.sample = self.at(self._sampled_at)
 
     def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange]]:
-        """Let copies remember systems of their own."""
+        """Pickle the arguments: a copy remembers systems of its own."""
         return Family, (self._make, self._sampled_at, self._limits)
 
     def _checked(self, mu: float) -> PiecewiseSystem:

@@ -1,8 +1,8 @@
-"""Where a smooth fold moves when a second parameter does.
+"""The locus of a smooth fold while a second parameter moves.
 
 At a fold of one selection dH/dz has a null vector v. Point and null vector together solve a
-larger system (Moore and Spence 1980), which is regular where the fold is an ordinary one. They
-fix the length of v by a linear condition l . v = 1; here it is |v| = 1 in the metric of the
+larger system (Moore and Spence 1980), which is regular where the fold is an ordinary one. Moore and
+Spence fix the length of v by a linear condition l . v = 1; here it is |v| = 1 in the metric of the
 system, because no l is known in advance to which v never becomes orthogonal. Of the two solutions
 v and -v each gives the whole locus.
 
@@ -10,7 +10,7 @@ Failure modes and answers
 -------------------------
 - At an interface dH/dz jumps, and with it the equation for v: a smooth fold that reaches one
   ends there (it goes on as a non-smooth fold, or not at all). The locus ends, and says so.
-- Second derivatives are not asked for: those along v come from differences of the Jacobian.
+- Systems have no second derivatives: those along v come from differences of the Jacobian.
 """
 
 from __future__ import annotations

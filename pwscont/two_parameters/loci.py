@@ -1,7 +1,7 @@
 """All transitions of a family of systems, followed while the second parameter moves.
 
-In the plane of alpha and mu their loci are curves. Between two loci nothing changes but numbers;
-the number of solutions changes at those loci only that are folds.
+In the plane of alpha and mu the loci of transitions are curves. Between them solutions keep their
+cells; the number of solutions changes only at loci of folds.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from pwscont.two_parameters.transition_locus import TransitionLocus
 
 #: Loci that come closer than this (relative) at one mu are one.
 SAME_LOCUS = EPS**0.5
-#: Points of a part are so dense that it leaves its chords by less than this part of the range
-#: of alpha.
+#: Points of a part are so dense that the part leaves its chords by less than this part of the
+#: range of alpha.
 FLAT = 1e-4
 
 
 @final
 class Passing(StrEnum):
-    """What alpha does where a curve passes a transition."""
+    """How alpha passes a transition along a curve."""
 
     FOLD = "fold"
     TRANSITION = "transition"
@@ -59,7 +59,7 @@ class Locus:
     ----------
     system : TransitionLocus
     graph : BranchGraph
-        Its curve: unknowns (z, alpha), parameter mu.
+        The curve of the locus: unknowns (z, alpha), parameter mu.
     """
 
     system: TransitionLocus
@@ -69,13 +69,13 @@ class Locus:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class LocusPart:
-    """A part of a locus that is all fold, or all none.
+    """A part of a locus whose transitions are of one kind: all folds, or none.
 
     Attributes
     ----------
     crossing : Passing
-        A fold; a transition that alpha passes; or one with a vertical piece on one side, where
-        one alpha has infinitely many solutions.
+        A fold; a transition that alpha passes; or a transition with a vertical piece on one side,
+        where one alpha has infinitely many solutions.
     label : str
         The cells on both sides.
     points : ndarray, shape (k, n + 2)
@@ -105,10 +105,10 @@ class LocusPart:
 def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -> float:
     """Tell whether a transition is a fold: positive where alpha turns, negative where not.
 
-    It is the product of the slopes of alpha along the curves that leave to both sides, each of
-    length one. They are proportional to det(dH/dz) (docs/theory, F3), with one sign for both
-    sides (F2), so it vanishes where one of the determinants does: there the transition stops
-    being a fold.
+    The value is the product of the slopes of alpha along the curves that leave to both sides, with
+    tangents of length one. The slopes are proportional to det(dH/dz) (docs/theory, F3), with one
+    sign for both sides (F2), so the value vanishes where one of the determinants does: there the
+    transition stops being a fold.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def follow_transitions(
     parameter: str = "mu",
     report: Report = silent,
 ) -> list[Locus]:
-    """Follow every transition that there is at some values of mu.
+    """Follow every transition found at some values of mu.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def follow_transitions(
     Returns
     -------
     list of Locus
-        Those known and those found, each once, however many levels it meets.
+        Loci known and loci found, each once, however many levels it meets.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
 def _inner(locus: Locus, piece: Piece) -> list[Array]:
     """Return points within a piece, dense where it bends.
 
-    Not its ends, where several transitions may meet.
+    The ends of the piece, where several transitions may meet, are left out.
     """
     flat = FLAT * locus.system.limits.width
     inner: list[Array] = []
@@ -275,7 +275,7 @@ def _inner(locus: Locus, piece: Piece) -> list[Array]:
 def _between(
     graph: BranchGraph, piece: Piece, ends: tuple[Array, Array], flat: float
 ) -> list[Array]:
-    """Return points of a piece between two of its points; their chords are as flat as asked."""
+    """Return points of a piece between two of its points, so dense that chords are flat."""
     a, b = ends
     middle = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
     if abs(middle[-2] - 0.5 * (a[-2] + b[-2])) <= flat:

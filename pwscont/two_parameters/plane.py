@@ -61,7 +61,7 @@ class Sector:
     solutions : tuple of Found
         In the middle of the largest region.
     count : int or float
-        Their number; infinite where whole faces are solutions.
+        Number of solutions; infinite where whole faces are solutions.
     """
 
     regions: tuple[Region, ...]
@@ -80,7 +80,7 @@ class Sector:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """What there is in a window of the plane of alpha and mu.
+    """Loci and sectors in a window of the plane of alpha and mu.
 
     Attributes
     ----------
@@ -88,12 +88,12 @@ class Plane:
         The window.
     loci : tuple of Locus
     parts : tuple of tuple of LocusPart
-        Those of each locus.
+        The parts of each locus.
     sectors : tuple of Sector
     mixed : tuple of ndarray, shape (2,)
-        Points (alpha, mu) whose solutions are not those of the region around them: a locus that
-        was not found passes there. That there are none is necessary for completeness, not
-        sufficient: three points of each region are tried.
+        Points (alpha, mu) whose solutions lie in other cells than those of the region around them:
+        a locus that was not found passes there. Without such points the loci need not be complete:
+        three points of each region are tried.
     levels : tuple of float
         Values of mu at which loci were looked for.
     """
@@ -114,7 +114,7 @@ class Plane:
 
     @property
     def searched(self) -> str:
-        """Where loci were looked for."""
+        """The values of mu at which loci were looked for, in words."""
         levels = ", ".join(map(number, sorted(self.levels)))
         return f"loci of all transitions at {levels}; solutions at three points of each region"
 
@@ -140,7 +140,7 @@ class Plane:
     ) -> Plane:
         """Follow all loci that meet some levels, and list the solutions between them.
 
-        Where a region turns out to hold different solutions a locus passes that meets no level:
+        A region with different solutions is crossed by a locus that meets no level:
         the values of mu at such points become levels, too.
 
         Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
@@ -249,7 +249,7 @@ def _mixed(
 def _solutions(
     family: Callable[[float], SlicewiseLinearSystem], alphas: tuple[float, float], point: Array
 ) -> tuple[tuple[Found, ...], bool]:
-    """Return the isolated solutions at (alpha, mu), by exact enumeration, and if faces are."""
+    """Return the isolated solutions at (alpha, mu), and whether whole faces are solutions."""
     alpha, mu = map(float, point)
     system = family(mu)
     found = solve_slice(system, Metric.of(system, alphas), alpha)

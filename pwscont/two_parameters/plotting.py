@@ -1,7 +1,7 @@
 """Pictures of the plane of two parameters, in the manner of Figs. 4 to 6 of the paper.
 
-Shades tell the number of solutions. Thick lines are folds, across which it changes; thin ones
-transitions that alpha passes; on double ones infinitely many solutions share one point.
+Shades tell the number of solutions. Thick lines are folds, across which this number changes; thin
+lines are transitions that alpha passes; on double lines infinitely many solutions share one point.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LINES: dict[Passing, dict[str, Any]] = {
 
 @final
 class Meeting(StrEnum):
-    """Where loci do not simply go on."""
+    """The kind of a point at which a locus does not simply go on."""
 
     OF_SEVERAL = "loci meet"
     KINK = "kink of a locus"
@@ -57,11 +57,11 @@ NAMES = {
     Passing.TRANSITION: "transition",
     Passing.VERTICAL: "infinitely many solutions",
 }
-#: Points of loci without a mark, if they are not where loci meet.
+#: Kinds of special points of loci that get no mark.
 UNMARKED = (Kind.START,)
 #: Labels go on the largest regions only, those above this part of the window.
 ROOM = 0.003
-#: Sectors with names below this part of the window have them beside them, so far to the side.
+#: The name of a sector below the first part of the window stands beside it, by the second.
 NARROW, ASIDE = 0.08, 0.22
 MARGIN = 0.12
 
@@ -110,7 +110,7 @@ def _shade(sector: Sector) -> str:
 
 
 def _meetings(plane: Plane) -> Iterator[tuple[Meeting, SpecialPoint]]:
-    """Yield where loci meet in the window, and where one has a kink."""
+    """Yield the points of the window at which loci meet or have a kink."""
     (a, b), (c, d) = plane.alphas, plane.mus
     for locus in plane.loci:
         for point in locus.graph.special_points():

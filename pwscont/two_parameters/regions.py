@@ -19,7 +19,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import EPS
 
-#: Strips and trapezoids thinner than this part of the window are none.
+#: Strips and trapezoids thinner than this part of the window are left out.
 THIN = EPS**0.5
 
 

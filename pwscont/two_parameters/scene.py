@@ -35,7 +35,7 @@ class PlaneScene(Runnable):
     sectors : callable, optional
         Labels of the solutions in a region -> its name; default none.
     lowest_fold : str
-        What the smallest mu on all folds is called; default not asked for.
+        Name of the smallest mu on all folds; default: not reported.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Where a transition moves when a second parameter does.
+"""The locus of a transition while a second parameter moves.
 
 The transition at which test i vanishes is the point {H(z, alpha) = 0, kappa_i(z, alpha) = 0} of
 the curve. While a second parameter mu moves it draws a curve of its own, the *locus* of the
@@ -7,8 +7,8 @@ vanishes, H changes its selection and the locus has a kink.
 
 Failure modes and answers
 -------------------------
-- On the locus the sign of kappa_i is rounding: both selections agree there, so one is taken,
-  always the same, and kappa_i itself is no test of the locus.
+- On the locus the sign of kappa_i is rounding: both selections agree there, so the one for
+  kappa_i >= 0 is solved, and kappa_i itself is no test of the locus.
 - Beyond some tests kappa_i bounds no cell (friction bounds mean nothing once contact is lost).
   There the locus ends, and says so, although the equations have solutions beyond.
 - alpha may run off to infinity while mu stays finite: the locus ends where alpha leaves a range.
@@ -42,8 +42,8 @@ class TransitionLocus(PiecewiseSystem, Ending):
 
         H_chi(z, alpha; mu) = 0,   kappa_test(z, alpha; mu) = 0.
 
-    Facts F1 and F2 hold for it because they hold for H: across another test j the first n rows
-    change by c grad(kappa_j)^T, and the last row does not change.
+    Facts F1 and F2 hold for the locus because they hold for H: across another test j the first n
+    rows change by c grad(kappa_j)^T, and the last row does not change.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class TransitionLocus(PiecewiseSystem, Ending):
     test : int
         The test function that vanishes at the transition.
     mu : float, optional
-        A value for which the family is defined; sizes and names are read off there.
+        A value for which there is a system; sizes and names are read off from it.
     alphas : tuple of float, optional
-        The range (lo, hi) of alpha; the locus ends where it leaves it. Default no limit.
+        The range (lo, hi) of alpha, at whose ends the locus ends. Default no limit.
 
     Attributes
     ----------

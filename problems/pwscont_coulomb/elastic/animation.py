@@ -1,4 +1,4 @@
-"""A moving picture of the body along a branch. Imported only where one is asked for."""
+"""A moving picture of the body along a branch; imported when a user asks for one."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from pwscont import InvalidInputError
 
 
 def check_kind(name: str, given: Any, *kinds: type[Any]) -> None:
-    """Refuse what is no object of one of some kinds, such as the class itself.
+    """Refuse an argument that is no object of these kinds, such as the class itself.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def check_kind(name: str, given: Any, *kinds: type[Any]) -> None:
 
 
 def listed(name: str, given: Any, *kinds: type[Any]) -> list[Any]:
-    """Return a sequence of objects of some kinds as a list; refuse as :func:`check_kind`."""
+    """Return objects of some kinds as a list; refuse others as :func:`check_kind` does."""
     items = list(given) if isinstance(given, Iterable) else [None]
     if not all(isinstance(item, kinds) for item in items):
         raise InvalidInputError(
@@ -32,9 +32,9 @@ def listed(name: str, given: Any, *kinds: type[Any]) -> list[Any]:
 
 
 def check_number(name: str, given: Any) -> None:
-    """Refuse what is no real number; refuse as :func:`check_kind`."""
+    """Refuse an argument that is no real number, as :func:`check_kind` does."""
     try:
-        float(given + 0.0)  # a word may read as a number, but it is none
+        float(given + 0.0)  # float() alone would take a text
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be a number, got {given!r}") from error
 

@@ -8,12 +8,12 @@ boundary.
 
 Failure modes and answers
 -------------------------
-- On a round body the normals spread where those of a plane obstacle do not: the contact is a little
+- On a round body the normals spread, and those of a plane obstacle do not: the contact is a little
   too stiff. Give the obstacle's normal.
 - A given normal may point out of the obstacle into the body, which turns contact inside out: it is
   refused.
-- Gaps computed from positions err by rounding. Below zero they would be refused; above, all nodes
-  would touch one after the other, within rounding. Both count as zero.
+- Gaps computed from positions err by rounding. Negative ones would be refused; with positive ones
+  all nodes would touch one after the other, within rounding. Both count as zero.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class ContactNodes:
 def contact_nodes(
     space: Discretisation, contact: ContactBoundary, held: Indices, given: Array
 ) -> ContactNodes:
-    """Return the contact nodes; those that supports hold entirely are none.
+    """Return the contact nodes, without nodes that supports hold entirely.
 
     Parameters
     ----------
@@ -128,13 +128,13 @@ def contact_nodes(
     held : ndarray of int, shape (m,)
         The prescribed unknowns.
     given : ndarray, shape (2, m)
-        Their constant and growing values.
+        Constant and growing value of each prescribed unknown.
 
     Raises
     ------
     InvalidInputError
         If the boundary is empty or unknown, overlaps a support, has no free node, or normal, gap
-        or friction do not fit; if a roller holds a node otherwise than fixed along its tangent.
+        or friction do not fit; if a roller moves a node, or holds it not along its tangent.
     """
     facets = facets_of(space.mesh, WHAT, contact.boundary)
     along = space.edges(facets)
@@ -216,7 +216,7 @@ def _in_order(along: Edges, positions: Array) -> tuple[Indices, Array, Indices]:
     heads = [start for start in following if start not in entered]
     heads.sort(key=lambda k: tuple(positions[:, k]))
     chains: list[list[tuple[int, float]]] = []
-    for head in heads + list(following):  # what no head leads to is a closed loop
+    for head in heads + list(following):  # nodes that no head leads to form closed loops
         if head in following:
             start = chains[-1][-1][1] if chains else 0.0
             chains.append(_chain(head, start, following, along))
@@ -228,7 +228,7 @@ def _in_order(along: Edges, positions: Array) -> tuple[Indices, Array, Indices]:
 def _chain(
     node: int, length: float, following: dict[int, int], along: Edges
 ) -> list[tuple[int, float]]:
-    """Return a chain of nodes with their arc lengths; its edges are used up."""
+    """Return a chain of nodes with their arc lengths, and remove its edges from ``following``."""
     chain, first = [(node, length)], node
     while node in following:
         edge = following.pop(node)
@@ -241,7 +241,7 @@ def _chain(
 
 
 def _not_negative(name: str, given: PerNode, x: Array, rounding: float = 0.0) -> Array:
-    """Return a value per contact node, shape (p,); what is rounding on either side is zero."""
+    """Return a value per contact node, shape (p,); values that are rounding are set to zero."""
     values = finite_array(name, given(x) if callable(given) else given)
     p = x.shape[1]
     if values.shape not in ((), (p,)):

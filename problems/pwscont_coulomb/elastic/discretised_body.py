@@ -61,7 +61,7 @@ class DiscretisedBody:
             self._separate(np.searchsorted(self.free, apart))
 
     def _separate(self, apart: Indices) -> None:
-        """Leave of the equations of some unknowns the diagonal alone: they are zero."""
+        """Reduce the equations of some unknowns to their diagonal, so that these are zero."""
         kept = np.ones(len(self.free))
         kept[apart] = 0.0
         D = sp.diags(kept)

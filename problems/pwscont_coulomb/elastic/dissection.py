@@ -18,7 +18,7 @@ import numpy as np
 
 from pwscont.extending import Array, Indices, Matrix
 
-#: Unknowns of a leaf, about: smaller leaves cost overhead, larger ones fill.
+#: About the number of unknowns of a leaf: smaller leaves cost overhead, larger ones fill.
 LEAF = 64
 
 
@@ -89,7 +89,7 @@ def _right_half(part: Indices, positions: Array) -> Indices:
     x = np.where(extent[0] >= extent[1], 0, 1)[number]
     along, across = np.where(x == 0, positions[0], positions[1]), positions.sum(axis=0)
     by_place = np.lexsort((across, along, number))
-    middle = along[by_place[starts + sizes // 2]]  # one value on one side: unknowns of a node
+    middle = along[by_place[starts + sizes // 2]]  # equal coordinates on one side
     right: Indices = (along >= middle[number]).astype(np.intp)
     return right
 

@@ -1,4 +1,4 @@
-"""Elastic bodies: what the user sees of them, and the problems that they become."""
+"""Elastic bodies, and the contact problems made from them."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class ElasticBody(DiscretisedBody):
     A : scipy.sparse, shape (n, n)
         Stiffness of the free unknowns in x and y.
     f0, f1 : ndarray, shape (n,)
-        Load at alpha = 0 and per unit of alpha; it contains what prescribed displacements do.
+        Load at alpha = 0 and per unit of alpha, with the effect of prescribed displacements.
     free, held : ndarray of int
         Unknowns of these equations, and prescribed ones; unknown 2 k + a is component a of node k.
-        Where a contact node is guided its tangential unknown is both: zero, and in an equation of
-        its own, so that every contact node has two.
+        The tangential unknown of a guided contact node is in both: it is prescribed as zero, and
+        has an equation of its own, so that every contact node has two equations.
 
     Raises
     ------
@@ -62,6 +62,6 @@ class ElasticBody(DiscretisedBody):
         Parameters
         ----------
         elimination : Elimination, optional
-            How; default :class:`~pwscont_coulomb.elastic.Multifrontal`.
+            The way to eliminate; default :class:`~pwscont_coulomb.elastic.Multifrontal`.
         """
         return CondensedProblem(self, elimination)

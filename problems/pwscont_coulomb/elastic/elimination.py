@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 
 from pwscont.extending import Array, Indices, Matrix
 
-#: What is wrong when a factorisation fails.
+#: The message when a factorisation fails.
 NOT_DEFINITE = (
     "the stiffness matrix is not positive definite; is the body clamped well enough, and are all "
     "elements and materials sound?"
@@ -38,7 +38,7 @@ class Eliminated(ABC):
 
 
 class Elimination(ABC):
-    """A way to eliminate; objects of this kind are interchangeable."""
+    """A way to eliminate interior unknowns; its implementations are interchangeable."""
 
     @abstractmethod
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
@@ -50,7 +50,7 @@ class Elimination(ABC):
             Symmetric positive definite.
         kept : ndarray of int, shape (k,)
         positions : ndarray, shape (2, n)
-            Where in the plane each unknown lies; it may guide the order.
+            The place of each unknown in the plane, which may guide the order of elimination.
 
         Raises
         ------

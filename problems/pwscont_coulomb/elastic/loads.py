@@ -1,4 +1,4 @@
-"""What holds and what loads a body: each has a constant part and one that grows with alpha.
+"""Supports and loads of a body, each with a constant part and one that grows with alpha.
 
 A *region* is the name of a boundary or subdomain of the mesh, or a predicate of position that
 takes midpoints, shape (2, k), and returns (k,) truth values. A *field* is a pair (x, y) or a

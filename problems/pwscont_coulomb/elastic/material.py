@@ -111,7 +111,7 @@ class PlaneStrain(PlaneState):
     """A long body: no strain across the plane."""
 
     def in_plane(self, lam: float, mu: float) -> tuple[float, float]:
-        """Return them as they are."""
+        """Return (lambda, mu) unchanged."""
         return lam, mu
 
 

@@ -13,7 +13,7 @@ from pwscont import InvalidInputError
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
-#: Number of corners of the elements that a body may have.
+#: The kinds of elements that a body may have, with the number of their corners.
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
 #: z coordinates that differ by more than this part of the mesh's size are not plane.
 PLANE = 1e-12
@@ -31,7 +31,7 @@ def read_mesh(path: Path) -> Any:
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
     try:
-        with redirect_stdout(sys.stderr):  # some readers print, and ours is for the answer
+        with redirect_stdout(sys.stderr):  # some readers print; standard output is for the answer
             read = meshio.read(path)
         _refuse_other_cells(path, read)
         _name_groups(read)
@@ -41,12 +41,12 @@ def read_mesh(path: Path) -> Any:
         return mesh
     except InvalidInputError:
         raise
-    except (Exception, SystemExit) as error:  # whatever a reader of a foreign format trips over
+    except (Exception, SystemExit) as error:  # readers of foreign formats fail in many ways
         raise InvalidInputError(f"cannot read a plane mesh from {path}: {error}") from error
 
 
 def _refuse_other_cells(path: Path, read: Any) -> None:
-    """Refuse what would be left out without a word: other cells, and a third dimension."""
+    """Refuse other cells and a third dimension, which would be left out silently."""
     kinds = sorted({b.type for b in read.cells if not b.type.startswith(("line", "vertex"))})
     if len(kinds) != 1:
         raise InvalidInputError(

@@ -48,7 +48,7 @@ def as_mesh(mesh: Any) -> Any:
 
 
 def _without_loose_points(mesh: Any) -> Any:
-    """Return the mesh without points of no element, such as centres of circles in Gmsh files."""
+    """Return the mesh without points that no element uses, as centres of circles in Gmsh files."""
     loose = mesh.doflocs.shape[1] - len(np.unique(mesh.dofs.element_dofs))
     return mesh.remove_unused_nodes() if loose else mesh
 
@@ -151,7 +151,7 @@ def _folded(mesh: Any) -> Indices:
     sides = [_cross(end - start, middles[:, mesh.f2t[k, inner]] - start) for k in (0, 1)]
     bad = mesh.f2t[:, inner[sides[0] * sides[1] >= 0.0]]
     votes = np.bincount(bad.ravel(), minlength=mesh.nelements)
-    # an inverted element disagrees with all its neighbours, they only with it
+    # an inverted element disagrees with all its neighbours, each of them only with this element
     return np.flatnonzero((votes == votes.max()) & (votes > 0))
 
 

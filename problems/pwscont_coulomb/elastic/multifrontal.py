@@ -1,10 +1,10 @@
 """Elimination by dense fronts along a nested dissection (multifrontal Cholesky).
 
-Every front gathers the entries of its own unknowns and what its children left over, factorises its
-own block by LAPACK's Cholesky, and leaves a Schur complement on the unknowns it is coupled with
-that come later (Duff and Reid 1983). The kept unknowns come last of all and are never
-eliminated: what is left over for them is the Schur complement asked for, without a single
-extra solution. Factors are stored as they arise and nowhere twice.
+Every front gathers the entries of its own unknowns and the Schur complements of its children,
+factorises its own block by LAPACK's Cholesky, and leaves a Schur complement on the later unknowns
+that it is coupled with (Duff and Reid 1983). The kept unknowns come last of all and are never
+eliminated: the complement left for them is the result, without a single extra solution. Factors
+are stored as they arise, each once.
 
 Failure modes and answers
 -------------------------
@@ -78,7 +78,7 @@ def _upper(A: Matrix, order: Indices) -> Matrix:
 
 
 def _eliminate(upper: Matrix, order: Indices, plan: Dissection) -> MultifrontalFactor:
-    """Factorise front after front; leftovers wait until their parent takes them."""
+    """Factorise front after front; each complement is kept until its parent gathers it."""
     fronts: list[Front] = []
     waiting: dict[int, list[tuple[Indices, Array]]] = {}
     local = np.empty(len(order), dtype=np.intp)
@@ -95,12 +95,12 @@ def _eliminate(upper: Matrix, order: Indices, plan: Dissection) -> MultifrontalF
     return MultifrontalFactor(fronts, order, m, schur)
 
 
-#: The parent of fronts whose leftovers reach nothing but kept unknowns.
+#: The parent of fronts whose complements lie on kept unknowns only.
 KEPT = 0
 
 
 def _parent(number: int, plan: Dissection, first: int) -> int:
-    """Return the front that eliminates the first of the unknowns left over."""
+    """Return the front that eliminates the first unknown of a front's complement."""
     if first >= plan.bounds[-1]:
         return KEPT
     return int(plan.tree[np.searchsorted(plan.bounds, first, side="right") - 1])
@@ -109,7 +109,7 @@ def _parent(number: int, plan: Dissection, first: int) -> int:
 def _front(
     upper: Matrix, start: int, end: int, children: list[tuple[Indices, Array]], local: Indices
 ) -> tuple[Front, Array]:
-    """Return a front's factor and what it leaves over for later unknowns."""
+    """Return a front's factor, and its Schur complement on later unknowns."""
     coupled = upper.indices[upper.indptr[start] : upper.indptr[end]]
     later = np.unique(np.concatenate([coupled, *(unknowns for unknowns, _ in children)]))
     later = later[np.searchsorted(later, end) :].astype(np.intp)
@@ -146,7 +146,7 @@ def _assembled(
 
 @final
 class MultifrontalFactor(Eliminated):
-    """The fronts of an elimination, and the Schur complement that it left.
+    """The fronts of an elimination, and the Schur complement on the kept unknowns.
 
     Parameters
     ----------

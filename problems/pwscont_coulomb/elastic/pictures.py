@@ -1,4 +1,4 @@
-"""Pictures of solutions on the body. Imported only where a picture is asked for.
+"""Pictures of solutions on the body; imported when a user asks for a picture.
 
 Above, the deformed body, with displacements and gaps magnified alike. A disc is a node that sticks,
 an arrow one that slips (in the direction in which the body has moved), a ring an open one. Below,
@@ -51,9 +51,9 @@ def draw_states(
     titles : sequence of str, optional
         One per state; default the parameter and how many nodes are in which mode.
     scale : float, optional
-        How many times larger displacements are drawn; default so that they can be seen.
+        Factor by which displacements are enlarged; default so that they can be seen.
     units : Units, optional
-        What lengths and stresses are measured in.
+        The units of lengths and stresses.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Where a body and its obstacle are drawn when displacements are magnified.
+"""The places of a body and its obstacle in a picture with magnified displacements.
 
 Distances to the obstacle are magnified like displacements, so that closed nodes lie on the drawn
-obstacle. Where that is straighter than the boundary of the body, as the ground below a round body,
-it stays where it is, and the body is moved away from it, less and less towards its inside; any
+obstacle. An obstacle straighter than the boundary of the body, as the ground below a round body,
+stays in place, and the boundary of the body is moved away from it, its inside less and less. Any
 other obstacle is drawn at its magnified distance.
 """
 
@@ -22,7 +22,7 @@ from pwscont_coulomb.elastic.recovery import BodyState
 
 #: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
 DRAWN, DRAWN_GAP = 0.08, 0.25
-#: How far into the body it is moved away from an obstacle, as a part of its size.
+#: Depth to which a body is moved away from an obstacle, as a part of its size.
 DEPTH = 0.5
 
 
@@ -107,7 +107,7 @@ class Placement:
 
 
 def _straightened(line: Array) -> tuple[Array, float]:
-    """Return the normal of the line closest to points, shape (2, k), and how far off they are."""
+    """Return the normal of the line closest to points, shape (2, k), and their distance from it."""
     centred = line - line.mean(axis=1, keepdims=True)
     axes, sizes, _ = np.linalg.svd(centred, full_matrices=False)
     return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0

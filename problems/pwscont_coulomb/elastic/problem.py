@@ -1,4 +1,4 @@
-"""A contact problem that a body hands to the systems of the plug-in, and the way back."""
+"""Contact problems made from elastic bodies, and the displacements of their solutions."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class ElasticProblem(ABC):
     def load_parameter(self, z: Array, alpha: float) -> float:
         """Return the parameter of the loads under which a state is in equilibrium.
 
-        That is ``alpha`` for a state of :meth:`along_load`. For one of :meth:`along_friction`,
-        where alpha is the friction coefficient, it is the a of A u - N^T lam_nu - T^T lam_t =
+        For a state of :meth:`along_load` it is ``alpha``. For a state of :meth:`along_friction`,
+        whose alpha is the friction coefficient, it is the a of A u - N^T lam_nu - T^T lam_t =
         f0 + a f1, by least squares.
 
         Parameters

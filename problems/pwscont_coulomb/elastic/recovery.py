@@ -1,4 +1,4 @@
-"""What a solution means on the whole body: displacements, stresses, pressure, contact states."""
+"""Solutions on the whole body: displacements, stresses, pressure, contact modes."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class BodyState:
         Contact force on the body along normal and tangent of each contact node (force per
         thickness); the normal one is negative where the node presses.
     pressure, shear : ndarray, shape (p,)
-        The same by the area of each node: minus the normal, and the tangential, force per area.
+        Minus the normal, and the tangential, contact force divided by the area of the node.
     distance, slip : ndarray, shape (p,)
-        Distance that is left to the obstacle, and tangential displacement.
+        Remaining distance to the obstacle, and tangential displacement.
     modes : ndarray of int, shape (p,)
         :class:`~pwscont_coulomb.modes.Mode` of each contact node.
     """
@@ -50,7 +50,7 @@ class BodyState:
     modes: Indices
 
     def _rows(self) -> list[tuple[str, str]]:
-        """Return what is shown of a state: sizes and extremes, no arrays."""
+        """Return the lines that show a state: sizes and extremes, no arrays."""
         touching = int((self.modes != Mode.NO_CONTACT).sum())
         largest = np.hypot(*self.displacements.T).max(initial=0.0)
         return [
@@ -73,7 +73,7 @@ class BodyState:
 def recover(
     problem: ElasticProblem, solution: Solution, load_alpha: float | None = None
 ) -> BodyState:
-    """Return what a solution means on the whole body.
+    """Return a solution on the whole body.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def state_at(
     character: Character,
     load_alpha: float | None = None,
 ) -> BodyState:
-    """Return what a point of a piece means on the whole body; see :func:`recover`."""
+    """Return a point of a piece on the whole body; see :func:`recover`."""
     contact, body = problem.elastic.contact, problem.body
     if z.shape != (body.n + 2 * body.p,):
         raise InvalidInputError(

@@ -1,4 +1,4 @@
-"""Parts of a mesh by name or by predicate, and errors that name what there is."""
+"""Parts of a mesh by name or by predicate; errors list the names of the mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells that a mesh lists more than once. They would be assembled as often as they are listed."""
+"""Cells that a mesh lists more than once: each would be assembled as often as it is listed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from pwscont.extending import Indices
 
-#: How to come by a mesh that lists each cell once.
+#: Advice for making a mesh that lists each cell once.
 ONCE = (
     "list each once; Gmsh writes a copy for every physical group into MSH 2.2, but none into "
     "MSH 4.1 (gmsh -format msh41)"

@@ -1,17 +1,17 @@
 """Contact nodes that a support holds in one direction: on rollers, such as an axis of symmetry.
 
 A node that may touch needs its normal displacement. Where a roller holds the tangential one, the
-node is *guided*: it touches or not, at the place where it is, and bears no friction. Tangential
-forces are the support's; on an axis of symmetry there are none.
+node is *guided*: it touches or not, without moving along the obstacle, and bears no friction. The
+support takes tangential forces; on an axis of symmetry there are none.
 
 Failure modes and answers
 -------------------------
-- At the end of the contact boundary the mean normal is that of one side. The whole of which the
-  model is a half has the mirror image of this side beyond the roller: the mean of both is the part
-  of the normal across the held direction. Elsewhere, or where the two sides would meet at a sharp
-  angle, a roller across the tangent means something else, and is refused.
-- A node held in its normal direction can neither touch nor leave. It is refused, not left out:
-  it may stand in the obstacle.
+- At the end of the contact boundary the mean normal is that of one side. In the whole body, of
+  which the model is a half, the mirror image of this side follows beyond the roller: the mean
+  normal of both sides is the part across the held direction. Elsewhere, or where the two sides
+  would meet at a sharp angle, a roller across the tangent means something else, and is refused.
+- A node held in its normal direction can neither touch nor leave. The node is refused, not left
+  out, for it may lie inside the obstacle.
 - A roller that moves a node along its tangent makes it slip: the friction there is a force between
   obstacle and support that no equation of the body tells. It is refused.
 """
@@ -24,11 +24,11 @@ import numpy.typing as npt
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, Indices
 
-#: A unit vector is across a direction when its part along it is below this: an edge as short as
-#: this part of the mesh has a normal that errs by so much.
+#: A unit vector is across a direction when its component along this direction is below this number:
+#: so much errs the normal of an edge as short as this part of the mesh.
 ACROSS = EPS**0.5
-#: The mean normal at a mirror is that of one side less its part along the held direction, which
-#: is at most this: the two sides meet at a blunt angle, of 120 degrees and more.
+#: Largest component of a normal along the held direction, which its mirror image cancels: the two
+#: sides then meet at an angle of 120 degrees or more.
 BLUNT = 0.5
 
 REMEDY = "end the support or the contact boundary before this node"
@@ -55,7 +55,7 @@ def across(
     Raises
     ------
     InvalidInputError
-        If a roller holds a node otherwise than along its tangent.
+        If a roller holds a node in another direction than its tangent.
     """
     found = normals.copy()
     for node in np.flatnonzero(direction >= 0):

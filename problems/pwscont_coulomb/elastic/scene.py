@@ -29,7 +29,7 @@ from pwscont_coulomb.elastic.recovery import recover
 from pwscont_coulomb.elastic.units import UNITLESS, Units
 from pwscont_coulomb.modes import word
 
-#: Up to so many contact nodes all unknowns of a solution are printed.
+#: Most contact nodes for which all unknowns of a solution are printed.
 FEW = 3
 #: Frames of the animation that a scene writes.
 FRAMES = 24
@@ -38,7 +38,7 @@ FRAMES = 24
 @final
 @dataclass(frozen=True, slots=True, repr=False)
 class ElasticScene(Runnable):
-    """An elastic body under a load path, and where its solutions are listed and drawn.
+    """An elastic body under a load path, and the parameters of the solutions to list and draw.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ElasticScene(Runnable):
         Parameter values whose solutions are listed and drawn unless the user asks for others.
     parameter : str
     units : Units
-        What lengths and stresses are measured in, for pictures.
+        The units of lengths and stresses, for pictures.
     panels : tuple of str
         Unknowns that the branch diagrams show, by name or index; default slip and normal force of
         the first, the middle and the last contact node.
@@ -87,7 +87,7 @@ class ElasticScene(Runnable):
         }
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
-        """Return the values of alpha whose solutions are listed, all of the interval."""
+        """Return the values of alpha whose solutions are listed; refuse values off the interval."""
         return values_within(self, self.interval, self.at, wanted)
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
@@ -138,7 +138,7 @@ class ElasticAnswer(Answer):
         return named(self, self.graph.scene, self.problem)
 
     def as_text(self) -> str:
-        """Return what the graph says; of a body with many contact nodes, solutions in sum."""
+        """Return the text of the graph; with many contact nodes, summaries of the solutions."""
         if self.problem.body.p <= FEW:
             return self.graph.as_text()
         lines = [replace(self.graph, at=()).as_text()]
@@ -162,14 +162,14 @@ class ElasticAnswer(Answer):
         yield f"largest displacement {largest:.8g}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what the graph says, as plain lists and numbers."""
+        """Return the graph as plain lists and numbers."""
         return self.graph.as_dict()
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
-        """Write diagrams and, where solutions are listed, what shows them on the body.
+        """Write diagrams and, where solutions are listed, these solutions on the body.
 
-        These are a picture for each value of alpha, a VTU file for each solution, and, if asked
-        for, an animation along branch 1.
+        A picture for each value of alpha, a VTU file for each solution, and, if asked for, an
+        animation along branch 1.
         """
         files = self.graph.write(directory, look)
         for alpha in self.graph.at:

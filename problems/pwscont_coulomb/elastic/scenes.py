@@ -69,7 +69,7 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
     )
 
 
-#: With so many contact nodes a body has ten million unknowns.
+#: Most contact nodes: a body with so many has ten million unknowns.
 MOST_NODES = 3000
 TOO_LARGE = "the mesh would have more unknowns than fit into memory"
 
@@ -127,7 +127,7 @@ class Slot:
 
 
 def wedge_body(nodes: int = 9, friction: float = 0.5) -> ElasticBody:
-    """Return a wedge in a slot that jams: under one pull it may be in the slot, and out of it.
+    """Return a wedge that jams in a slot: under the same pull it may be inside, and outside.
 
     A wedge with E = 1 hangs on a soft block (E = 0.01) clamped on top. A constant body force
     spreads it, so that it presses on both walls; alpha is a force that pulls it upwards. Friction

@@ -6,8 +6,8 @@ takes one solution per kept unknown, in blocks so that memory stays bounded. For
 
 Failure modes and answers
 -------------------------
-- The interior is singular: an error says so. That it is indefinite goes unnoticed here; supports
-  and materials, which are checked before, leave no way to it.
+- The interior is singular: an error says so. An indefinite interior would go unnoticed here, but
+  supports and materials, which are checked before, exclude it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which displacements are prescribed, and which rigid motions that leaves free."""
+"""The prescribed displacements of a body, and the rigid motions that they leave free."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _prescribe(space: Discretisation, support: Support, name: str, values: Array
 
 
 def _refuse_free_motions(space: Discretisation, unknowns: Indices) -> None:
-    """Refuse a body, or a part of it that hangs on nothing, that can move without strain."""
+    """Refuse a body that can move without strain, or of which an unconnected part can."""
     parts, part = _parts(space)
     for number in range(parts):
         nodes = np.flatnonzero(part == number)

@@ -1,4 +1,4 @@
-"""What lengths and stresses are measured in; for pictures only."""
+"""The units of lengths and stresses, for pictures only."""
 
 from __future__ import annotations
 

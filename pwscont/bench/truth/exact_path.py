@@ -1,17 +1,17 @@
 """The true pieces of a system with straight pieces and too many cells to try them all.
 
-Which cells the path visits is taken from ExactLinear; nothing else. Each piece is then made again
-from its character alone: the line that solves the frozen selection and the stretch of it on which
-no bounding test is negative, in rational arithmetic, or by
-:func:`~pwscont.bench.truth.refinement.refined` where the system is larger. The piece is called
-true if that agrees with what was found: sign of the determinant, both ends, and with them the test
-that ends it, all tests being positive in between. Pieces must join, and the signs must sum to the
-system's degree, where that is known.
+Only the list of cells that the path visits is taken from ExactLinear. Each piece is then made again
+from its character alone: the line that solves the frozen selection, and the stretch of this line on
+which no bounding test is negative, in rational arithmetic, or by
+:func:`~pwscont.bench.truth.refinement.refined` where the system is larger. A piece found is called
+true if it agrees with the piece made again: sign of the determinant, both ends, and with them the
+test that ends the piece, all tests being positive in between. Pieces must join, and the signs must
+sum to the system's degree, where that is known.
 
-So the numbers compared with are not those of ExactLinear, and errors measured against them mean
-the same for it as for others. Its verdict does not: that it visits these cells is how they came
-to be known, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
-NaturalParameter is a comparison of two ways. That the path is complete is not claimed: a component
+So errors are measured against numbers that are not those of ExactLinear, and mean the same for
+ExactLinear as for the other steppers. The verdict on ExactLinear means less: the cells come from
+itself, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
+NaturalParameter compares two independent ways. The path is not claimed to be complete: a component
 that the search of ``explore`` misses is missed here, unless its signs are missing in the sum.
 
 Failure modes and answers
@@ -41,7 +41,7 @@ KNOWN_BY = "the exact path, each piece verified"
 SMALL = 12
 #: A found piece agrees with the true one if its ends are this close, in the metric.
 AGREES = 1e-9
-#: A test below this all along a piece, relative to its change over the interval, vanishes.
+#: A test vanishes along a piece if it stays below this part of its change over the interval.
 VANISHES = Fraction(1, 10**30)
 
 
@@ -60,7 +60,7 @@ def verified_path(
     scale : ndarray, shape (n + 1,)
         Typical magnitudes, of the problem's metric.
     pieces : sequence of Piece
-        Of a graph by :class:`~pwscont.ExactLinear`.
+        The pieces of a graph made by :class:`~pwscont.ExactLinear`.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def _verified(
 def _made_again(
     system: PiecewiseLinearSystem, interval: tuple[float, float], piece: Piece
 ) -> TruePiece:
-    """Return the piece that the character of a found one stands for."""
+    """Return the true piece in the cell of a found one."""
     character = piece.character
     line, sign = line_of(system, character, solve if system.size <= SMALL else refined)
     true = piece_on(system, character, line, sign, interval) if sign else None
@@ -115,7 +115,7 @@ def _refused(piece: Piece, why: str) -> UnknownAnswerError:
 
 
 def _check_cells(truth: Truth) -> None:
-    """Cells are convex, so each holds one regular piece at most."""
+    """Refuse a cell with two pieces: cells are convex, and hold one regular piece at most."""
     if len({piece.cell for piece in truth.pieces}) < len(truth.pieces):
         raise UnknownAnswerError("the exact path has a piece twice")
 

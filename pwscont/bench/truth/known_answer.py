@@ -1,7 +1,7 @@
-"""The true solutions of a problem, as far as a bench needs them.
+"""The true pieces of a problem and their joints, for the bench.
 
 A true piece is a curve with a parameter of its own (alpha, an angle, the height of a solution),
-because alpha is a poor one near a fold.
+because alpha is a poor parameter near a fold.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SAME_PLACE = 1e-8
 #: True solutions per piece that the computed branch is compared with.
 SAMPLES = 101
 
-#: Names a selection: as returned by :meth:`pwscont.PiecewiseSystem.cell`.
+#: The name of a selection, as :meth:`pwscont.PiecewiseSystem.cell` returns it.
 Cell = Hashable
 
 
@@ -46,7 +46,7 @@ class TruePiece:
     at : callable
         Own parameter -> the point (z, alpha), shape (n + 1,).
     parameter : callable
-        A point near the piece -> own parameter of a point of the piece next to it.
+        A point near the piece -> own parameter of a point of the piece close to that point.
     """
 
     cell: Cell
@@ -81,7 +81,7 @@ class TruePiece:
 
 @final
 class Truth:
-    """All true pieces of a problem and how they meet.
+    """All true pieces of a problem, and the points where they meet.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Truth:
     scale : ndarray, shape (n + 1,)
         Typical magnitudes, of the problem's metric.
     known_by : str
-        Where the answer is from, in words.
+        The source of the answer, in words.
     """
 
     def __init__(

@@ -136,7 +136,7 @@ class Bratu(PiecewiseSystem):
         return BandedJacobian(bands, 1, 1, growth)
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return the size of u, divided among the points so that refinement changes no length."""
+        """Return magnitudes of u that grow with n, so that arc length does not depend on n."""
         return np.full(self.size, 4.0 * math.sqrt(self.size))
 
 
@@ -170,7 +170,7 @@ def _differential(n: int, theta: float) -> Array:
 
 
 def _at_height(system: Bratu, c: float) -> Array:
-    """Return the discrete solution with u = c in the middle, by Newton from the other."""
+    """Return the discrete solution with u = c in the middle, by Newton from the continuous one."""
     x = _differential(system.size, math.acosh(math.exp(0.5 * c)))
     border = np.zeros(system.size + 1)
     border[system.size // 2] = 1.0

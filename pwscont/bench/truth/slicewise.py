@@ -1,13 +1,13 @@
 """The true pieces of a system that is affine in z at each alpha, by a solve per cell and alpha.
 
-In each cell the state is a function of alpha, one dense solve by numpy; a piece is where it lies
-in its cell. Its ends are roots along alpha of the smallest test that bounds the cell. No tangent,
-no step and no Newton iteration takes part.
+In each cell the state is a function of alpha, one dense solve by numpy; a piece is a stretch of
+alpha on which the state lies in its cell. The ends of a piece are roots along alpha of the smallest
+test that bounds the cell. No tangent, no step and no Newton iteration takes part.
 
 Failure modes and answers
 -------------------------
 - A piece shorter than the grid of alphas: the answer is compared with ``enumerate_solutions`` at
-  other values of alpha, see :mod:`pwscont.bench.cases`. What is thinner than both grids is missed.
+  other values of alpha, see :mod:`pwscont.bench.cases`. Pieces thinner than both grids are missed.
 - A cell that is singular at every alpha may hold vertical pieces: refused.
 - A state that runs to infinity where the determinant vanishes: refused, if within its cell.
 """
@@ -40,7 +40,7 @@ def cellwise_pieces(
     Raises
     ------
     UnknownAnswerError
-        If there are pieces that this way cannot find.
+        If a cell may have pieces that this method cannot find.
     """
     return [
         piece

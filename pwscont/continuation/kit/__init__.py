@@ -1,8 +1,8 @@
-"""Do a stepper, a detector, a search of one's own keep their contracts? For implementers.
+"""Checks that a user's own stepper, detector or search keeps its contract.
 
 Each is tried on small systems whose curves are known: a circle with a kink that changes nothing, a
-cubic in two unknowns of different size, and a straight line. What is wrong is a defect with its
-place, as for :func:`pwscont.check_system`.
+cubic in two unknowns of different size, and a straight line. A report lists the defects with their
+places, as that of :func:`pwscont.check_system` does.
 """
 
 from pwscont.continuation.kit.detectors import check_detector

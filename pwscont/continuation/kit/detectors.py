@@ -1,4 +1,4 @@
-"""The kit for detectors."""
+"""The check of a detector's contract."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _wrong_location(
     bracket: tuple[float, float],
     size: float,
 ) -> Iterator[Defect]:
-    """Yield what is wrong with the point where one function vanishes; ``size`` is its own."""
+    """Yield defects of the point where one function, of this size, is said to vanish."""
     curve, where = segment.curve, segment.start.x
     found = detector.locate(segment, index, bracket)
     if isinstance(found, Failure):

@@ -1,4 +1,4 @@
-"""Curves that are known, on which parts of one's own are tried, and what is said of them."""
+"""Known curves, on which a user's own steppers, detectors and searches are tried."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from pwscont.system.inspection import Defect
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 
-#: H is zero where its correction is below this; a slope agrees with differences to this part.
+#: A point is on a curve if its correction is below the first number, a slope is right if it agrees
+#: with differences to the second.
 ON_CURVE, AGREES = 1e-8, 1e-3
 #: Steps that are tried on each curve.
 STEPS = 40

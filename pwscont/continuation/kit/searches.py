@@ -1,4 +1,4 @@
-"""The kit for searches."""
+"""The check of a search's contract."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from pwscont.system.selection import Selection
 def check_search(search: Search) -> Report:
     """Check what a search promises, on known systems.
 
-    - ``starts`` yields points, shape (n + 1,), in the interval, with errors of a shape like it.
-    - They solve the system in their cell, as far as the error says.
+    - ``starts`` yields points, shape (n + 1,), in the interval, with errors that fit this shape.
+    - The points solve the system in their cell, to within these errors.
     - ``searched`` returns a :class:`~pwscont.extending.SearchScope`.
 
     Returns

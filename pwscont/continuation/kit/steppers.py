@@ -1,4 +1,4 @@
-"""The kit for steppers."""
+"""The check of a stepper's contract."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AT_THE_END = 1e-9
 def check_stepper(stepper: Stepper) -> Report:
     """Check what a stepper promises, along known curves.
 
-    - It returns a segment of the curve that begins at the state it was given, or a Failure.
+    - A step is a segment of the curve that begins at the given state, or a Failure.
     - Both ends solve the frozen selection, and tangents go on in the direction of travel.
     - No step is longer than ``longest`` by much, and no end lies outside the interval.
     - The end of the interval is reached.

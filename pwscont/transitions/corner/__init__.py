@@ -1,1 +1,1 @@
-"""Corners: where several interfaces meet, every way on."""
+"""Corners, where several interfaces meet: all rays that leave one."""

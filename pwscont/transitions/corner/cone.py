@@ -37,7 +37,7 @@ from pwscont.transitions.rays import Ray, state_on
 
 #: Newton starts that may fail at a corner with more cells before the search ends.
 MOST_FAILURES = 2
-#: How far a curve tangent to an interface is followed to see where it bends to.
+#: How far a curve tangent to an interface is followed to see to which side it bends.
 PROBE = 1e-4
 #: Two directions are one when the cosine of their angle differs from one by less than this.
 SAME_DIRECTION = 1e-12
@@ -57,7 +57,7 @@ class TangentCone:
     along_interface : bool
         Whether a ray runs along an interface instead of into a cell.
     exact : bool
-        Whether all cells that meet here were tried; otherwise there may be more rays.
+        Whether all cells that meet at the corner were tried; otherwise there may be more rays.
     """
 
     rays: tuple[Ray, ...]
@@ -67,7 +67,7 @@ class TangentCone:
 
     @property
     def kind(self) -> Kind:
-        """What the corner is."""
+        """The kind of special point that the corner is."""
         if not self.exact:
             return Kind.PARTIAL_CORNER
         if not self.rays:

@@ -1,19 +1,20 @@
-"""The index of a solution that moves along interfaces: what small changes of H make of it.
+"""The index of a solution that moves along interfaces: the sum of signs if H changes a little.
 
 Where tests vanish all along a path, small changes of H move the path into one cell or into several,
-or leave no solution there. What they cannot change is the sum of the signs of det(dH/dz) over the
-solutions nearby, the index (the local degree). At fixed alpha these are the solutions w of
+or leave no solution there. They cannot change the index (the local degree), the sum of the signs of
+det(dH/dz) over the solutions nearby. At fixed alpha these are the solutions w of
 H'(x; (w, 0)) = e for a generic e (docs/theory, "Degenerate paths"): a problem like that of a
 corner, in which the tests that vanish along the path choose the cell.
 
-With one test the index is the sign of both sides where they agree, else 0. With several it must be
-computed: all cells may have the sign +1 and the index be 2, or the signs differ and the index be 1.
+With one test the index is the sign on both sides if the signs agree, else 0. With several tests it
+must be computed: all cells may have the sign +1 and the index be 2, or signs differ and it be 1.
 
 Failure modes and answers
 -------------------------
-- e is not generic, so that a solution lies on an interface or in a singular cell: another e.
-- More cells than can be tried: the sign of the first is taken, and the corner is called searched
-  in part, so that nothing is promised.
+- e is not generic, so that a solution lies on an interface or in a singular cell: another e is
+  tried.
+- More cells than can be tried: the sign in the first cell is taken, and the corner is called
+  searched in part, so that nothing is promised.
 - The solution is not isolated: solutions fill a face at one alpha, whose extreme rays are not
   followed along interfaces, see :mod:`pwscont.transitions.corner.cone`.
 """
@@ -44,7 +45,7 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
     ray : Ray
         A ray along interfaces.
     zero : frozenset of int
-        All tests that vanish where it starts; those that grow along it choose no cell.
+        All tests that vanish where the ray starts; tests that grow along it choose no cell.
 
     Returns
     -------
@@ -84,7 +85,7 @@ def _nearby(ray: Ray, zero: frozenset[int], shift: int) -> Linearised:
 
 
 def _slopes(ray: Ray, zero: frozenset[int]) -> dict[int, float]:
-    """Return how the tests that vanish change along a ray, 0 for those that do not."""
+    """Return the slopes along a ray of the tests that vanish, 0 for slopes that are rounding."""
     x, tangent, scale = ray.state.x, ray.state.tangent, ray.curve.metric.scale
     which = np.array(sorted(zero), dtype=np.intp)
     rows = ray.curve.selection.system.some_test_gradients(x[:-1], float(x[-1]), which)

@@ -24,7 +24,7 @@ from pwscont.transitions.corner.simple import Admits
 
 #: All cells at a corner are tried up to this number: eight contact nodes.
 MANY_CELLS = 4**8
-#: The same for systems that do not name their blocks, whose cells are gone through one by one.
+#: Most vanishing tests of a system without blocks, whose cells are gone through one by one.
 MANY_TESTS = 12
 
 
@@ -40,7 +40,7 @@ class Linearised(SlicewiseLinearSystem):
     zero : frozenset of int
         The tests that vanish; their signs along d choose the cell.
     signs : ndarray of bool
-        The signs of the others.
+        The signs of the other tests.
     row : ndarray, shape (n + 1,), optional
         c; default a generic one.
     right : ndarray, shape (n,), optional
@@ -106,7 +106,7 @@ class Linearised(SlicewiseLinearSystem):
 
     @property
     def is_small(self) -> bool:
-        """Whether all cells that meet here can be tried."""
+        """Whether all cells that meet at the point can be tried."""
         if not isinstance(self._system, SlicewiseLinearSystem):
             return len(self._zero) <= MANY_TESTS
         blocks = self.blocks()
@@ -116,11 +116,11 @@ class Linearised(SlicewiseLinearSystem):
 
     @cached_property
     def table(self) -> Table:
-        """Return the problem in numbers, from which its independent parts are seen."""
+        """Return the problem as matrices, whose pattern shows its independent parts."""
         return Table.of(self, 0.0, aside(self._scale))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the system's blocks, with only the modes of the cells that meet here."""
+        """Return the system's blocks, with only the modes of the cells that meet at the point."""
         if not isinstance(self._system, SlicewiseLinearSystem):
             return (self._one_block(),)
         return tuple(
@@ -133,7 +133,7 @@ class Linearised(SlicewiseLinearSystem):
         return Admits(self._system, block, signs.tolist(), self._zero)
 
     def _one_block(self) -> Block:
-        """Return all cells that meet here as the modes of one block."""
+        """Return all cells that meet at the point as the modes of one block."""
         zero = sorted(self._zero)
         signs = Character(tuple((self._constant >= 0.0).tolist()))
         cells: dict[bytes, tuple[bool, ...]] = {}
@@ -153,10 +153,10 @@ def in_parts(
     zero: frozenset[int],
     signs: npt.NDArray[np.bool_],
 ) -> Linearised | None:
-    """Return the cone problem with the condition on alpha alone, so that it falls into parts.
+    """Return the cone problem with the length of d fixed by its alpha alone: it falls into parts.
 
-    None where that does not help, or where a ray may be vertical and would not be seen: if all
-    parts are regular in all cells, none is.
+    None where that does not help, or where a ray may be vertical and would not be seen. No ray is
+    vertical if all parts are regular in all cells.
     """
     cone = Linearised(system, metric, x, zero, signs, last_unit(len(x)))
     if not isinstance(system, SlicewiseLinearSystem):

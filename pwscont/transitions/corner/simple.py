@@ -1,7 +1,7 @@
 """Corners at which every cell has one ray at most: cell by cell, by a solve and some signs.
 
 Most corners are like this, above all those of symmetric bodies, where two nodes change their modes
-together: few cells meet, and J_chi d = 0 has one solution d but for its length in each. It is a ray
+together: few cells meet, and in each J_chi d = 0 has one solution d but for its length. d is a ray
 if the tests that vanish grow along it into the cell (docs/theory, F8). The matrices are those of
 the paths themselves, so that structure and updates of factorisations serve here as well.
 
@@ -9,7 +9,7 @@ Failure modes and answers
 -------------------------
 - A cell has more than one null vector, or a test stays zero along one: the corner may be
   degenerate, and is left to the cone problem, :mod:`pwscont.transitions.corner.cone`.
-- A slope is nothing but rounding: the same.
+- A slope is nothing but rounding: left to the cone problem, too.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ SLANT = EPS**0.5
 def simple_corner(
     system: PiecewiseSystem, metric: Metric, x: Array, zero: frozenset[int]
 ) -> list[Direction] | None:
-    """Return the directions of all rays, cell by cell, or None where that is not simple.
+    """Return the directions of all rays, cell by cell, or None at a corner that is not simple.
 
     In each cell J_chi d = 0 has one solution but for its length, and the signs of the slopes of
-    the tests that vanish say whether d, or -d, or neither is a ray. It is not simple where a cell
-    has more solutions, where a slope vanishes, or where there are many cells.
+    the tests that vanish say whether d, or -d, or neither is a ray. The corner is not simple where
+    a cell has more solutions, where a slope vanishes, or where there are many cells.
     """
     cells = _few_cells(system, x, zero)
     if cells is None:
@@ -99,7 +99,7 @@ def _only_direction(selection: Selection, metric: Metric, x: Array) -> Array | N
 def _slopes(
     selection: Selection, metric: Metric, x: Array, direction: Array, zero: frozenset[int]
 ) -> Array | None:
-    """Return how the bounding tests that vanish grow into the cell, None if not all clearly do."""
+    """Return the slopes along d of the bounding tests that vanish, None if one may be zero."""
     vanish = [int(test) in zero for test in selection.bounding]
     rows = selection.test_gradients(x)[np.flatnonzero(vanish)]
     slopes: Array = rows @ direction
@@ -118,7 +118,7 @@ class Admits:
     zero: frozenset[int]
 
     def __call__(self, mode: tuple[bool, ...]) -> bool:
-        """Tell whether the signs at the corner are those of the mode, but for what vanishes."""
+        """Tell whether a mode agrees with the signs of the tests that do not vanish."""
         signs = list(self.signs)
         for test, sign in zip(self.block.tests, mode, strict=True):
             signs[test] = sign
