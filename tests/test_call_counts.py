@@ -217,3 +217,11 @@ def test_no_words_and_digits_are_made_before_they_are_asked_for(monkeypatch):
     assert said.count("change") < len(graph.pieces)  # once where it is reached
     (point, *_) = graph.special_points("transition")
     assert " → ".join(point.message.split(": ")[1].split(" → ")[::-1]) in point.backward
+
+
+def test_gradients_of_tests_are_made_once_where_they_are_constant(monkeypatch):
+    made, make = [], CoulombLoad.test_gradients
+    monkeypatch.setattr(CoulombLoad, "test_gradients", lambda *of: made.append(1) or make(*of))
+    graph = counts(random_path(p=33), (-5.0, 0.0), ExactLinear())[1]
+    assert len(graph.pieces) > 10
+    assert len(made) == 1

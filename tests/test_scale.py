@@ -11,9 +11,10 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactMatrix
-from pwscont_coulomb.rows import rows_of_tests
+from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 
 from pwscont import Character, PseudoArclength, check_system, trace
+from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
 from pwscont.linear.factorise import DenseFactor, bordered
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
@@ -352,6 +353,18 @@ def test_symmetric_bodies_pass_their_corners(p):
 
 
 # -- memory -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [0, 1, FEW, FEW + 1, 40])
+def test_rows_of_gradients_are_those_of_the_sparse_matrix(count):
+    rng = np.random.default_rng(count)
+    whole = sp.random_array((50, 30), density=0.1, rng=rng, format="csr")
+    which = rng.permutation(50)[:count]
+    rows = GradientRows(whole)[which]
+    assert sp.issparse(rows) == (count > FEW)
+    np.testing.assert_array_equal(dense(rows), whole.toarray()[which])
+    np.testing.assert_array_equal(dense(abs(rows)), np.abs(whole.toarray()[which]))
+    np.testing.assert_array_equal(GradientRows(whole)[:, :-1].toarray(), whole.toarray()[:, :-1])
 
 
 @pytest.mark.slow

@@ -52,7 +52,13 @@ from pwscont_coulomb.free_unknowns import FreeUnknowns
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
 from pwscont_coulomb.per_node import positive
-from pwscont_coulomb.rows import by_node, rows_of_tests, scaled, some_rows, without_contact
+from pwscont_coulomb.rows import (
+    by_node,
+    gradients_of_tests,
+    rows_of_tests,
+    scaled,
+    without_contact,
+)
 
 IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
 STICKS = np.array([0.0, 1.0, 0.0, 0.0])
@@ -313,20 +319,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         by_alpha : ndarray, shape (3 p,)
             Derivatives by alpha, the last column.
         """
-        if self._has_sparse_tests:
-            bound = sp.diags(friction) @ self._kappa1_rows
-            rows = sp.vstack([self._kappa1_rows, self._x_rows - bound, self._x_rows + bound])
-            order = np.arange(3 * self.body.p).reshape(3, self.body.p).T.ravel()
-            return sp.hstack([rows.tocsr()[order], sp.csr_matrix(by_alpha[:, None])]).tocsr()
-        bound = friction[:, np.newaxis] * self._kappa1_rows
-        gradients = np.empty((3 * self.body.p, self.size + 1))
-        gradients[:, :-1] = by_node(self._kappa1_rows, self._x_rows - bound, self._x_rows + bound)
-        gradients[:, -1] = by_alpha
-        return gradients
-
-    def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
-        """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 2 p + 1)."""
-        return some_rows(self.test_jacobian(z, alpha), which)
+        return gradients_of_tests(self._kappa1_rows, self._x_rows, friction, by_alpha)
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""

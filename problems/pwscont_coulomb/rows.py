@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any, final
+
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Indices, Matrix, dense
+from pwscont.extending import Array, Matrix, dense
 from pwscont_coulomb.body import ContactBody
 
 #: Up to this many rows are taken out of a sparse matrix as dense ones.
@@ -36,20 +38,56 @@ def rows_of_tests(body: ContactBody, r: Array, is_sparse: bool) -> tuple[Matrix,
     return sp.hstack([N, one, none]).tocsr(), x.tocsr()
 
 
-def some_rows(matrix: Matrix, which: Indices) -> Matrix:
-    """Return some rows of a matrix; a few of a sparse one are dense, which takes less time."""
-    if not sp.issparse(matrix):
-        return matrix[which]
-    first, counts = matrix.indptr[which], np.diff(matrix.indptr)[which]
-    ends = np.cumsum(counts)
-    entries = np.arange(counts.sum()) + np.repeat(first - ends + counts, counts)
-    data, columns = matrix.data[entries], matrix.indices[entries]
-    shape = (len(which), matrix.shape[1])
-    if len(which) > FEW:
-        return sp.csr_matrix((data, columns, np.append(0, ends)), shape)
-    rows = np.zeros(shape)
-    rows[np.repeat(np.arange(len(which)), counts), columns] = data
-    return rows
+@final
+class GradientRows(sp.csr_matrix):  # type: ignore[misc]
+    """Sparse rows, not to be written to, of which a few are taken again and again.
+
+    A few rows are dense ones: whatever scipy does to a sparse matrix takes longer than they do.
+    """
+
+    def __getitem__(self, key: Any) -> Matrix:
+        """Return rows by their numbers, or whatever scipy returns for other keys."""
+        if not isinstance(key, np.ndarray) or key.dtype.kind != "i":
+            return super().__getitem__(key)
+        first, counts = self.indptr[key], self.indptr[key + 1] - self.indptr[key]
+        ends = np.cumsum(counts)
+        entries = np.arange(counts.sum()) + np.repeat(first - ends + counts, counts)
+        data, columns = self.data[entries], self.indices[entries]
+        shape = (len(key), self.shape[1])
+        if len(key) > FEW:
+            return GradientRows((data, columns, np.append(0, ends)), shape)
+        rows = np.zeros(shape)
+        rows[np.repeat(np.arange(len(key)), counts), columns] = data
+        return rows
+
+    def __abs__(self) -> Matrix:
+        """Return the magnitudes, which are remembered."""
+        if not hasattr(self, "_magnitudes"):
+            self._magnitudes = super().__abs__()
+        return self._magnitudes
+
+
+def gradients_of_tests(kappa1: Matrix, x: Matrix, friction: Array, by_alpha: Array) -> Matrix:
+    """Return the gradients of all tests, shape (3 p, n + 2 p + 1), node by node.
+
+    Parameters
+    ----------
+    kappa1, x : matrix, shape (p, n + 2 p)
+        The gradients by z of kappa1 and x.
+    friction : ndarray, shape (p,)
+    by_alpha : ndarray, shape (3 p,)
+        Derivatives of the tests by alpha.
+    """
+    p, size = kappa1.shape
+    bound = scaled(friction, kappa1)
+    if sp.issparse(kappa1):
+        order = np.arange(3 * p).reshape(3, p).T.ravel()
+        rows = sp.vstack([kappa1, x - bound, x + bound]).tocsr()[order]
+        return GradientRows(sp.hstack([rows, sp.csr_matrix(by_alpha[:, np.newaxis])]))
+    gradients = np.empty((3 * p, size + 1))
+    gradients[:, :-1] = by_node(kappa1, x - bound, x + bound)
+    gradients[:, -1] = by_alpha
+    return gradients
 
 
 def by_node(first: Array, second: Array, third: Array) -> Array:

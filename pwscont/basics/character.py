@@ -89,4 +89,4 @@ class Character:
 
 @lru_cache(maxsize=64)  # a residual may ask again and again, and a graph holds thousands
 def _as_tuple(signs: bytes) -> tuple[bool, ...]:
-    return tuple(map(bool, signs))
+    return tuple(np.frombuffer(signs, dtype=np.bool_).tolist())

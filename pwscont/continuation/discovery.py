@@ -63,7 +63,7 @@ class Discovery:
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
         arrival, place = replace(arrival, rays=rays), _place(arrival)
-        keys = [RayKey.of(ray, place) for ray in rays]
+        keys = RayKey.of(rays, place)
         known = list(filter(None, map(self._match, rays, keys)))
         if known:
             self._absorb(known[0][0], arrival, keys)
@@ -171,7 +171,7 @@ class Discovery:
         A walk that stops so close to its beginning that both ends seem one node is no loop.
         """
         rays = walk.arrival.rays
-        keys = [RayKey.of(ray, place) for ray in rays]
+        keys = RayKey.of(rays, place)
         near = next(filter(None, map(self._match, rays, keys)), None)
         if near is None:
             node = self._new(walk.arrival, place, keys)

@@ -7,6 +7,8 @@ directions agree, those of clearly different directions do not.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
@@ -54,9 +56,10 @@ class RayKey:
     direction: Array
 
     @classmethod
-    def of(cls, ray: Ray, place: Place) -> RayKey:
-        """Return the key of a ray."""
-        return cls(place, names(ray), direction(ray))
+    def of(cls, rays: Sequence[Ray], place: Place) -> list[RayKey]:
+        """Return the keys of the rays that leave a place."""
+        units = _directions(rays) if rays else ()
+        return [cls(place, names(ray), unit) for ray, unit in zip(rays, units, strict=True)]
 
     def alignment(self, ray: Ray, key: RayKey) -> float:
         """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
@@ -73,12 +76,12 @@ class RayKey:
         return bool((np.abs(apart) <= CONFIDENCE * errors).all())
 
 
-def direction(ray: Ray) -> Array:
-    """Return the direction of a ray, or projections of it, of length one."""
-    scaled = ray.state.tangent / ray.curve.metric.scale
-    seen = scaled if len(scaled) <= WHOLE else _projections(len(scaled)) @ scaled
-    unit: Array = seen / np.linalg.norm(seen)
-    return unit
+def _directions(rays: Sequence[Ray]) -> list[Array]:
+    """Return the direction of each ray, or projections of it, of length one."""
+    scaled = np.array([ray.state.tangent / ray.curve.metric.scale for ray in rays])
+    size = scaled.shape[1]
+    seen = scaled if size <= WHOLE else scaled @ _projections(size).T
+    return [some / math.sqrt(some.dot(some)) for some in seen]
 
 
 @lru_cache(maxsize=2)

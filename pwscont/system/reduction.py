@@ -69,7 +69,6 @@ class Reduction:
 
     def character(self, character: Character) -> Character:
         """Return the character of the full system."""
-        signs = list(self.idle.signs)
-        for test, sign in zip(self.tests, character.signs, strict=True):
-            signs[test] = sign
-        return Character(tuple(signs))
+        signs = self.idle.array.copy()
+        signs[self.tests] = character.array
+        return Character.of(np.where(signs, 1.0, -1.0))
