@@ -19,7 +19,11 @@ from pwscont.extending import (
     row_scale,
 )
 from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
-from pwscont_coulomb.modes import Mode
+
+#: For each mode whether a node touches, whether it sticks, and the sign of its slip.
+TOUCHES = np.array([False, True, True, True])
+STICKS = np.array([False, True, False, False])
+SIDES = np.array([0.0, 0.0, 1.0, -1.0])
 
 
 @final
@@ -37,12 +41,11 @@ class ContactMatrix:
 
     def __init__(self, algebra: ContactAlgebra, mode: Indices, friction: Array) -> None:
         self.algebra = algebra
-        self.touches = mode != Mode.NO_CONTACT
+        self.touches = TOUCHES[mode]
         #: The tangential row of a guided node is lam_t = 0, in stick, too.
-        self.sticks = (mode == Mode.STICK) & algebra.slides
+        self.sticks = STICKS[mode] & algebra.slides
         #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
-        self.slip = friction * np.where(self.touches & ~self.sticks, 1.0, 0.0)
-        self.slip = np.where(mode == Mode.SLIP_MINUS, -self.slip, self.slip)
+        self.slip = friction * SIDES[mode]
         keys = np.zeros(algebra.n)
         keys[algebra.normal[self.touches]] = np.inf
         keys[algebra.tangential] = np.where(self.sticks, np.inf, self.slip)

@@ -233,6 +233,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def names(self) -> tuple[str, ...]:
         """Return u[i] (or u_nu and u_t where N and T pick single unknowns) and multipliers."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         return names(self.body)
 
     def test_name(self, test: int) -> str:

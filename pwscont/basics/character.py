@@ -13,6 +13,7 @@ from pwscont.basics.looks import MOST_LETTERS, short
 
 #: The signs as they are printed.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
+FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
 
 
 @final
@@ -46,6 +47,11 @@ class Character:
     def of(cls, tests: Array) -> Character:
         """Return the character of a point with test function values ``tests``, shape (m,)."""
         return cls._of_bytes((tests >= 0.0).tobytes())
+
+    @classmethod
+    def read(cls, text: str) -> Character:
+        """Return the character that is printed so, by ``+`` and ``-``."""
+        return cls._of_bytes(text.encode("ascii").translate(FROM_TEXT))
 
     @classmethod
     def _of_bytes(cls, signs: bytes) -> Character:

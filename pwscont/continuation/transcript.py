@@ -80,12 +80,8 @@ def _ray(ray: Ray, rows: _JournalRows) -> dict[str, Any]:
 
 
 def _ray_of(data: dict[str, Any], rows: Array, system: PiecewiseSystem, metric: Metric) -> Ray:
-    beside = tuple(map(_character, data["beside"]))
-    curve = Curve(Selection(system, _character(data["signs"]), beside), metric)
+    beside = tuple(map(Character.read, data["beside"]))
+    curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
     x, tangent = rows[data["state"]]
     state = State(x, tangent, rows[data["error"]], data["orientation"])
-    return Ray(curve, state, tuple(map(_character, data["shared"])), data["index"])
-
-
-def _character(signs: str) -> Character:
-    return Character(tuple(sign == "+" for sign in signs))
+    return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -26,15 +26,16 @@ from pwscont.basics.errors import GraphFileError
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import kind_of
 from pwscont.basics.quantities import Kept, Quantities
-from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.accuracy import Accuracy
+from pwscont.graph.consistency import check_places, check_references
 from pwscont.graph.fields import DamagedError, Fields
 from pwscont.graph.passages import Said
-from pwscont.graph.place import Stored
+from pwscont.graph.place import Stored, first_digits, from_first_digits
 from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
 
 FORMAT = "pwscont branch graph"
-VERSION = 1
+VERSION = 2
+ARRAYS = ("nodes", "starts", "errors", "points")
 
 
 @final
@@ -59,13 +60,16 @@ def write(path: str | Path, contents: Contents) -> None:
     GraphFileError
         If it cannot be written.
     """
+    special = (*contents.points, *contents.starts)
     arrays = {
         "nodes": _stack([point.z for point in contents.points]),
         "starts": _stack([point.z for point in contents.starts]),
+        "errors": _stack([first_digits(point.error) for point in special]).astype(np.uint16),
         "points": _stack([piece.points for piece in contents.pieces]),
     }
     content = BytesIO()
-    np.savez_compressed(content, header=np.array(json.dumps(_header(contents))), **arrays)
+    # not compressed: digits are random, and compressing them takes ten times as long as all else
+    np.savez(content, header=np.array(json.dumps(_header(contents))), **arrays)
     try:
         _replace(Path(path), content.getvalue())
     except OSError as error:
@@ -111,7 +115,6 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "message": point.message,
         "backward": point.backward,
         "piece": point.piece,
-        "error": point.error.tolist(),
         "digits": point.digits,
         "lost": point.lost,
         "recorded": attempted(point),
@@ -141,7 +144,7 @@ def read(path: str | Path) -> Contents:
     try:
         # opened here, since numpy leaves a file open that it cannot read
         with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in ("header", "nodes", "starts", "points")}
+            arrays = {name: file[name] for name in ("header", *ARRAYS)}
         header = json.loads(str(arrays["header"]))
     except OSError as error:
         raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
@@ -167,12 +170,13 @@ def _check_format(path: str | Path, header: Fields) -> None:
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     rows = _StoredRows.of(arrays)
     names = _names(header, rows)
-    points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"))]
-    starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"))]
+    errors = iter(rows.errors)
+    points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"), errors)]
+    starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"), errors)]
     pieces = _pieces(header.objects("pieces"), rows)
     interval = _interval(header)
-    _check_references(points, pieces, starts)
-    _check_places(points, pieces, interval)
+    check_references(points, pieces, starts)
+    check_places(points, pieces, interval)
     searched = _searched(header)
     return Contents(points, pieces, starts, interval, header.text("parameter"), searched, names)
 
@@ -190,50 +194,60 @@ def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:
 @final
 @dataclass(frozen=True, slots=True)
 class _StoredRows:
-    """The arrays of a file, finite, with n columns for states and n + 1 for points of pieces."""
+    """The arrays of a file, finite: n columns for states, n + 1 for errors and points of pieces."""
 
     nodes: Array
     starts: Array
+    errors: Array
     points: Array
 
     @classmethod
     def of(cls, arrays: dict[str, Any]) -> _StoredRows:
-        rows = cls(*(_table(name, arrays[name]) for name in ("nodes", "starts", "points")))
-        states = {len(a.T) for a in (rows.nodes, rows.starts, rows.points[:, :-1]) if len(a)}
-        if len(states) > 1:
+        rows = cls(*(_table(name, arrays[name]) for name in ARRAYS))
+        if len({len(states.T) for states in rows._states}) > 1:
             raise DamagedError("nodes, starts and points have different numbers of unknowns")
+        if len(rows.errors) != len(rows.nodes) + len(rows.starts) or (rows.errors < 0.0).any():
+            raise DamagedError("errors must be one row for each node and start, none negative")
         return rows
+
+    @property
+    def _states(self) -> list[Array]:
+        """All arrays that have rows, without alpha."""
+        everything = (self.nodes, self.starts, self.errors[:, :-1], self.points[:, :-1])
+        return [states for states in everything if len(states)]
 
     @property
     def unknowns(self) -> int | None:
         """The number of unknowns, None where there is no state."""
-        sizes = (a.shape[1] for a in (self.nodes, self.starts, self.points[:, :-1]) if len(a))
-        return next(sizes, None)
+        return next((states.shape[1] for states in self._states), None)
 
-    def each(self, name: str, headers: list[Fields]) -> list[tuple[Fields, Array]]:
-        """Return each header with its row."""
+    def each(
+        self, name: str, headers: list[Fields], errors: Iterator[Array]
+    ) -> list[tuple[Fields, Array, Array]]:
+        """Return each header with its state and the next error."""
         rows = getattr(self, name)
         if len(rows) != len(headers):
             raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
-        return list(zip(headers, rows, strict=True))
+        return [(*row, next(errors)) for row in zip(headers, rows, strict=True)]
 
 
 def _table(name: str, values: Any) -> Array:
     if not isinstance(values, np.ndarray):  # numpy returns a member that is no array as it is
         raise DamagedError(f"{name} must be rows of numbers")
-    if values.dtype.kind != "f" or values.ndim != 2:
+    if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
-    if not np.isfinite(values).all():
+    numbers = from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
+    if not np.isfinite(numbers).all():
         raise DamagedError(f"{name} must be finite")
-    return np.asarray(values, dtype=float)
+    return numbers
 
 
-def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoint:
+def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
     piece = header.entry("piece")
     return SpecialPoint(
         id=header.integer("id", -1),
         kind=_kind(header),
-        place=Stored(np.append(z, header.finite("alpha")), _error(header, len(z) + 1)),
+        place=Stored(np.append(z, header.finite("alpha")), error),
         passed=Said(header.text("message"), header.text("backward")),
         piece=None if piece is None else header.integer("piece", 0),
         accuracy=Accuracy(known=header.number("digits")),
@@ -258,13 +272,6 @@ def _kind(header: Fields) -> str:
     return kind_of(word)
 
 
-def _error(header: Fields, size: int) -> Array:
-    error = header.numbers("error")
-    if len(error) not in (0, size) or (error < 0.0).any():
-        raise DamagedError(f"error of {header.name} must be {size} numbers, none negative")
-    return error
-
-
 def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
     """Return the pieces, each with the rows that follow those of the one before."""
     counts = [header.integer("count", 2) for header in headers]
@@ -284,7 +291,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         id=header.integer("id", 0),
         start=header.integer("start", 0),
         end=header.integer("end", 0),
-        character=Character(sign == "+" for sign in signs),
+        character=Character.read(signs),
         naming=_Name(header.text("label")),
         track=Track.of(points),
         det_sign=det_sign,
@@ -300,37 +307,6 @@ class _Name:
 
     def __call__(self, character: Character) -> str:
         return self.name
-
-
-def _check_references(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
-) -> None:
-    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
-    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
-    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
-        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
-    for piece in pieces:
-        if not {piece.start, piece.end} <= nodes:
-            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
-    for start in starts:
-        if start.piece not in known:
-            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
-
-
-def _check_places(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
-) -> None:
-    """Refuse points outside the interval, and characters of different lengths."""
-    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
-    lo, hi = interval[0] - slack, interval[1] + slack
-    for point in points:
-        if not lo <= point.alpha <= hi:
-            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
-    for piece in pieces:
-        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
-            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
-    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
-        raise DamagedError("pieces have different numbers of signs")
 
 
 def _interval(header: Fields) -> tuple[float, float]:
