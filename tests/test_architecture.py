@@ -198,6 +198,7 @@ HEAVY = {
     "matplotlib",
     "pandas",
     "sqlite3",
+    "networkx",
     "pwscont_coulomb",
     "skfem",
     "meshio",

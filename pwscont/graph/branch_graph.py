@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
-import networkx as nx
 import numpy as np
 
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
@@ -19,6 +18,9 @@ from pwscont.graph.exports import data_frame, networkx_graph
 from pwscont.graph.records import Piece, SpecialPoint
 from pwscont.graph.verdict import WORDS, verdict
 from pwscont.system.system import PiecewiseSystem
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 #: Solutions that are larger or smaller by this factor are not of the order of one.
 FAR = 1e3

@@ -13,9 +13,8 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 
 from pwscont.basics.arrays import Array
@@ -24,11 +23,16 @@ from pwscont.basics.quantities import TAKEN
 from pwscont.graph.records import Piece, SpecialPoint, attempted
 from pwscont.graph.structure import Structure
 
+if TYPE_CHECKING:
+    import networkx as nx
+
 # -- networkx ------------------------------------------------------------------------------------
 
 
 def networkx_graph(graph: Structure) -> nx.MultiGraph:
     """Return a networkx graph with plain attributes, for :attr:`pwscont.BranchGraph.nx`."""
+    import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
+
     plain, scale = nx.MultiGraph(), magnitudes(graph)
     for point in graph.special_points():
         if point.id >= 0:  # a start within a piece is no node

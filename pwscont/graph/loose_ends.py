@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
-import networkx as nx
-
 from pwscont.basics.kind import Kind
+from pwscont.graph.connected import connected
 from pwscont.graph.records import SpecialPoint
 from pwscont.graph.structure import Structure
 
@@ -42,9 +41,7 @@ def _jumps(graph: Structure) -> dict[int, int]:
 
 def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
     """Yield sets of nodes: those joined by vertical pieces together, the others alone."""
-    joined = nx.Graph((piece.start, piece.end) for piece in graph.verticals)
-    joined.add_nodes_from(nodes)
-    yield from nx.connected_components(joined)
+    yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
 
 
 def _suspicion(point: SpecialPoint) -> int:

@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Any
 
-import networkx as nx
 import numpy as np
 
 from pwscont.basics.arrays import Array
@@ -18,6 +17,7 @@ from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph.connected import connected, shortest_way
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.system.system import PiecewiseSystem
 
@@ -103,10 +103,8 @@ class Structure:
 
     def components(self) -> list[list[Piece]]:
         """Return the pieces of each connected component, in the order in which they follow."""
-        joined = nx.Graph()
-        joined.add_nodes_from(self._nodes)
-        joined.add_edges_from((piece.start, piece.end) for piece in self.pieces)
-        return [self._at_any(nodes) for nodes in sorted(nx.connected_components(joined), key=min)]
+        pairs = ((piece.start, piece.end) for piece in self.pieces)
+        return [self._at_any(nodes) for nodes in connected(self._nodes, pairs)]
 
     def _at_any(self, nodes: set[int]) -> list[Piece]:
         ids = {piece.id for node in nodes for piece in self._touching[node]}
@@ -142,14 +140,10 @@ class Structure:
         list of Piece
             From the piece of ``a`` to the piece of ``b``; empty where no way connects them.
         """
-        joints = nx.Graph()
-        joints.add_nodes_from(piece.id for piece in self.pieces)
-        for node in self._nodes:
-            joints.add_edges_from(combinations((p.id for p in self.pieces_at(node)), 2))
-        try:
-            return [self._by_id[i] for i in nx.shortest_path(joints, a.piece, b.piece)]
-        except nx.NetworkXNoPath:
-            return []
+        touching = ((piece.id for piece in self.pieces_at(node)) for node in self._nodes)
+        pairs = chain.from_iterable(combinations(ids, 2) for ids in touching)
+        way = shortest_way((piece.id for piece in self.pieces), pairs, a.piece, b.piece)
+        return [self._by_id[i] for i in way]
 
     def same(self, a: Array | float, b: float) -> Any:
         """Tell whether values of alpha are one, but for rounding."""
