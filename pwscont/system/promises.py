@@ -7,6 +7,8 @@ Failure modes and answers
   measured by the terms, so that neither units nor conditioning raise an alarm.
 - H jumps at an interface: the residuals of both selections there differ by more than rounding of
   their terms, and by more than the error of the point can change them.
+- Selections agree at one point of an interface, and not at others: the direction that one of them
+  promises beyond is not one of the other.
 - H is not finite wherever solutions are looked for: nothing is found, which is no answer.
 - Blocks claim the same rows, so that one switch decides what belongs to another.
 """
@@ -123,6 +125,27 @@ def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> 
     rounding = GUARD * EPS * (sizes @ scale)
     if (np.abs(start - 2.0 * middle + end) > BENT * terms + rounding).any():
         raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
+
+
+def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
+    """Refuse a ray from ``x`` to ``x + dx`` that is not a direction of its selection.
+
+    It was found from the cell before (docs/theory, F11), whose Jacobian promises another one.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    rest = np.abs(selection.residual(x + dx) - selection.residual(x))
+    sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
+    terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
+    row = int(np.argmax(rest - BENT * terms))
+    if rest[row] > BENT * terms[row]:
+        raise InvalidSystemError(
+            f"{type(selection.system).__name__}.residual and jacobian disagree in row {row} in "
+            f"{selection.label}, reached at alpha = {x[-1]:.10g}: a Jacobian is wrong, or this "
+            "selection and the one before do not agree on all of their interface; run check_system"
+        )
 
 
 def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale: Array) -> None:

@@ -26,7 +26,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.system.promises import BENT, refuse_bent_ray
+from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
 
@@ -176,6 +176,7 @@ def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
+    refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
 
 
 def first_on_curve(
