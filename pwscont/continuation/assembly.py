@@ -21,6 +21,7 @@ from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.packing import Lifted
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track, significant
+from pwscont.system.ending import Ending
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
@@ -209,7 +210,8 @@ def _messages(
     """Return the messages at a node for both orientations: what changes, and what else is known."""
     before = [edge.character for edge in edges if edge.end == number]
     after = [edge.character for edge in edges if edge.start == number]
-    if len(before) != 1 or len(after) != 1 or before == after:
+    passes = len(before) == len(after) == 1 and before != after
+    if not passes or (node.kind == Kind.END and isinstance(system, Ending)):
         return node.message, node.message
     forward, backward = before + after, after + before
     changes = system.describe_transition(*forward), system.describe_transition(*backward)

@@ -28,6 +28,7 @@ from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
+from pwscont.system.ending import Ending
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
@@ -63,11 +64,12 @@ class Discovery:
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
         arrival = replace(arrival, rays=rays)
-        known = [match for ray in rays if (match := self._match(ray))]
-        if known:
-            self._absorb(known[0][0], arrival, _place(arrival))
+        known = self._known(arrival)
+        if known is not None:
+            self._absorb(known, arrival, _place(arrival))
             self._follow_all(after_first=None)
-        if known or self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
+            return
+        if self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
             return
         if not self._budget.allows(len(self.edges)):
             return
@@ -169,13 +171,12 @@ class Discovery:
 
         A walk that stops so close to its beginning that both seem to be one node is no loop.
         """
-        matches = [self._match(ray) for ray in walk.arrival.rays]
-        near = next(filter(None, matches), None)
+        near = self._known(walk.arrival)
         if near is None:
             node = self._new(walk.arrival, place)
             self._register(node, walk.arrival.rays)
         else:
-            node = near[0]
+            node = near
             self._absorb(node, walk.arrival, place)
             if node == begin and walk.arrival.kind == Kind.STOPPED:
                 self.nodes[node].stop(walk.arrival.message)
@@ -183,6 +184,24 @@ class Discovery:
         if back is not None:
             self.nodes[back[0]].rays[back[1]] = None
         return node
+
+    def _known(self, arrival: SpecialPointFound) -> int | None:
+        """Return the node that a special point is, if one of its rays is known.
+
+        Curves that the system ends at one place share a node, though none goes on as another.
+        """
+        matches = (self._match(ray) for ray in arrival.rays)
+        return next((match[0] for match in matches if match), self._end_at(arrival))
+
+    def _end_at(self, arrival: SpecialPointFound) -> int | None:
+        """Return the node at which the system ends other curves at the place of an end."""
+        if arrival.kind != Kind.END or not arrival.rays:
+            return None
+        ray = arrival.rays[0]
+        if not isinstance(ray.curve.selection.system, Ending):
+            return None
+        ends = (n for n, node in self.nodes.items() if node.kind == Kind.END)
+        return next((n for n in ends if self.nodes[n].keys[0].is_where(ray)), None)
 
     def _absorb(self, node: int, arrival: SpecialPointFound, place: Place) -> None:
         """Add to a node the rays that only this arrival shows.

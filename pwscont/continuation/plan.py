@@ -43,6 +43,7 @@ from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events, checked_events
 
 Report = Callable[[int, float], None]
@@ -220,10 +221,10 @@ class Plan:
                 return
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a start as the special point that an added detector takes it for."""
+        """Return a start as the special point that an added detector or the system takes it for."""
         for detector in self.added:
             arrival = detector.begun(arrival)
-        return arrival
+        return ended(arrival)
 
     def _graph(
         self,

@@ -50,9 +50,9 @@ class RayKey:
     def alignment(self, ray: Ray, towards: Array) -> float:
         """Return the cosine to a ray with direction ``towards``, 0 where it starts elsewhere."""
         cosine = float(self.direction.dot(towards))
-        return cosine if cosine > 0.0 and self._is_where(ray) else 0.0
+        return cosine if cosine > 0.0 and self.is_where(ray) else 0.0
 
-    def _is_where(self, ray: Ray) -> bool:
+    def is_where(self, ray: Ray) -> bool:
         """Tell whether a ray starts here, or no further away than both are uncertain."""
         metric, x = ray.curve.metric, ray.state.x
         apart = metric.difference(self.place.x, x)
