@@ -25,6 +25,7 @@ from pwscont.transitions.detection import (
 )
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
+from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
 
 #: A piece of more steps is lost: at the default step it is thousands of intervals long.
@@ -84,7 +85,7 @@ class PieceFollower(Follower):
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
-        reached = _Reached(ray)
+        reached = _Reached(leaning(ray))
         try:
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
