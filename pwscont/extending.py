@@ -35,12 +35,13 @@ from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.look import DEFAULT_LOOK, Look
-from pwscont.search.search import BringsSearches, Search
+from pwscont.search.search import Search
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on, land_on_end
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
+from pwscont.system.own_searches import BringsSearches
 from pwscont.system.reduction import Reducible, Reduction
 from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector

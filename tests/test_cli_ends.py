@@ -95,6 +95,7 @@ def limited_to(size):
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("size", swept([700], [0]))
 def test_a_full_disk(tmp_path, size, capsys):

@@ -253,6 +253,7 @@ def test_block_scales_with_its_argument():
         assert body.condensed().body.n == 2 * nodes
 
 
+@pytest.mark.slow
 def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
     body = block_body(200)
     positions = body.positions[:, body.free // 2]

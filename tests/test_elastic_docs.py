@@ -25,6 +25,7 @@ def python_blocks():
     return [re.sub(r"^   ", "", code, flags=re.MULTILINE) for code in found]
 
 
+@pytest.mark.slow
 def test_the_code_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     namespace = {}

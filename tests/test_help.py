@@ -75,6 +75,7 @@ def asked(tmp_path, line):
     return {word.strip() for word in answer.read_text().splitlines()}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not find_spec("argcomplete"), reason="argcomplete is not installed")
 def test_the_tab_key_completes_commands_and_scenes(tmp_path):
     assert asked(tmp_path, "pwscont b") == {"bench"}

@@ -309,6 +309,7 @@ def peak(normal, gap, wide=0.05):
     return state.pressure[0] / (2.0 * force / (np.pi * width)) - 1.0, body, state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wide", "least", "most"), [(0.0125, 0.001, 0.002), (0.05, 0.005, 0.008)])
 def test_the_obstacle_s_normal_takes_off_what_nodal_normals_add_to_hertz(wide, least, most):
     """A disc on a plane, a / R = 0.010 and 0.048: Hertz's peak pressure with the plane's normal.

@@ -69,6 +69,7 @@ def test_the_scene_is_listed_with_its_settings(site):
     assert re.search(r"^fig7 ", listed, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_run(site, tmp_path):
     install, *commands = re.findall(r"^   \$ (.+)$", page("extending.rst"), re.MULTILINE)
     assert install.startswith("pip install")

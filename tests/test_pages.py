@@ -37,6 +37,7 @@ def run(name, skipped=()):
     return names, answers
 
 
+@pytest.mark.slow
 def test_the_cheat_sheet_runs(tmp_path):
     _, answers = run("cheatsheet.rst")
     assert answers == 29
@@ -48,6 +49,7 @@ QUICK = [line for line in COMMANDS if "bench" not in line]
 SLOW = [pytest.param(line, marks=pytest.mark.slow) for line in COMMANDS if "bench" in line]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", QUICK + SLOW)
 def test_the_commands_of_the_cheat_sheet_run(capsys, line):
     assert main(shlex.split(line)[1:]) == 0

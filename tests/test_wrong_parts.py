@@ -257,6 +257,11 @@ def test_points_that_are_none(points, words):
         ("names", ("a", "b"), r"names\(\) must return 1 names, one for each unknown, got 2"),
         ("names", "a", r"names\(\) must return 1 texts, got 'a'"),
         ("names", (1,), r"names\(\) must return texts"),
+        ("end", "beyond", r"Wrong\.end would never be called, .* derive from .*\.Ending: let it"),
+        ("reduction", None, r"Wrong\.reduction would never .*\.Reducible"),
+        ("essential", None, r"Wrong\.essential would never .*\.Compact"),
+        ("completed", None, r"Wrong\.completed would never .*\.Compact"),
+        ("searches", (), r"Wrong\.searches would never .*\.BringsSearches"),
     ],
 )
 def test_what_a_run_refuses_check_system_refuses(method, value, words):
@@ -268,6 +273,12 @@ def test_what_a_run_refuses_check_system_refuses(method, value, words):
     ):
         with pytest.raises(InvalidSystemError, match=words):
             run()
+
+
+def test_what_is_no_method_may_have_any_name():
+    system = Bent()
+    system.end = 3.0
+    assert check_system(system, [([0.1], 0.2)])
 
 
 class Unasked(Search):

@@ -23,6 +23,7 @@ from pwscont.graph.packing import Lifted
 from pwscont.graph.passages import Change, Passage, Said
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
+from pwscont.system.ending import Ending
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
@@ -212,7 +213,8 @@ def _passage(system: PiecewiseSystem, node: Node, edges: list[_Directed], number
     """Return what is said at a node: what changes, and what else is known."""
     before = [edge.character for edge in edges if edge.end == number]
     after = [edge.character for edge in edges if edge.start == number]
-    if len(before) != 1 or len(after) != 1 or before == after:
+    passes = len(before) == len(after) == 1 and before != after
+    if not passes or (node.kind == Kind.END and isinstance(system, Ending)):
         return Said(node.message)
     note = "" if node.kind in CROSSED else node.message
     return Change(system, before[0], after[0], note)

@@ -28,6 +28,7 @@ from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
+from pwscont.system.ending import Ending
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
@@ -64,11 +65,12 @@ class Discovery:
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
         arrival, place = replace(arrival, rays=rays), _place(arrival)
         keys = RayKey.of(rays, place)
-        known = list(filter(None, map(self._match, rays, keys)))
-        if known:
-            self._absorb(known[0][0], arrival, keys)
+        known = self._known(arrival, keys)
+        if known is not None:
+            self._absorb(known, arrival, keys)
             self._follow_all(after_first=None)
-        if known or self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
+            return
+        if self._is_isolated_twin(arrival) or self._stands_on_pieces(arrival, interior):
             return
         if not self._budget.allows(len(self.edges)):
             return
@@ -172,13 +174,12 @@ class Discovery:
         """
         rays = walk.arrival.rays
         keys = RayKey.of(rays, place)
-        near = next(filter(None, map(self._match, rays, keys)), None)
-        if near is None:
+        node = self._known(walk.arrival, keys)
+        if node is None:
             node = self._new(walk.arrival, place, keys)
             self._register(node, keys)
             self.nodes[node].rays[0] = None
             return node
-        node, _ = near
         self._absorb(node, walk.arrival, keys)
         if node == begin and walk.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(walk.arrival.message)
@@ -186,6 +187,24 @@ class Discovery:
         if back is not None:
             self.nodes[back[0]].rays[back[1]] = None
         return node
+
+    def _known(self, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> int | None:
+        """Return the node that a special point is, if one of its rays is known.
+
+        Curves that the system ends at one place share a node, though none goes on as another.
+        """
+        found = next(filter(None, map(self._match, arrival.rays, keys)), None)
+        return found[0] if found else self._end_at(arrival)
+
+    def _end_at(self, arrival: SpecialPointFound) -> int | None:
+        """Return the node at which the system ends other curves at the place of an end."""
+        if arrival.kind != Kind.END or not arrival.rays:
+            return None
+        ray = arrival.rays[0]
+        if not isinstance(ray.curve.selection.system, Ending):
+            return None
+        ends = (n for n, node in self.nodes.items() if node.kind == Kind.END)
+        return next((n for n in ends if self.nodes[n].keys[0].is_where(ray)), None)
 
     def _absorb(self, node: int, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> None:
         """Add to a node the rays that only this arrival shows.

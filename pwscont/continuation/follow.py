@@ -13,7 +13,7 @@ from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.curve.curve import State
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import (
@@ -24,6 +24,8 @@ from pwscont.transitions.detection import (
     first_on_ray,
 )
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import ended
+from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
@@ -83,7 +85,7 @@ class PieceFollower(Follower):
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
-        reached = _Reached(ray)
+        reached = _Reached(leaning(ray))
         try:
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
@@ -105,7 +107,7 @@ class PieceFollower(Follower):
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]
-                return FollowedPiece(np.array(points), self.watch.ended(event.arrive(curve)))
+                return FollowedPiece(np.array(points), self._arrived(event, curve))
             if isinstance(event, Failure):  # the step is too long to tell which event comes first
                 if not isinstance(segment, CurvedSegment):
                     return reached.stopped(str(event))
@@ -118,6 +120,12 @@ class PieceFollower(Follower):
             reached.go_to(segment.end)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
+        """Return the special point that an event makes, with the ways on that are allowed."""
+        arrival = self.watch.ended(event.arrive(curve))
+        final = ended(arrival)
+        return arrival if final is arrival else replace(final, rays=final.rays[:1])
 
     def _first_event(
         self, segment: Segment, reading: Joined

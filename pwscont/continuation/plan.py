@@ -44,6 +44,7 @@ from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
 from pwscont.transitions.detection import Watch
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events, checked_events
 
 Report = Callable[[int, float], None]
@@ -221,10 +222,10 @@ class Plan:
                 return
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a start, changed by an added detector for which it is a special point."""
+        """Return a start, changed by the system or a detector for which it is a special point."""
         for detector in self.added:
             arrival = detector.begun(arrival)
-        return arrival
+        return ended(arrival)
 
     def _graph(
         self,

@@ -11,6 +11,7 @@ from pwscont.continuation.magnitudes import magnitudes, ones_fit
 from pwscont.continuation.plan import Plan
 from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
+from pwscont.system.abilities import check_abilities
 from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
 from pwscont.system.system import PiecewiseSystem
@@ -32,11 +33,13 @@ def prepared(
     Raises
     ------
     InvalidSystemError
-        If a promise is broken there, or names do not fit the unknowns.
+        If a promise is broken there, names do not fit the unknowns, or a method would never be
+        called.
     """
     z, alpha = start
     checked_size(system)
     check_names(system)
+    check_abilities(system)
     plan = Plan.of(system, interval, stepper, detectors)
     check_promises(plan.system, interval, check_contract(plan.system, z, alpha))
     return plan

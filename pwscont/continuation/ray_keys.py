@@ -64,9 +64,9 @@ class RayKey:
     def alignment(self, ray: Ray, key: RayKey) -> float:
         """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
         cosine = float(self.direction.dot(key.direction))
-        return cosine if cosine > 0.0 and self._is_where(ray) else 0.0
+        return cosine if cosine > 0.0 and self.is_where(ray) else 0.0
 
-    def _is_where(self, ray: Ray) -> bool:
+    def is_where(self, ray: Ray) -> bool:
         """Tell whether a ray starts at this place, to within the errors of both."""
         metric, x = ray.curve.metric, ray.state.x
         apart = metric.difference(self.place.x, x)

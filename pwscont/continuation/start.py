@@ -12,6 +12,7 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.uncertainty import magnitude
 from pwscont.system.contract import checked_size
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.standing import settled
 
 #: A rough state and its alpha, and a solution with samples of its error.
 Start = tuple[Array, float]
@@ -69,10 +70,15 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
             f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
             "solution, or let explore() search for starts"
         )
-    x, error = found
+    on_curve = settled(plan.followed, plan.metric, found)
+    if on_curve is None:
+        raise StartNotFoundError(
+            f"the solution nearest to {name} lies outside the interval {plan.interval}"
+        )
+    x, error = on_curve
     if not plan.box.contains(x[:-1], magnitude(x, error)[:-1]):
         raise StartNotFoundError(
             f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
             f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"
         )
-    return found
+    return on_curve

@@ -51,5 +51,7 @@ def _suspicion(point: SpecialPoint) -> int:
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a branch ends at a point because the system or the user ends it."""
-    return point.kind in ON_PURPOSE and len(graph.pieces_at(point.id)) == 1
+    """Tell whether branches end at a point because the system or the user ends them."""
+    return point.kind == Kind.END or (
+        point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
+    )

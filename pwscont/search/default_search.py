@@ -10,8 +10,9 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.multi_start import MultiStart
-from pwscont.search.search import BringsSearches, Search
+from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
+from pwscont.system.own_searches import BringsSearches
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,

@@ -19,6 +19,7 @@ from pwscont.search.enumeration import Found
 from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.standing import settled
 
 #: Solutions closer than this in the metric are one: far above the error that Newton leaves.
 SAME = EPS**0.5
@@ -94,12 +95,21 @@ def _found_at(
     """Yield the solutions at one alpha; a start that led to one is tried again, deflated."""
     known: list[Found] = []
     for guess in guesses:
-        found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
-        while not isinstance(found, Failure) and _is_new(metric, found, known):
+        while found := _another(system, metric, guess, alpha, known):
             found[0][:-1] = box.wrapped(found[0][:-1])
             known.append(found)
             yield found
-            found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+
+
+def _another(
+    system: PiecewiseSystem, metric: Metric, guess: Array, alpha: float, known: list[Found]
+) -> Found | None:
+    """Return a solution to which a start leads, None where that is known, or is none."""
+    found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
+    if isinstance(found, Failure) or not _is_new(metric, found, known):
+        return None
+    on_curve = settled(system, metric, found)
+    return on_curve if on_curve and _is_new(metric, on_curve, known) else None
 
 
 def _is_new(metric: Metric, found: Found, known: list[Found]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -42,20 +42,6 @@ class Search(ABC):
                 f"{type(self).__name__} + {other!r}: searches add up with searches{hint}"
             )
         return CombinedSearch(self, other)
-
-
-class BringsSearches(ABC):
-    """A system that has searches of its own, for its kind of problem.
-
-    Its searches are added to the default of :func:`pwscont.explore` where trying every cell would
-    take too long.
-    """
-
-    __slots__ = ()
-
-    @abstractmethod
-    def searches(self) -> Sequence[Search]:
-        """Return the searches of the system."""
 
 
 @final

@@ -15,6 +15,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
+from pwscont.system.abilities import check_abilities
 from pwscont.system.box import Box
 from pwscont.system.contract import check_contract, check_names, checked_scale, checked_size
 from pwscont.system.ending import end_of
@@ -83,7 +84,7 @@ def check_system(
     ------
     InvalidSystemError
         If a method returns an array of the wrong shape, or magnitudes, bounds, periods or names
-        that do not fit the unknowns.
+        that do not fit the unknowns, or would never be called.
     InvalidInputError
         If the radius is not positive, or a point is no pair (z, alpha).
     """
@@ -94,6 +95,7 @@ def check_system(
     solutions: list[Array] = []
     count = 0
     check_names(system)
+    check_abilities(system)
     for x in _checked_points(points, size):
         _check_sizes(system, float(x[-1]))
         check_contract(system, x[:-1], float(x[-1]))

@@ -17,7 +17,9 @@ class Ending(ABC):
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
         """Return why a curve in this cell ends where all of ``tests`` vanish.
 
-        None where it goes on in another cell.
+        None where it goes on in another cell. A corner where the curve of one cell ends is the end
+        of all curves that meet there; from a start at a corner, the curve of every cell is
+        followed, and none goes on as another.
         """
 
 

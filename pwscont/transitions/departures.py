@@ -13,13 +13,15 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.fold_at_end import fold_at_end
 from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, vanishing
+from pwscont.transitions.standing import regular_border
 
 
 def departures(
@@ -51,7 +53,7 @@ def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
-    fixed = _regular_border(curve, x)
+    fixed = regular_border(curve, x)
     if fixed is None:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
@@ -61,25 +63,11 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     known = np.abs(error).max(axis=0)
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
     oriented = bordered(jacobian, curve.metric.covector(tangent), curve.metric.binary)
-    forth = Ray(curve, State(x, tangent, error, oriented.sign))
+    state = State(x, tangent, error, oriented.sign)
+    forth = Ray(curve, fold_at_end(curve, state) or state)
     return SpecialPointFound(
-        Kind.START, x, f"start in {curve.selection.label}", (forth, forth.reversed())
+        Kind.START, forth.state.x, f"start in {curve.selection.label}", (forth, forth.reversed())
     )
-
-
-def _regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
-    """Return the unit row e_j that borders J to a regular matrix, and its factorisation.
-
-    The row holds one unknown fixed: alpha, or at a fold another one. At a branch point no row does.
-    """
-    jacobian, size = curve.selection.jacobian(x), len(x)
-    for j in range(size - 1, -1, -1):
-        row = np.zeros(size)
-        row[j] = 1.0
-        factor = bordered(jacobian, row, curve.metric.binary)
-        if not factor.is_singular():
-            return row, factor
-    return None
 
 
 def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) -> SpecialPointFound:

@@ -13,10 +13,11 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.curve import Curve, State
 from pwscont.linear.factorise import last_unit
-from pwscont.stepping.stepper import Segment
+from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.corner.cone import fan, same_piece
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
-from pwscont.transitions.location import locate_zero
+from pwscont.transitions.fold_at_end import fold_at_end
+from pwscont.transitions.location import locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
 
@@ -48,6 +49,8 @@ class IntervalEnds(TransitionDetector):
             return side * (float(x[-1]) - end), row
 
         state = locate_zero(segment, function, bracket)
+        if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
+            return fold
         if isinstance(state, State):
             state.x[-1] = end  # equal but for the rounding of the solve
         return state
@@ -57,9 +60,34 @@ class IntervalEnds(TransitionDetector):
         back = Ray(curve, state).reversed()
         system, metric = curve.selection.system, curve.metric
         zero = vanishing(system, state.x, state.error, metric.scale)
+        if not zero and (fold := fold_at_end(curve, state)):
+            return _turning(Ray(curve, fold))
         rays = fan(system, metric, state.x, state.error, zero).rays if zero else ()
         inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
         return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
+
+
+def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
+    """Return the fold at which a step turns at an end, by rounding, instead of crossing it."""
+    near = found
+    if isinstance(near, Failure):
+        near = locate_sign_change(segment, segment.curve.slope, (0.0, segment.length))
+    fold = fold_at_end(segment.curve, segment.end if isinstance(near, Failure) else near)
+    return _onwards(segment, fold) if fold else None
+
+
+def _onwards(segment: CurvedSegment, state: State) -> State:
+    """Return a state that looks ahead; beyond a fold the way out of the interval leads back."""
+    t = state.tangent
+    if segment.curve.metric.covector(segment.chord).dot(t) >= 0.0:
+        return state
+    return State(state.x, -t, state.error, -state.orientation)
+
+
+def _turning(forth: Ray) -> SpecialPointFound:
+    """Return the fold at which a curve turns at an end."""
+    message = f"fold on {forth.curve.selection.label}, at the end of the interval"
+    return SpecialPointFound(Kind.FOLD, forth.state.x, message, (forth.reversed(), forth))
 
 
 def _same_side(ray: Ray, back: Ray) -> bool:

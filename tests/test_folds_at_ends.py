@@ -1,0 +1,90 @@
+"""A circle whose folds lie at the ends of the interval, or beside them by next to nothing."""
+
+import numpy as np
+import pytest
+
+from pwscont import (
+    NaturalParameter,
+    PiecewiseSystem,
+    PseudoArclength,
+    StartNotFoundError,
+    StepSize,
+    Tangent,
+    explore,
+    trace,
+)
+
+
+class Circle(PiecewiseSystem):
+    """(z / size)^2 + ((alpha - 3) / 2)^2 = 1: two solutions at alpha between 1 and 5."""
+
+    size = 1
+
+    def __init__(self, radius=1.0):
+        self.radius = radius
+
+    def test_functions(self, z, alpha):
+        return z - 5.0 * self.radius
+
+    def residual(self, z, alpha, character):
+        return (z / self.radius) ** 2 + (0.5 * alpha - 1.5) ** 2 - 1.0
+
+
+STEPPERS = [None, PseudoArclength(predictor=Tangent(), step_size=StepSize(largest=0.03))]
+#: By how much the folds lie inside the interval, beyond its ends if negative.
+WITHIN_ROUNDING = [0.0, 2e-15, -2e-15, 2e-14, -2e-14]
+CLEARLY = [1e-12, 1e-9, 1e-6]
+
+
+def all_ways(system, apart, stepper=None):
+    """Return what is found by a search, from both halves of the circle, and from one of them."""
+    interval, r = (1.0 - apart, 5.0 + apart), system.radius
+    yield explore(system, interval, stepper=stepper)
+    yield explore(system, interval, stepper=stepper, starts=[([r], 3.0), ([-r], 3.0)])
+    yield trace(system, ([r], 3.0), interval, stepper=stepper)
+
+
+@pytest.mark.parametrize("stepper", STEPPERS, ids=["default", "tangent"])
+@pytest.mark.parametrize("apart", [*WITHIN_ROUNDING, *CLEARLY])
+def test_the_whole_circle_is_found(apart, stepper):
+    for graph in all_ways(Circle(), apart, stepper):
+        first, second = sorted(graph.special_points("fold"), key=lambda point: point.alpha)
+        assert [first.alpha, second.alpha] == pytest.approx([1.0, 5.0], abs=1e-13)
+        assert np.abs([first.z, second.z]).max() < 1e-9
+        assert [graph.count(alpha) for alpha in (1.5, 3.0, 4.5)] == [2, 2, 2]
+        assert len(graph.pieces) == 2
+        assert graph.guarantee == "balanced"
+
+
+@pytest.mark.parametrize("radius", [1e-3, 1.0, 5.0])
+@pytest.mark.parametrize("apart", WITHIN_ROUNDING)
+def test_a_fold_at_an_end_is_one_solution_there(apart, radius):
+    for graph in all_ways(Circle(radius), apart):
+        assert [graph.count(end) for end in graph.interval] == [1, 1]
+        assert {point.kind for point in graph.special_points() if point.id >= 0} == {"fold"}
+
+
+@pytest.mark.parametrize("stepper", STEPPERS, ids=["default", "tangent"])
+@pytest.mark.parametrize("apart", CLEARLY)
+def test_an_interval_that_ends_before_the_folds_cuts_the_circle(apart, stepper):
+    *whole, half = all_ways(Circle(), -apart, stepper)
+    for graph in whole:
+        assert [graph.count(alpha) for alpha in (1.0 + apart, 3.0, 5.0 - apart)] == [2, 2, 2]
+        assert len(graph.components()) == 2
+    z = np.sqrt(apart)  # in first order
+    ends = half.special_points("end")
+    assert [abs(point.z[0]) for point in ends] == pytest.approx([z, z], rel=1e-3)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9])
+def test_a_stepper_that_cannot_turn_says_so(apart):
+    for graph in all_ways(Circle(), apart, NaturalParameter()):
+        assert "this stepper cannot turn at a fold" in graph.guarantee
+
+
+def test_beside_a_fold_there_is_no_solution():
+    with pytest.raises(StartNotFoundError, match="nearest to the start lies outside"):
+        trace(Circle(), ([0.0], 1.0 + 1e-6), (1.0 + 1e-6, 5.0))
+    graph = trace(Circle(), ([0.0], 1.0 - 1e-6), (1.0 - 1e-6, 5.0))
+    assert graph.count(1.0 - 1e-6) == 0
+    assert graph.count(3.0) == 2
