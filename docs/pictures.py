@@ -34,6 +34,7 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
+WAYS = {"trace": "trace", "bare": "loop by hand", "pass": "one pass over the matrix"}
 STAGES = ("assembly", "condensation", "tracing", "recovery")
 
 
@@ -47,13 +48,30 @@ def draw_scale(into: Path) -> None:
     for name, marker, color in (("block", "D", COLORS[0]), ("strip", "v", COLORS[1])):
         each.loglog(*_series(data[name], "ms each"), marker=marker, color=color, label=name)
     last = data["block"][-1]
-    guide = np.array([100.0, last["p"]])
+    guide = np.array([300.0, last["p"]])
     each.loglog(guide, last["ms each"] * (guide / last["p"]) ** 2, "k--", label="$p^2$")
     for ax, words in ((stages, "seconds"), (each, "ms per transition")):
         ax.set(xlabel="contact nodes p", ylabel=words)
         ax.grid(alpha=0.3)
         ax.legend()
     figure.savefig(into / "scale.png", dpi=110)
+
+
+def draw_straight(into: Path) -> None:
+    """Draw the time of one transition of the strip by each way, over the contact nodes."""
+    data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
+    figure = Figure(figsize=(5.6, 3.8), layout="constrained")
+    ax = figure.subplots()
+    rows = [row | {"p": row["size"]} for row in data["straight"] if row["path"] == "strip"]
+    for name, line, color in zip(WAYS, ("D-", "v-", "--"), (*COLORS[:2], "k"), strict=True):
+        ax.loglog(*_series(rows, name), line, color=color, label=WAYS[name])
+    sizes = [row["p"] for row in rows]
+    ax.set_xticks([], minor=True)
+    ax.set_xticks(sizes, [f"{p:,}" for p in sizes])
+    ax.set(xlabel="contact nodes p", ylabel="ms per transition")
+    ax.grid(alpha=0.3)
+    ax.legend()
+    figure.savefig(into / "straight.png", dpi=110)
 
 
 def _series(rows, name: str):
@@ -68,5 +86,6 @@ def draw_all(into: Path) -> None:
     for name in ("bench", "peers"):
         draw_report(name, into)
     draw_scale(into)
+    draw_straight(into)
     draw_body(block(), 0.7, into)
     draw_body(wedge(), 0.07, into)
