@@ -237,6 +237,7 @@ def test_what_is_drawn_is_clipped_and_said(cases):
 # -- the command ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_quick_form(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pwscont.bench.measure.FEW_RUNS", 1)
     assert main(["bench", "fig7", "two-curves", "--quick", "-o", str(tmp_path / "new")]) == 0

@@ -76,6 +76,7 @@ def test_an_interval_that_ends_before_the_folds_cuts_the_circle(apart, stepper):
     assert [abs(point.z[0]) for point in ends] == pytest.approx([z, z], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_a_stepper_that_cannot_turn_says_so(apart):
     for graph in all_ways(Circle(), apart, NaturalParameter()):

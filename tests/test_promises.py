@@ -312,6 +312,7 @@ def test_tests_whose_number_changes_are_refused():
         explore(system, (-1.0, 1.0))
 
 
+@pytest.mark.slow
 def test_a_double_curve_ends_in_words():
     graph = trace(one(lambda z, a, on: (z - a) ** 2, lambda z, a: z - 5.0), ([0.5], 0.5), (-1, 1))
     assert "a piece was stopped" in graph.guarantee
