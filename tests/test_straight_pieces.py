@@ -1,13 +1,18 @@
 """Straight pieces from cell to cell by one solve (docs/theory, F11), against what is known."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
-from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.modes import Mode, modes
 from random_bodies import contact_body, random_body
 
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
+from pwscont.bench.calls import counted
+from pwscont.curve import straight
+from pwscont.linear.product_form import ProductForm
 
 # -- stated errors ---------------------------------------------------------------------------------
 
@@ -34,6 +39,27 @@ def test_forces_of_free_nodes_are_zero_within_their_stated_errors(seed):
     assert checked > 500
 
 
+def soft(p, seed, softness=1e-8):
+    """Return a pressed body one direction of which is soft, and held by the contact."""
+    body, rng = random_body(p, seed), np.random.default_rng(seed)
+    sizes, directions = np.linalg.eigh(body.A)
+    sizes[0] = softness * sizes[-1]
+    A = (directions * sizes) @ directions.T
+    loads = rng.normal(size=(2, body.n)) * np.sqrt(np.diag(A))
+    loads[0] += np.sqrt(np.diag(A)) @ body.N.T @ body.N
+    held = ContactBody(0.5 * (A + A.T), body.N, body.T, body.gap)
+    return CoulombLoad(held, AffineLoad(*loads), 0.5)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_digits_are_those_of_the_displacements_that_there_are(seed):
+    """Typical displacements, those without contact, are far larger than any on this path."""
+    system = soft(43, seed)
+    graph = trace(system, (np.zeros(system.size), -2.0), (-2.0, 2.0))
+    assert len(graph.pieces) > 20
+    assert min(point.digits for point in graph.special_points()) > 11.0
+
+
 # -- wrong systems ---------------------------------------------------------------------------------
 
 
@@ -56,3 +82,71 @@ def test_selections_that_agree_at_one_point_of_their_interface_are_refused():
     system = Torn()
     with pytest.raises(InvalidSystemError, match=r"disagree in row 1 .* all of their interface"):
         trace(system, (np.zeros(system.size), 0.0), (0.0, 1.0))
+
+
+# -- work ------------------------------------------------------------------------------------------
+
+
+class Terraces(PiecewiseLinearSystem):
+    """z_0 = alpha, and z_k has a slope of k / 4 beyond the wall z_0 = 99.5 + k."""
+
+    size = 70
+    walls = np.arange(100.5, 130.0)
+
+    def test_functions(self, z, alpha):
+        return z[0] - self.walls
+
+    def test_jacobian(self, z, alpha):
+        return np.eye(1, self.size + 1).repeat(len(self.walls), axis=0)
+
+    def slopes(self, character):
+        return np.where(character.signs, 0.25 * np.arange(1.0, len(self.walls) + 1.0), 0.0)
+
+    def residual(self, z, alpha, character):
+        rest = z - alpha
+        rest[1 : len(self.walls) + 1] -= self.slopes(character) * (z[0] - self.walls)
+        return rest
+
+    def jacobian(self, z, alpha, character):
+        jacobian = np.eye(self.size, self.size + 1)
+        jacobian[:, -1] = -1.0
+        jacobian[1 : len(self.walls) + 1, 0] -= self.slopes(character)
+        return jacobian
+
+
+def work(monkeypatch, last):
+    """Return calls of the system and of the routine on the way from 100 to an alpha."""
+    system, start = Terraces(), (np.full(Terraces.size, 100.0), 100.0)
+    with monkeypatch.context() as patch, counted(system) as calls:
+        for owner, name in (
+            (ProductForm, "solve"),
+            (ProductForm, "solve_all"),
+            (straight, "inner"),
+        ):
+            patch.setattr(owner, name, tallied(calls, name, getattr(owner, name)))
+        graph = trace(system, start, (100.0, last))
+    return Counter(calls), graph
+
+
+def tallied(calls, name, function):
+    calls[name] = 0
+
+    def tally(*arguments):
+        calls[name] += 1
+        return function(*arguments)
+
+    return tally
+
+
+def test_work_of_a_transition_between_audits(monkeypatch):
+    """One solve, one Jacobian, one residual, no factorisation, no gradients of tests."""
+    (few, short), (many, long) = (work(monkeypatch, last) for last in (104.0, 114.0))
+    assert (len(short.pieces), len(long.pieces)) == (5, 15)
+    more = {kind: count - few[kind] for kind, count in many.items() if count > few[kind]}
+    assert more == {"solve": 10, "jacobian": 10, "residual": 10, "test_functions": 20}
+
+
+def test_an_audit_is_due_after_sixteen_transitions(monkeypatch):
+    (few, _), (many, _) = (work(monkeypatch, last) for last in (114.0, 118.0))
+    assert many["solve_all"] == few["solve_all"] + 1
+    assert many["inner"] == few["inner"] == 1

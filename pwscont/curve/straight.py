@@ -182,12 +182,12 @@ class StraightCell:
         """
         n, along, scale = len(residual), self.along, self.curve.metric.scale
         magnitudes, astray = abs(self._jacobian), self._jacobian @ along
-        terms, typical = magnitudes @ (np.abs(x) + CONVERGED * scale), magnitudes @ scale
+        now = np.abs(x) if n < SMALL else GROWN * _largest_alike(x, scale)
+        terms, typical = magnitudes @ (now + CONVERGED * scale), magnitudes @ scale
         if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
             return None
-        self._terms = float(np.abs(x / scale).max()) * typical
-        rough = terms if n < SMALL else np.maximum(terms, self._terms)
-        rounding = EPS * rough * samples(n + 1)[:, :n]
+        self._terms = terms
+        rounding = EPS * terms * samples(n + 1)[:, :n]
         solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
         along[:-1] -= solved[1]
         self._samples, self._size, self._since = solved[2:], size, 0
@@ -201,6 +201,19 @@ class StraightCell:
         error = np.outer(steep * last, self.along)
         error[:, :-1] += self._samples
         return error
+
+
+def _largest_alike(x: Array, scale: Array) -> Array:
+    """Return the largest magnitude of the unknowns with the same typical one, for each unknown.
+
+    Until the next audit each may become as large as others of its kind are now; all of a kind may
+    be far smaller than is typical, as displacements of a soft body are that its contact holds.
+    """
+    kinds, kind = np.unique(scale, return_inverse=True)
+    largest = np.zeros(len(kinds))
+    np.maximum.at(largest, kind, np.abs(x))
+    alike: Array = largest[kind]
+    return alike
 
 
 def _is_tame(along: Array, metric: Metric) -> bool:
