@@ -77,6 +77,8 @@ class SpecialPoint:
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
         What it can be asked for by name.
+    events : str
+        The names of the events that are zero here, where that is not what kind of point it is.
     """
 
     id: int
@@ -88,6 +90,7 @@ class SpecialPoint:
     digits: float = 16.0
     lost: int = 0
     quantities: Quantities = NAMELESS
+    events: str = ""
 
     __getitem__ = _value_of
 
@@ -108,8 +111,8 @@ class SpecialPoint:
 
     @property
     def name(self) -> str:
-        """The name of an event, which is its message; empty for all other kinds."""
-        return self.message if self.kind == Kind.EVENT else ""
+        """The names of the events here; empty where there is none."""
+        return self.message if self.kind == Kind.EVENT else self.events
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""

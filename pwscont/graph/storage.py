@@ -114,6 +114,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "digits": point.digits,
         "lost": point.lost,
         "recorded": attempted(point),
+        "events": point.events,
     }
 
 
@@ -231,7 +232,7 @@ def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoi
     piece = header.entry("piece")
     return SpecialPoint(
         id=header.integer("id", -1),
-        kind=_kind(header),
+        kind=kind_of(header.word("kind")),
         place=Stored(np.append(z, header.finite("alpha")), _error(header, len(z) + 1)),
         message=header.text("message"),
         backward=header.text("backward"),
@@ -239,6 +240,7 @@ def _node(header: Fields, z: Array, names: tuple[str, ...] | None) -> SpecialPoi
         digits=header.number("digits"),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
+        events=header.text("events") if header.has("events") else "",  # not in files at first
     )
 
 
@@ -248,14 +250,6 @@ def _recorded(header: Fields) -> dict[str, Kept]:
         return {}
     values = Fields(f"recorded of {header.name}", header.entry("recorded"))
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
-
-
-def _kind(header: Fields) -> str:
-    """Return a kind of ours, or the word of a detector that has kinds of its own."""
-    word = header.text("kind")
-    if not word:
-        raise DamagedError(f"kind of {header.name} must not be empty")
-    return kind_of(word)
 
 
 def _error(header: Fields, size: int) -> Array:
