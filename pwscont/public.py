@@ -43,7 +43,7 @@ from pwscont.system.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Stop
+from pwscont.transitions.user_event import Stop
 from pwscont.two_parameters.fold_locus import FoldLocus
 from pwscont.two_parameters.transition_locus import TransitionLocus
 

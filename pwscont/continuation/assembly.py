@@ -15,6 +15,7 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.event_names import named_by_events
 from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
@@ -26,6 +27,7 @@ from pwscont.graph.records import Track
 from pwscont.system.ending import Ending
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.events import Events
 
 #: Kinds of special points of which the change says everything.
 CROSSED = frozenset({Kind.TRANSITION, Kind.NONSMOOTH_FOLD})
@@ -39,11 +41,13 @@ def assemble(
     searched: SearchScope,
     reduction: Reduction | None,
     record: Mapping[str, Function] | None = None,
+    events: Events | None = None,
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery.
 
     Pieces are directed and numbered along the positive orientation of their component. Unknowns
-    and signs that a reduction left out are put back.
+    and signs that a reduction left out are put back. Special points have the names of the events
+    there.
     """
     width = interval[1] - interval[0]
     metric = Metric.of(system, interval)
@@ -65,7 +69,7 @@ def assemble(
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
     starts = [_inner_start(edge, i, lift) for i, edge in enumerate(order)]
     return BranchGraph(
-        points,
+        named_by_events(points, pieces, lift.metric, events) if events else points,
         pieces,
         interval,
         starts=filter(None, starts),

@@ -191,20 +191,17 @@ class Discovery:
     def _known(self, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> int | None:
         """Return the node that a special point is, if one of its rays is known.
 
-        Curves that the system ends at one place share a node, though none goes on as another.
+        Curves that end at one place on purpose share a node, though none goes on as another.
         """
         found = next(filter(None, map(self._match, arrival.rays, keys)), None)
         return found[0] if found else self._end_at(arrival)
 
     def _end_at(self, arrival: SpecialPointFound) -> int | None:
-        """Return the node at which the system ends other curves at the place of an end."""
-        if arrival.kind != Kind.END or not arrival.rays:
+        """Return the node at which other curves end on purpose, at the place of such an end."""
+        if not _ends_on_purpose(arrival):
             return None
-        ray = arrival.rays[0]
-        if not isinstance(ray.curve.selection.system, Ending):
-            return None
-        ends = (n for n, node in self.nodes.items() if node.kind == Kind.END)
-        return next((n for n in ends if self.nodes[n].keys[0].is_where(ray)), None)
+        alike = (n for n, node in self.nodes.items() if node.kind == arrival.kind)
+        return next((n for n in alike if self.nodes[n].keys[0].is_where(arrival.rays[0])), None)
 
     def _absorb(self, node: int, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> None:
         """Add to a node the rays that only this arrival shows.
@@ -299,6 +296,14 @@ class Discovery:
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
+
+
+def _ends_on_purpose(arrival: SpecialPointFound) -> bool:
+    """Tell whether the system, or an event, ends curves at a special point."""
+    rays = arrival.rays
+    stops = arrival.kind == Kind.EVENT and len(rays) == 1
+    ends = arrival.kind == Kind.END and len(rays) > 0
+    return stops or (ends and isinstance(rays[0].curve.selection.system, Ending))
 
 
 def _is_near(z: Array, other: Array) -> bool:

@@ -32,7 +32,7 @@ from pwscont.system.contract import checked_size
 from pwscont.system.promises import refuse_undefined
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Stop
+from pwscont.transitions.user_event import Stop
 
 
 def explore(

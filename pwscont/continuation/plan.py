@@ -238,7 +238,9 @@ class Plan:
         if self.system.unique:
             searched = unique(searched)
         system, interval, reduction = self.system, self.interval, self.reduction
-        graph = assemble(discovery, system, interval, parameter, searched, reduction, record)
+        events = next((d for d in self.added if isinstance(d, Events)), None)
+        parts = (parameter, searched, reduction, record, events)
+        graph = assemble(discovery, system, interval, *parts)
         if self.system.unique:
             check_unique(graph)
         return graph

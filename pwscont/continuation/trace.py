@@ -25,7 +25,7 @@ from pwscont.search.enumeration import Found
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Stop
+from pwscont.transitions.user_event import Stop
 
 
 def trace(
@@ -58,7 +58,8 @@ def trace(
     events : mapping of str to callable or Stop, optional
         Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
         with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
-        balance. At a transition or fold an event is not a point of its own.
+        balance. What is a transition, a fold or an end already stays what it is, and has the
+        event's ``name``.
     record : mapping of str to callable, optional
         Quantities f(z, alpha) -> float by name, at hand as ``solution["name"]`` and
         ``point["name"]``, in data frames, tables and pictures.

@@ -79,6 +79,13 @@ class Fields:
             raise self._unfit(key, "a text")
         return value
 
+    def word(self, key: str) -> str:
+        """Return a text that is not empty."""
+        text = self.text(key)
+        if not text:
+            raise DamagedError(f"{key} of {self.name} must not be empty")
+        return text
+
     def items(self, key: str, length: int | None = None) -> list[Any]:
         """Return a list."""
         value = self.entry(key)

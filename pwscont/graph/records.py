@@ -66,6 +66,8 @@ class SpecialPoint:
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
         The unknowns and recorded quantities by name.
+    events : str
+        The names of the events that are zero here, where the point is of another kind.
     """
 
     id: int
@@ -76,6 +78,7 @@ class SpecialPoint:
     accuracy: Accuracy = ROUNDING
     lost: int = 0
     quantities: Quantities = NAMELESS
+    events: str = ""
 
     __getitem__ = _value_of
 
@@ -114,8 +117,8 @@ class SpecialPoint:
 
     @property
     def name(self) -> str:
-        """The name of an event, which is its message; empty for all other kinds."""
-        return self.message if self.kind == Kind.EVENT else ""
+        """The names of the events here; empty where there is none."""
+        return self.message if self.kind == Kind.EVENT else self.events
 
     def __repr__(self) -> str:
         what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"

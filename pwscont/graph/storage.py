@@ -118,6 +118,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
         "digits": point.digits,
         "lost": point.lost,
         "recorded": attempted(point),
+        "events": point.events,
     }
 
 
@@ -246,13 +247,14 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
     piece = header.entry("piece")
     return SpecialPoint(
         id=header.integer("id", -1),
-        kind=_kind(header),
+        kind=kind_of(header.word("kind")),
         place=Stored(np.append(z, header.finite("alpha")), error),
         passed=Said(header.text("message"), header.text("backward")),
         piece=None if piece is None else header.integer("piece", 0),
         accuracy=Accuracy(known=header.number("digits")),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
+        events=header.text("events") if header.has("events") else "",  # not in files at first
     )
 
 
@@ -262,14 +264,6 @@ def _recorded(header: Fields) -> dict[str, Kept]:
         return {}
     values = Fields(f"recorded of {header.name}", header.entry("recorded"))
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
-
-
-def _kind(header: Fields) -> str:
-    """Return a ``Kind``, or the word of a user's own detector."""
-    word = header.text("kind")
-    if not word:
-        raise DamagedError(f"kind of {header.name} must not be empty")
-    return kind_of(word)
 
 
 def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:

@@ -39,8 +39,8 @@ MARKERS: dict[str, dict[str, Any]] = {
 }
 #: The shapes of kinds of a user's own detectors, in the order of their names.
 OWN_MARKERS = "hp<>8dX1"
-#: Kinds without a label: there are many of them, or the mark says all. The label of the others is
-#: alpha, that of events their name.
+#: Kinds without alpha beside them: there are many of them, or the mark says all. Where an event is,
+#: its name stands beside any kind.
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
 #: Most labels in one diagram, and most transitions whose marks have their full size.
 MOST_LABELS, FEW = 8, 12
@@ -138,11 +138,12 @@ def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
 
 
 def _label(graph: BranchGraph, point: SpecialPoint) -> str:
-    """Return the label of a point; rounding dust reads as zero."""
-    if point.kind in UNLABELLED:
-        return ""
+    """Return what is written beside a point; rounding dust reads as zero."""
+    if point.kind in UNLABELLED or point.kind == Kind.EVENT:
+        return point.name
     dust = DUST * float(np.ptp(graph.interval))
-    return point.name or number_of(point.alpha if abs(point.alpha) > dust else 0.0)
+    number = number_of(point.alpha if abs(point.alpha) > dust else 0.0)
+    return f"{number}, {point.name}" if point.name else number
 
 
 def _sides(graph: BranchGraph) -> dict[int, int]:

@@ -29,7 +29,7 @@ from pwscont.search.default_search import default_search
 from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.events import Stop
+from pwscont.transitions.user_event import Stop
 
 
 @final

@@ -64,7 +64,7 @@ def _point(graph: BranchGraph, node: int, orientation: int) -> str:
     point = graph.point(node)
     where = f"{graph.parameter} = {number(point.alpha)}{_plus_minus(point)}"
     message = "" if point.kind in ("start", "end") else point.passed(orientation)
-    notes = "; ".join(filter(None, [message, _few(point.digits)]))
+    notes = "; ".join(filter(None, [message, point.events, _few(point.digits)]))
     return f"  {point.kind:<15} {where:<30} {notes}".rstrip()
 
 

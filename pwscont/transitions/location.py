@@ -157,7 +157,8 @@ def locate_sign_change(
         return function(known[s])
 
     try:
-        if not along(bracket[0]) * along(bracket[1]) <= 0.0:  # a change that is rounding
+        ends = sorted(map(along, bracket))
+        if not ends[0] <= 0.0 <= ends[1]:  # a change that is rounding
             return Failure(FailureReason.NOT_CONVERGED)
         s = brentq(along, *bracket, xtol=narrow * segment.length, rtol=4.0 * EPS)
     except _OffCurveError as off:
