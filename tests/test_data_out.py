@@ -459,6 +459,38 @@ def test_unknowns_called_like_other_columns():
     np.testing.assert_allclose(frame["z[2]"], 2.0 * frame["alpha"], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("names", "called"),
+    [
+        (("z",), ["z"]),
+        (("start",), ["start"]),
+        (("name",), ["z[0]"]),
+        (("alpha", "z[0]"), ["z[0]", "z[1]"]),
+        (("z[1]", "z[0]"), ["z[0]", "z[1]"]),
+        (("z", "digits"), ["z", "z[1]"]),
+    ],
+)
+def test_columns_of_unknowns_are_their_names_or_places(names, called):
+    given = names
+
+    class Line(Circle):
+        size = len(given)
+
+        def names(self):
+            return given
+
+        def residual(self, z, alpha, character):
+            return z - np.arange(1, self.size + 1) * alpha
+
+    graph = explore(Line(), (-0.5, 0.5))
+    for rows in ("points", "special"):
+        frame = graph.to_dataframe(rows)
+        assert frame.columns.is_unique
+        for i, column in enumerate(called):
+            np.testing.assert_allclose(frame[column], (i + 1) * frame["alpha"], atol=1e-12)
+    assert graph.solutions(0.25)[0][names[0]] == pytest.approx(0.25)
+
+
 @pytest.mark.parametrize("rows", ["pieces", "points", "special"])
 def test_an_empty_graph(rows):
     assert BranchGraph([], [], (0.0, 1.0)).to_dataframe(rows).empty

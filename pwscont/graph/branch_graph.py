@@ -181,7 +181,8 @@ class BranchGraph(Balance):
             kind, name, alpha, message, all unknowns by name, the recorded quantities, the
             estimated error of alpha and the number of digits known.
 
-            An unknown whose name is that of another column is called ``z[i]``.
+            An unknown whose name is that of another column, such as ``alpha`` or ``name``, is
+            called by its place, ``z[i]``.
 
         Returns
         -------

@@ -19,12 +19,16 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.basics.quantities import TAKEN
 from pwscont.graph.records import Piece, SpecialPoint, attempted
 from pwscont.graph.structure import Structure
 
 if TYPE_CHECKING:
     import networkx as nx
+
+#: The columns beside those of states, in data frames that have states.
+FIXED = frozenset(
+    ("piece", "component", "label", "alpha", "id", "kind", "name", "message", "error", "digits")
+)
 
 # -- networkx ------------------------------------------------------------------------------------
 
@@ -155,7 +159,10 @@ def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
 
 
 def columns(names: Sequence[str]) -> list[str]:
-    """Return a name for each unknown that no other column has."""
+    """Return a name for each unknown that no other column has: its own, or its place."""
+    places = [f"z[{i}]" for i in range(len(names))]
+    other = FIXED.union(places)
     return [
-        f"z[{i}]" if name in TAKEN or name in names[:i] else name for i, name in enumerate(names)
+        place if name in other or name in names[:i] else name
+        for i, (name, place) in enumerate(zip(names, places, strict=True))
     ]
