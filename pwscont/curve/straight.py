@@ -167,7 +167,8 @@ class StraightCell:
         dx[:-1] += correction
         error = self._bordered(x, gradient, steep)
         found = Settled(x - dx, error, magnitude(x, error))
-        return found if self._is_rounding(dx, found) else None
+        inside = self.curve.metric.admits(found.x)
+        return found if inside and self._is_rounding(dx, found) else None
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""

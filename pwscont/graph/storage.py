@@ -35,6 +35,8 @@ from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
 
 FORMAT = "pwscont branch graph"
 VERSION = 2
+#: No number of special points, pieces or signs is larger.
+MOST = 2**31
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
@@ -276,11 +278,9 @@ def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
 
 
 def _piece(header: Fields, points: Array) -> Piece:
-    signs, det_sign = header.text("signs"), header.integer("det_sign", -1)
+    signs = header.text("signs")
     if set(signs) - {"+", "-"}:
         raise DamagedError(f"signs of {header.name} must be + or -")
-    if det_sign > 1:
-        raise DamagedError(f"det_sign of {header.name} must be -1, 0 or 1, got {det_sign}")
     return Piece(
         id=header.integer("id", 0),
         start=header.integer("start", 0),
@@ -288,7 +288,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         character=Character.read(signs),
         naming=_Name(header.text("label")),
         track=Track.of(points),
-        det_sign=det_sign,
+        det_sign=header.integer("det_sign", -MOST),  # along an interface it may be any
     )
 
 

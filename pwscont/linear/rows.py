@@ -29,7 +29,7 @@ class Rows:
         thin = sp.issparse(matrix) or (
             matrix.size > LARGE and np.count_nonzero(matrix) < SPARSE * matrix.size
         )
-        self.matrix: Any = sp.csr_matrix(matrix) if thin else np.array(matrix, dtype=float)
+        self.matrix: Any = _sparse(matrix) if thin else np.array(matrix, dtype=float)
 
     @cached_property
     def magnitudes(self) -> Any:
@@ -45,3 +45,10 @@ class Rows:
             entries = slice(*self.matrix.indptr[i : i + 2])
             row[self.matrix.indices[entries]] = self.matrix.data[entries]
         return rows
+
+
+def _sparse(matrix: Matrix) -> Any:
+    """Return rows of their own, with each entry once."""
+    rows = sp.csr_matrix(matrix, copy=True)
+    rows.sum_duplicates()
+    return rows

@@ -145,10 +145,12 @@ class Updating(RowSolver):
         return self._sign
 
     def renew(self, matrix: RowMatrix) -> bool:
-        """Factorise afresh where there was a change since the last time."""
-        if self._is_at(matrix) and not self._since:
+        """Factorise afresh what was changed, or inverted, since the last time."""
+        is_unchanged = self._is_at(matrix) and not self._since
+        if is_unchanged and self._pivots is not None:
             return False
         self._factorise(matrix)
+        self._is_regular = not is_unchanged  # or its inverse is no good
         return True
 
     def _is_at(self, matrix: RowMatrix) -> bool:

@@ -108,14 +108,18 @@ class UserEvent:
         ``beyond`` are points of these pieces.
         """
         value = abs(self.value(x))
-        near = [y - x for y in beyond if value <= self._nearly(metric, x, y - x)]
-        if not near and value > self.noise(metric, x, error):
+        ways = (metric.difference(y, x) for y in beyond)
+        if not any(value <= self._nearly(metric, x, way) for way in ways) and value > self.noise(
+            metric, x, error
+        ):
             return False
         return not beyond or any(self.cleared(metric, y, error) for y in beyond)
 
     def _nearly(self, metric: Metric, x: Array, way: Array) -> float:
         """Return how large g is where an event on the way is taken to be at its beginning."""
         length = metric.norm(way)
+        if not length:
+            return 0.0
         step = min(abs(_step(metric, x, way)), length)
         steep = abs(self.value(x + step / length * way) - self.value(x)) / step
         return steep * (metric.slack(x, CONVERGED) + 2.0 * CONVERGED * length)
