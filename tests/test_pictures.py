@@ -1,5 +1,7 @@
 """Pictures show what the graph says."""
 
+from itertools import combinations
+
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
@@ -18,7 +20,7 @@ from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Panel, Scene
 from pwscont.scenes.strokes import line_of
 from pwscont.scenes.styles import COLORS, LINE_STYLES, THIN, WIDTH, styles_of
-from pwscont.scenes.symbols import symbol
+from pwscont.scenes.symbols import number_of, symbol
 
 mpl.use("Agg")
 
@@ -309,8 +311,10 @@ def test_crowded_folds_are_enlarged_where_nothing_is_drawn():
     folds = graph.special_points("nonsmooth fold")
     assert len(folds) == 4
     assert all(lo < fold.alpha < hi and low < fold["u_t,1"] < high for fold in folds)
-    frame, whole = inset.get_position(), ax.get_xlim()
-    assert frame.width / (hi - lo) > 2.0 / (whole[1] - whole[0])
+    scales = [
+        box.get_window_extent().width / np.ptp(box.get_xlim()) for box in (inset, ax)
+    ]  # pixels for each unit of the parameter
+    assert scales[0] > 2.0 * scales[1]
     ax.figure.draw_without_rendering()
     box = inset.get_window_extent()
     inside = [
@@ -323,6 +327,39 @@ def test_crowded_folds_are_enlarged_where_nothing_is_drawn():
     ]
     assert not any(inside)
     plt.close(ax.figure)
+
+
+def texts(ax):
+    """Return what is written in a diagram and its insets, with the boxes, in pixels."""
+    parts = [ax, *insets(ax)]
+    return [(text.get_text(), text) for part in parts for text in part.texts]
+
+
+@pytest.mark.parametrize("name", ["example1", "example2", "fig7", "fig10", "example3"])
+def test_every_fold_has_its_label_in_every_diagram(name):
+    graph = load_scene(name).run()
+    folds = sorted(number_of(fold.alpha) for fold in graph.special_points("nonsmooth fold"))
+    assert folds
+    for quantity in graph.names:
+        ax = plot(graph, quantity)
+        assert sorted(text for text, _ in texts(ax)) == folds
+        ax.figure.draw_without_rendering()
+        boxes = [text.get_window_extent() for _, text in texts(ax)]
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        plt.close(ax.figure)
+
+
+@pytest.mark.parametrize("name", ["example1", "example2"])
+def test_every_fold_has_its_label_in_every_panel_of_a_scene(name):
+    scene = load_scene(name)
+    graph = scene.run()
+    folds = sorted(number_of(fold.alpha) for fold in graph.special_points("nonsmooth fold"))
+    panels = [
+        ax for ax in draw_scene(scene, graph).axes if ax.get_ylabel().startswith(("$u", "$λ"))
+    ]
+    assert panels
+    for ax in panels:
+        assert sorted(text for text, _ in texts(ax)) == folds
 
 
 @pytest.mark.parametrize("name", ["fig7", "fig10", "example3"])

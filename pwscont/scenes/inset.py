@@ -8,15 +8,17 @@ from matplotlib.axes import Axes
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
 from pwscont.scenes.diagram import Diagram
-from pwscont.scenes.marks import LETTERS, Window, label_marks
+from pwscont.scenes.labels import LETTERS, label_marks
+from pwscont.scenes.marks import Window
 from pwscont.scenes.room import Room
 
 FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
 #: Folds that fill less than the first part of the axis are enlarged, if two of them are closer to
 #: each other than the second part of the picture.
 SMALL, CROWDED = 0.12, 0.05
-#: Margin of an inset on either side of the folds, as a part of their extent.
-MARGIN = 0.25
+#: Margins of an inset beside the folds, and above and below the lines, where labels have room: as
+#: parts of their extent.
+MARGIN, ABOVE = 0.25, 0.5
 #: Sizes of an inset, and the room of its numbers to the left and below, as parts of the axes.
 SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4))
 NUMBERS = 0.13, 0.11
@@ -78,7 +80,7 @@ def _around(ax: Axes, diagram: Diagram, alphas: Array) -> Window | None:
     lo, hi = float(alphas.min()) - margin, float(alphas.max()) + margin
     found = np.concatenate([_values_within(s.points, lo, hi) for s in diagram.strokes])
     extent, (bottom, top) = float(np.ptp(found)), ax.get_ylim()
-    low, high = float(found.min()) - 0.1 * extent, float(found.max()) + 0.1 * extent
+    low, high = float(found.min()) - ABOVE * extent, float(found.max()) + ABOVE * extent
     return ((lo, hi), (max(low, bottom), min(high, top))) if margin and extent else None
 
 

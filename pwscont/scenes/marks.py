@@ -1,10 +1,10 @@
-"""Marks of special points, and the labels beside them."""
+"""Marks of special points, and the texts of their labels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import cycle, groupby, islice
+from itertools import cycle, groupby
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -15,7 +15,6 @@ from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.scenes.drawn import DUST
-from pwscont.scenes.room import Box, Room
 from pwscont.scenes.styles import color_of
 from pwscont.scenes.symbols import number_of
 
@@ -42,10 +41,10 @@ OWN_MARKERS = "hp<>8dX1"
 #: Kinds without alpha beside them: there are many of them, or the mark says all. Where an event is,
 #: its name stands beside any kind.
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
-#: Most labels in one diagram, and most transitions whose marks have their full size.
-MOST_LABELS, FEW = 8, 12
-#: Sizes in points: of the smallest marks, of letters, and the radius of a mark for labels.
-SMALLEST, LETTERS, RADIUS = 1.5, 7.0, 4.5
+#: Most transitions whose marks have their full size.
+FEW = 12
+#: Sizes in points: of the smallest marks, and the radius of a mark for labels.
+SMALLEST, RADIUS = 1.5, 4.5
 
 
 @final
@@ -179,51 +178,3 @@ def _small(count: int) -> dict[str, float]:
 
 def _group(mark: Mark) -> tuple[str, int]:
     return mark.kind, mark.branch
-
-
-def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
-    """Write labels beside the marks where there is room for them, a few at most."""
-    places = np.array([room.part(mark.at) * room.extent for mark in marks]).reshape(-1, 2)
-    labelled = [(mark, at) for mark, at in zip(marks, places, strict=True) if mark.label]
-    spots = ((mark, at, _spot(mark, at, places, room)) for mark, at in labelled)
-    found = ((mark, at, spot) for mark, at, spot in spots if spot is not None)
-    for mark, at, (middle, box) in islice(found, MOST_LABELS):
-        room.take(box)
-        _write(ax, mark, middle - at)
-
-
-def _spot(mark: Mark, at: Array, places: Array, room: Room) -> tuple[Array, Box] | None:
-    """Return middle (in points) and box of a free place for a label; None if there is none."""
-    size = LETTERS * np.array([0.62 * len(mark.label), 1.2])
-    beside = 0.5 * size + RADIUS + 1.5 * room.cell
-    middles = (at + np.array(way) * beside for way in _ways(mark.side))
-    boxes = ((middle, room.box(middle, size)) for middle in middles)
-    return next((s for s in boxes if room.is_free(s[1]) and _is_clear(s[0], at, places)), None)
-
-
-def _is_clear(middle: Array, at: Array, places: Array) -> bool:
-    """Tell whether a label is closer to its own mark than to any other."""
-    others = places[np.abs(places - at).max(axis=1) > RADIUS]
-    nearest = np.linalg.norm(others - middle, axis=1).min(initial=np.inf)
-    return bool(np.linalg.norm(middle - at) < nearest)
-
-
-def _ways(side: int) -> list[tuple[int, int]]:
-    """Return directions from a mark, the best first."""
-    first = [(side, 0)] if side else []
-    return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
-
-
-def _write(ax: Axes, mark: Mark, off: Array) -> None:
-    """Write a label so many points off its mark."""
-    ax.annotate(
-        mark.label,
-        (mark.at[0], mark.at[1]),
-        (off[0], off[1]),
-        textcoords="offset points",
-        color="0.2",
-        fontsize=LETTERS,
-        ha="center",
-        va="center",
-        zorder=6,
-    )

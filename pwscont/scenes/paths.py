@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from pwscont.basics.arrays import Array
 from pwscont.graph import BranchGraph
-from pwscont.scenes.marks import LETTERS
+from pwscont.scenes.labels import LETTERS
 from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.symbols import number_of, symbol
 

@@ -12,16 +12,16 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from pwscont.graph import BranchGraph
 from pwscont.scenes.counting import draw_counts, is_one_number
 from pwscont.scenes.diagram import Diagram, mode_of
 from pwscont.scenes.drawn import Drawn, What
 from pwscont.scenes.inset import draw_inset
+from pwscont.scenes.labels import label_marks
 from pwscont.scenes.layout import Content, arrange, columns_for, place_legend, place_title, rows_of
 from pwscont.scenes.legend import legend_of
-from pwscont.scenes.marks import label_marks
 from pwscont.scenes.panels import Panel, ParameterPath, Shown
 from pwscont.scenes.paths import draw_path
 from pwscont.scenes.styles import styles_of
@@ -57,7 +57,7 @@ def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
     if ax is None:
         _, ax = plt.subplots(figsize=(7.5, 4.0), layout="constrained")
     styles = _styles(graph, [panel], {})
-    _draw_panel(ax, graph, panel, styles)
+    diagram = _draw_panel(ax, graph, panel, styles)
     handles = legend_of(graph, styles)
     ax.legend(
         handles=handles,
@@ -66,6 +66,7 @@ def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
         bbox_to_anchor=(1.0, 1.0),
         handlelength=3.2,
     )
+    _write_labels(ax.figure, {ax: diagram})
     return ax
 
 
@@ -79,13 +80,13 @@ def draw_scene(scene: Shown, graph: BranchGraph) -> Figure:
     panels = [cell for cell in cells if isinstance(cell, Panel)]
     styles, columns = _styles(graph, panels, scene.styles), columns_for(rows)
     figure, axes = arrange(columns, -(-len(cells) // columns), counted=counted)
-    diagrams = axes[: len(axes) - counted].ravel()
-    for ax, cell in zip_longest(diagrams, cells):
-        _draw_cell(ax, graph, cell, styles)
+    places = axes[: len(axes) - counted].ravel()
+    drawn = {ax: _draw_cell(ax, graph, cell, styles) for ax, cell in zip_longest(places, cells)}
     if counted:
-        _draw_counts(axes[-1, 0], graph, diagrams[0].get_xlim())
+        _draw_counts(axes[-1, 0], graph, places[0].get_xlim())
     place_legend(figure, axes[-1, 1:] if counted else [], legend_of(graph, styles))
     place_title(figure, scene, graph)
+    _write_labels(figure, drawn)
     return figure
 
 
@@ -97,22 +98,33 @@ def _draw_counts(ax: Axes, graph: BranchGraph, extent: tuple[float, float]) -> N
 
 def _draw_cell(
     ax: Axes, graph: BranchGraph, content: Content | None, styles: Mapping[str, Any]
-) -> None:
+) -> Diagram | None:
     if isinstance(content, Panel):
-        _draw_panel(ax, graph, content, styles)
-    elif isinstance(content, ParameterPath):
+        return _draw_panel(ax, graph, content, styles)
+    if isinstance(content, ParameterPath):
         draw_path(ax, graph, content)
     else:
         ax.set_axis_off()
+    return None
 
 
-def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> None:
+def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> Diagram:
     diagram = Diagram.of(graph, panel, styles)
     diagram.draw(ax)
     diagram.set_axes(ax, graph, panel.title)
-    room = diagram.room(ax)
-    enlarged = draw_inset(ax, diagram, room)
-    label_marks(ax, [mark for mark in diagram.marks if not mark.is_within(enlarged)], room)
+    return diagram
+
+
+def _write_labels(figure: Figure | SubFigure, diagrams: Mapping[Axes, Diagram | None]) -> None:
+    """Enlarge what is crowded and write labels, once it is known how large the diagrams are."""
+    layout = figure.get_layout_engine()
+    if layout is not None and isinstance(figure, Figure):
+        layout.execute(figure)
+    for ax, diagram in diagrams.items():
+        if diagram is not None:
+            room = diagram.room(ax)
+            enlarged = draw_inset(ax, diagram, room)
+            label_marks(ax, [mark for mark in diagram.marks if not mark.is_within(enlarged)], room)
 
 
 def _styles(

@@ -18,6 +18,12 @@ from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
 from pwscont.system.system import PiecewiseSystem
 
+#: What a search should yield, for those that yield something near it.
+WANTED = (
+    "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
+    "error, of the same shape, as semismooth_newton returns them"
+)
+
 
 class Search(ABC):
     """Finds solutions from which components can be traced; searches add up with ``+``."""
@@ -102,9 +108,13 @@ def starts_of(
 
 def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
     """Return a start if it is a pair (x, error) of arrays with x in the interval."""
+    if isinstance(start, np.ndarray) and start.shape == (size + 1,):
+        raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
     if not (isinstance(start, tuple | list) and len(start) == 2):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(start))}")
     x, error = start
+    if np.shape(error) == ():
+        raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
     if np.shape(x) != (size + 1,) or np.shape(error)[-1:] != (size + 1,):
         raise InvalidInputError(
             f"{what} must yield pairs (x, error) with x = (z, alpha) of shape ({size + 1},) and "
