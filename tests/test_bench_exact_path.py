@@ -26,6 +26,9 @@ from pwscont.commands.cli import main
 from pwscont.curve.metric import Metric
 from pwscont.graph.records import Piece, Track
 
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
+
+
 SMALL = {"fig7": fig7, "example1": example1}
 #: Agreement of two ways to one path, in the metric: rounding times the condition.
 ROUNDING = 1e-12

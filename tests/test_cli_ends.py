@@ -23,6 +23,9 @@ from pwscont.linear.threads import VARIABLES
 from pwscont.scenes import registry
 from pwscont.scenes.registry import load_scene
 
+pytestmark = pytest.mark.slow  # the others take too long for the README's command
+
+
 FULL = Path("/dev/full")
 posix = pytest.mark.skipif(os.name != "posix", reason="signals, limits and devices of POSIX")
 

@@ -29,6 +29,8 @@ from pwscont import (
 )
 from pwscont.scenes.registry import load_scene, scene_names
 
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
+
 
 def through_pickle(thing):
     return pickle.loads(pickle.dumps(thing))

@@ -19,6 +19,8 @@ from curved.truth import Curve
 
 from pwscont import PiecewiseSystem
 
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
+
 NUMBERS = range(12)
 #: Families with branches that run to infinity.
 NO_END = {"flat", "steppers"}

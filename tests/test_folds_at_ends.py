@@ -14,6 +14,8 @@ from pwscont import (
     trace,
 )
 
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
+
 
 class Circle(PiecewiseSystem):
     """(z / size)^2 + ((alpha - 3) / 2)^2 = 1: two solutions at alpha between 1 and 5."""

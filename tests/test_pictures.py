@@ -131,6 +131,7 @@ def test_whatever_has_a_value_is_drawn(what, label):
 
 @pytest.mark.parametrize("what", ["u_s", 7, None, 1.5])
 def test_what_is_not_there_is_refused(what):
+    plt.close("all")  # of other tests
     graph = explore(CASES["fig7"].system, (-2.0, 2.0))
     with pytest.raises(PwscontError, match=r"u_t|there is no unknown 7|must be an index"):
         plot(graph, what)
