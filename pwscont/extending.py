@@ -7,8 +7,9 @@ A *search* (:class:`Search`) yields starts.
 
 A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out parts that provably
 stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), store
-solutions in part (:class:`Compact`), bring searches of its kind (:class:`BringsSearches`), and
-return a Jacobian that is factorised in its own way (:class:`StructuredJacobian`).
+solutions in part (:class:`Compact`), hide unknowns (:class:`HidesUnknowns`), bring searches of its
+kind (:class:`BringsSearches`), and return a Jacobian that is factorised in its own way
+(:class:`StructuredJacobian`).
 
 A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`.
 """
@@ -28,7 +29,7 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.cores import Core
+from pwscont.linear.cores import Core, ScaledCore
 from pwscont.linear.factor import Factor, power_of_two
 from pwscont.linear.structured import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
@@ -41,6 +42,7 @@ from pwscont.stepping.landing import land_on, land_on_end
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
+from pwscont.system.hidden import HidesUnknowns
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.reduction import Reducible, Reduction
 from pwscont.system.selection import Selection
@@ -69,6 +71,7 @@ __all__ = [
     "FailureReason",
     "GraphAnswer",
     "Guarantee",
+    "HidesUnknowns",
     "Indices",
     "Interior",
     "Kind",
@@ -85,6 +88,7 @@ __all__ = [
     "RowMatrix",
     "RowSolver",
     "Runnable",
+    "ScaledCore",
     "Search",
     "SearchScope",
     "Segment",

@@ -18,14 +18,11 @@ from pwscont.basics.errors import (
 from pwscont.basics.limits import Limits
 from pwscont.continuation import explore, trace
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.kit import check_detector, check_search, check_stepper
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
 from pwscont.curve.predictor import Hermite, Secant, Tangent
 from pwscont.curve.step_size import StepSize
 from pwscont.graph import BranchGraph
 from pwscont.linear.banded import BandedJacobian
-from pwscont.scenes.panels import Panel, ParameterPath
-from pwscont.scenes.scene import Scene
 from pwscont.search import (
     AllTransitions,
     EndPoints,
@@ -35,7 +32,6 @@ from pwscont.search import (
     enumerate_solutions,
 )
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
-from pwscont.system.check import check_system
 from pwscont.system.system import (
     Block,
     PiecewiseLinearSystem,
@@ -44,16 +40,36 @@ from pwscont.system.system import (
 )
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.user_event import Stop
-from pwscont.two_parameters.fold_locus import FoldLocus
-from pwscont.two_parameters.transition_locus import TransitionLocus
 
 if TYPE_CHECKING:
+    from pwscont.continuation.kit import check_detector, check_search, check_stepper
+    from pwscont.notation.problems import LCP, AbsNormal, Complementarity
+    from pwscont.notation.switched import Switched
     from pwscont.scenes.counting import draw_counts
+    from pwscont.scenes.panels import Panel, ParameterPath
     from pwscont.scenes.plotting import plot
+    from pwscont.scenes.scene import Scene
+    from pwscont.studies.measures import (
+        CountAt,
+        CriticalValue,
+        FirstFold,
+        MaxCount,
+        Measure,
+        NonUnique,
+        NonUniqueLength,
+        QuantityAt,
+    )
+    from pwscont.studies.result import StudyResult
+    from pwscont.studies.study import Study
+    from pwscont.system.check import check_system
     from pwscont.two_parameters.axes import Axes
+    from pwscont.two_parameters.fold_locus import FoldLocus
     from pwscont.two_parameters.scene import PlaneScene
+    from pwscont.two_parameters.transition_locus import TransitionLocus
 
 __all__ = [
+    "LCP",
+    "AbsNormal",
     "AllTransitions",
     "Axes",
     "BandedJacobian",
@@ -61,8 +77,12 @@ __all__ = [
     "BorderedNewton",
     "BranchGraph",
     "Character",
+    "Complementarity",
+    "CountAt",
+    "CriticalValue",
     "EndPoints",
     "ExactLinear",
+    "FirstFold",
     "FoldLocus",
     "GraphFileError",
     "Hermite",
@@ -70,10 +90,14 @@ __all__ = [
     "InvalidSystemError",
     "Journal",
     "Limits",
+    "MaxCount",
+    "Measure",
     "MissingPackageError",
     "MoorePenrose",
     "MultiStart",
     "NaturalParameter",
+    "NonUnique",
+    "NonUniqueLength",
     "Panel",
     "ParameterPath",
     "PiecewiseLinearSystem",
@@ -81,6 +105,7 @@ __all__ = [
     "PlaneScene",
     "PseudoArclength",
     "PwscontError",
+    "QuantityAt",
     "Scene",
     "SceneNotFoundError",
     "Search",
@@ -91,6 +116,9 @@ __all__ = [
     "StepSize",
     "Stepper",
     "Stop",
+    "Study",
+    "StudyResult",
+    "Switched",
     "SystemNeededError",
     "Tangent",
     "TransitionDetector",
@@ -108,10 +136,33 @@ __all__ = [
 ]
 
 
-#: Names whose modules are imported when the name is used: they import matplotlib.
+#: Names whose modules are imported when the name is used: a trace needs none of them.
 LATER = {
+    "AbsNormal": "pwscont.notation.problems",
     "Axes": "pwscont.two_parameters.axes",
+    "Complementarity": "pwscont.notation.problems",
+    "CountAt": "pwscont.studies.measures",
+    "CriticalValue": "pwscont.studies.measures",
+    "FirstFold": "pwscont.studies.measures",
+    "FoldLocus": "pwscont.two_parameters.fold_locus",
+    "LCP": "pwscont.notation.problems",
+    "MaxCount": "pwscont.studies.measures",
+    "Measure": "pwscont.studies.measures",
+    "NonUnique": "pwscont.studies.measures",
+    "NonUniqueLength": "pwscont.studies.measures",
+    "Panel": "pwscont.scenes.panels",
+    "ParameterPath": "pwscont.scenes.panels",
     "PlaneScene": "pwscont.two_parameters.scene",
+    "QuantityAt": "pwscont.studies.measures",
+    "Scene": "pwscont.scenes.scene",
+    "Study": "pwscont.studies.study",
+    "StudyResult": "pwscont.studies.result",
+    "Switched": "pwscont.notation.switched",
+    "TransitionLocus": "pwscont.two_parameters.transition_locus",
+    "check_detector": "pwscont.continuation.kit",
+    "check_search": "pwscont.continuation.kit",
+    "check_stepper": "pwscont.continuation.kit",
+    "check_system": "pwscont.system.check",
     "draw_counts": "pwscont.scenes.counting",
     "plot": "pwscont.scenes.plotting",
 }

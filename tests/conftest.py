@@ -1,5 +1,6 @@
-"""Which cases of a sweep are quick."""
+"""Which cases of a sweep are quick, and what tests leave behind."""
 
+import sys
 from collections import Counter
 
 import pytest
@@ -16,3 +17,11 @@ def pytest_collection_modifyitems(items):
         if seen[item.function] % mark.args[0]:
             item.add_marker(pytest.mark.slow)
         seen[item.function] += 1
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_stays_open():
+    """Close what a test leaves open in pyplot, which all tests of a process share."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")

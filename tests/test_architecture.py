@@ -12,7 +12,6 @@ from itertools import chain
 from pathlib import Path
 
 import networkx as nx
-import pwscont_coulomb
 import pytest
 from pwscont_coulomb.coulomb import Coulomb
 
@@ -21,12 +20,15 @@ import pwscont.extending
 from pwscont import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 ROOT = Path(pwscont.__file__).parent
-PLUG_IN = Path(pwscont_coulomb.__file__).parent
+PROBLEMS = ROOT.parent / "problems"
+#: The plug-ins, by the names of their packages.
+PACKAGES = sorted(path.parent.name for path in PROBLEMS.glob("*/__init__.py"))
 #: The rooms, ground floor first.
 ROOMS = [
     "basics",
     "system",
     "linear",
+    "notation",
     "curve",
     "stepping",
     "enumeration",
@@ -36,13 +38,14 @@ ROOMS = [
     "continuation",
     "scenes",
     "two_parameters",
+    "studies",
     "bench",
     "commands",
 ]
 FLOORS = {room: floor for floor, room in enumerate(ROOMS)}
 FILES = sorted(path for path in ROOT.rglob("*.py"))
 BUILDING = [path for path in FILES if path.parent != ROOT]
-PLUG_INS = sorted(PLUG_IN.rglob("*.py"))
+PLUG_INS = sorted(PROBLEMS.rglob("*.py"))
 LONGEST_FILE = 350
 
 
@@ -125,8 +128,8 @@ def test_no_files_import_each_other():
     assert not circles(BUILDING, MODULES)
 
 
-def test_no_files_of_the_plug_in_import_each_other():
-    parts = {path: path.relative_to(PLUG_IN.parent).with_suffix("").parts for path in PLUG_INS}
+def test_no_files_of_plug_ins_import_each_other():
+    parts = {path: path.relative_to(PROBLEMS).with_suffix("").parts for path in PLUG_INS}
     modules = {".".join(part).removesuffix(".__init__"): path for path, part in parts.items()}
     assert not circles(PLUG_INS, modules)
 
@@ -145,7 +148,7 @@ def test_one_class_has_one_name():
 
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_the_framework_knows_no_problem(path):
-    assert not [m for m, _ in imported_names(path) if m.split(".")[0] == "pwscont_coulomb"]
+    assert not [m for m, _ in imported_names(path) if m.split(".")[0] in PACKAGES]
 
 
 @pytest.mark.parametrize("path", PLUG_INS, ids=lambda path: path.stem)
@@ -199,7 +202,7 @@ HEAVY = {
     "pandas",
     "sqlite3",
     "networkx",
-    "pwscont_coulomb",
+    *PACKAGES,
     "skfem",
     "meshio",
     "pytest",
@@ -215,14 +218,17 @@ def test_import_pwscont_is_lean():
     assert not loaded & HEAVY
 
 
-@pytest.mark.parametrize("module", ["pwscont_coulomb", "pwscont.extending"])
-def test_import_of_the_plug_in_loads_no_plotting(module):
+@pytest.mark.parametrize("module", [*PACKAGES, "pwscont.extending"])
+def test_import_of_plug_ins_loads_no_plotting(module):
     loaded = loaded_by(f"import {module}")
     assert "pwscont" in loaded
-    assert not loaded & (HEAVY - {"pwscont_coulomb"})
+    assert not loaded & (HEAVY - {module})
 
 
-@pytest.mark.parametrize("module", [pwscont, pwscont.extending, pwscont_coulomb])
+PUBLIC = [pwscont, pwscont.extending, *map(importlib.import_module, PACKAGES)]
+
+
+@pytest.mark.parametrize("module", PUBLIC)
 def test_everything_in_all_can_be_imported(module):
     for public in module.__all__:
         assert getattr(module, public) is not None
@@ -233,7 +239,7 @@ REFERENCE = ROOT.parent / "docs" / "reference" / "index.rst"
 IN_A_SENTENCE = {"Array", "Indices", "Matrix", "EPS", "GUARD", "CONVERGED", "DEFAULT_LOOK"}
 
 
-@pytest.mark.parametrize("module", [pwscont, pwscont.extending, pwscont_coulomb])
+@pytest.mark.parametrize("module", PUBLIC)
 def test_every_public_name_is_in_the_reference(module):
     text = REFERENCE.read_text(encoding="utf-8")
     listed = {line.split(".")[-1].strip() for line in text.splitlines() if "." in line}

@@ -277,7 +277,7 @@ def test_two_scenes_of_one_name_are_refused_by_naming_both(capsys):
     with pytest.raises(BrokenSceneError, match="Rival"):
         load_scene("fig7")
     assert main(["scenes"]) == 0
-    assert capsys.readouterr().out.count("\nfig7 ") == 1
+    assert capsys.readouterr().out.count("\n  fig7 ") == 1
 
 
 def test_a_package_without_a_name(monkeypatch):

@@ -25,6 +25,8 @@ from sweeps import swept
 from pwscont import explore
 from pwscont.basics.errors import InvalidInputError
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 ELIMINATIONS = [Multifrontal(), SuperLU()]
 every_elimination = pytest.mark.parametrize(
     "elimination", ELIMINATIONS, ids=["Multifrontal", "SuperLU"]

@@ -27,6 +27,8 @@ from pwscont import (
     trace,
 )
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 STEPPERS = pytest.mark.parametrize("stepper", [None, PseudoArclength()], ids=["exact", "arc"])
 
 

@@ -96,7 +96,14 @@ def inner_kinds(graph):
     return sorted(kind for kind in kinds if kind not in ("start", "end"))
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=() if path.stem == "paper_curve" else pytest.mark.slow)
+        for path in EXAMPLES
+    ],
+    ids=lambda path: path.stem,
+)
 def test_every_example_prints_and_draws(path):
     namespace, printed, figures = run_example(path.name)
     graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]

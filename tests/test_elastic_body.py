@@ -26,6 +26,8 @@ from pwscont_coulomb.elastic.scenes import press_body, triangle_body
 from pwscont import MissingPackageError, explore, trace
 from pwscont.basics.errors import InvalidInputError
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
 

@@ -22,6 +22,8 @@ from pwscont import (
 from pwscont.basics.errors import InvalidInputError
 from pwscont.search import Search
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 BUT_LOOPS = "complete but for closed loops"
 
 

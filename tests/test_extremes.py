@@ -24,6 +24,8 @@ from pwscont import (
 )
 from pwscont.basics.errors import PwscontError
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 EPS = np.finfo(float).eps
 COMPLETE = "complete"
 

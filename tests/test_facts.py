@@ -24,6 +24,8 @@ from reference_enumeration import (
 
 from pwscont import ExactLinear, PseudoArclength, explore
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 SEEDS = st.integers(0, 10**6)
 NODES = st.integers(1, 3)
 FRICTIONS = st.sampled_from([0.3, 1.0, 4.0, 10.0])

@@ -316,7 +316,10 @@ def test_too_many_tests_to_try_all_cells():
             return z - alpha
 
     with pytest.raises(InvalidSystemError, match=r"17 test functions.*override cells\(\)"):
-        explore(ManyTests(), (0.0, 1.0))
+        enumerate_solutions(ManyTests(), 0.5)
+    graph = explore(ManyTests(), (0.0, 1.0))  # searches in another way, and promises nothing
+    assert graph.count(0.5) == 1
+    assert graph.guarantee == "balanced"
     assert len(trace(ManyTests(), ([0.5], 0.5), (0.25, 0.75)).pieces) == 1  # needs no cells
 
 

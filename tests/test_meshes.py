@@ -23,6 +23,8 @@ from test_elastic_body import GMSH_22, GMSH_41
 from pwscont import explore, trace
 from pwscont.basics.errors import InvalidInputError
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 # -- cells that are listed twice ------------------------------------------------------------------
 
 

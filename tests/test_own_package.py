@@ -65,8 +65,8 @@ def test_the_project_file_names_what_the_package_has():
 
 def test_the_scene_is_listed_with_its_settings(site):
     listed = pwscont(site, "scenes").stdout
-    assert re.search(r"^snap +a strut, stop at 0\.8 \[-s stop=0\.8\]$", listed, re.MULTILINE)
-    assert re.search(r"^fig7 ", listed, re.MULTILINE)
+    assert re.search(r"^  snap +a strut, stop at 0\.8 \[-s stop=0\.8\]$", listed, re.MULTILINE)
+    assert re.search(r"^  fig7 ", listed, re.MULTILINE)
 
 
 @pytest.mark.slow

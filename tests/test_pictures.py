@@ -9,11 +9,13 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import StepPatch
 from paper_systems import CASES
 
 from pwscont import PiecewiseSystem, PwscontError, draw_counts, explore, plot, trace
 from pwscont.scenes.drawn import Drawn
+from pwscont.scenes.layout import arrange, place_legend
 from pwscont.scenes.look import FORMATS, Look
 from pwscont.scenes.plotting import draw_scene
 from pwscont.scenes.registry import load_scene
@@ -21,6 +23,8 @@ from pwscont.scenes.scene import Panel, Scene
 from pwscont.scenes.strokes import line_of
 from pwscont.scenes.styles import COLORS, LINE_STYLES, THIN, WIDTH, styles_of
 from pwscont.scenes.symbols import number_of, symbol
+
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
 mpl.use("Agg")
 
@@ -131,7 +135,6 @@ def test_whatever_has_a_value_is_drawn(what, label):
 
 @pytest.mark.parametrize("what", ["u_s", 7, None, 1.5])
 def test_what_is_not_there_is_refused(what):
-    plt.close("all")  # of other tests
     graph = explore(CASES["fig7"].system, (-2.0, 2.0))
     with pytest.raises(PwscontError, match=r"u_t|there is no unknown 7|must be an index"):
         plot(graph, what)
@@ -432,6 +435,15 @@ def test_no_legend_lies_on_data(name):
     for legend in legends:
         box = legend.get_window_extent()
         assert not any(box.shrunk(0.98, 0.9).overlaps(ax.get_window_extent()) for ax in shown)
+
+
+@pytest.mark.parametrize("count", [3, 12, 13, 20])
+def test_legends_leave_room_for_diagrams(count):
+    figure, axes = arrange(2, 1, counted=True)
+    handles = [Line2D([], [], label="a mode with some words") for _ in range(count)]
+    place_legend(figure, axes[-1, 1:], handles)
+    figure.draw_without_rendering()
+    assert all(ax.get_position().width > 0.35 for ax in axes[0])
 
 
 class Nowhere(PiecewiseSystem):

@@ -102,7 +102,7 @@ def is_built(path):
 def test_every_module_that_is_named_exists():
     for path in sources():
         words = path.read_text(encoding="utf-8")
-        names = set(re.findall(r"(?<![\w./'\"-])pwscont(?:_coulomb)?(?:\.\w+)+", words))
+        names = set(re.findall(r"(?<![\w./'\"-])pwscont(?:_[a-z]+)?(?:\.\w+)+", words))
         files = set(re.findall(r"(?:pwscont|tests|benchmarks)/[\w/]+\.py", words))
         missing = [name for name in names if not resolves(name)]
         missing += [file for file in files if not (ROOT / file).exists()]

@@ -22,6 +22,8 @@ from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from strip import strip
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 P = 40
 
 
@@ -353,6 +355,20 @@ def test_symmetric_bodies_pass_their_corners(p):
         assert max(violations(system, point.z, point.alpha)) < 1e-9
         pressure = point.z[2 * p : 3 * p]
         np.testing.assert_allclose(pressure, pressure[::-1], atol=1e-9 * np.abs(pressure).max())
+
+
+def test_symmetric_bodies_are_the_limit_of_bodies_nearly_symmetric():
+    """Gaps that differ a little make two transitions of each corner, and the same states."""
+    system = symmetric_system(24)
+    body = system.body
+    shifts = 1e-7 * np.random.default_rng(1).normal(size=24)
+    apart = ContactBody(body.A, body.N, body.T, body.gap * (1.0 + shifts))
+    pairs, singles = traced(system), traced(CoulombLoad(apart, system.load, 0.3))
+    assert len(singles.pieces) > 1.5 * len(pairs.pieces)
+    for alpha in (0.13, 0.5, 0.77, 1.0):
+        (pair,), (single,) = pairs.solutions(alpha), singles.solutions(alpha)
+        size = np.abs(single.z).max()
+        np.testing.assert_allclose(pair.z, single.z, rtol=0, atol=1e-5 * size)
 
 
 # -- memory -----------------------------------------------------------------------------------

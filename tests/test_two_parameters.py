@@ -28,6 +28,8 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.regions import area_and_centre, regions
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 CLOSE = {"rtol": 0.0, "atol": 1e-9}
 
 # -- one node: the sectors of the load plane ---------------------------------------------------

@@ -13,6 +13,7 @@ from pwscont.extending import (
     Factor,
     Indices,
     Interior,
+    ScaledCore,
     StructuredJacobian,
     drifted,
     power_of_two,
@@ -27,7 +28,7 @@ SIDES = np.array([0.0, 0.0, 1.0, -1.0])
 
 
 @final
-class ContactMatrix:
+class ContactMatrix(Core):
     """dH/dz for one mode of every node, shape (n + 2 p, n + 2 p).
 
     Parameters
@@ -142,6 +143,10 @@ class ContactMatrix:
         shear[...] = np.where(self.sticks, excess[..., a.tangential], sliding)
         return solution
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n + 2 p)."""
+        return self.solve(rhs)
+
     def _displaced(self, rhs: Array) -> tuple[Array, Array]:
         """Return u of M u = g, scaled, and A u, from which the residual follows at no cost."""
         a, M = self.algebra, self.displacements
@@ -215,8 +220,7 @@ class ContactJacobian(StructuredJacobian):
 
     def inner(self, scale: Array) -> Core:
         """Return the part for z, which solves in its own units."""
-        ones = np.ones(len(self.column))
-        return _ScaledCore(self.matrix, ones, ones)
+        return self.matrix
 
     def column_at(self, index: int) -> Array:
         """Return a column."""
@@ -228,7 +232,7 @@ class ContactJacobian(StructuredJacobian):
         if self._interior is None or self._interior[0] is not scale:
             largest = self.matrix.largest_in_rows(scale[:-1])
             rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
-            core = _ScaledCore(self.matrix, rows, scale[:-1])
+            core = ScaledCore(self.matrix, 1.0 / rows, 1.0 / scale[:-1])
             first = None if beside is None else beside[:-1] / rows
             interior = Interior.at_once(core, self.column * scale[-1] / rows, first)
             self._interior = scale, rows, interior
@@ -246,28 +250,3 @@ class _Magnitudes:
         jacobian = self._jacobian
         product: Array = jacobian.matrix.magnitudes(x[:-1]) + x[-1] * np.abs(jacobian.column)
         return product
-
-
-@final
-class _ScaledCore(Core):
-    """Solves with a ContactMatrix whose rows are divided and columns multiplied by numbers."""
-
-    def __init__(self, matrix: ContactMatrix, rows: Array, columns: Array) -> None:
-        self._matrix, self._rows, self._columns = matrix, rows, columns
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant."""
-        return self._matrix.sign
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        return self._matrix.solve(rhs * self._rows) / self._columns
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n + 2 p)."""
-        return self.solve(rhs)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._rows * self._matrix.solve_transposed(rhs / self._columns)

@@ -53,8 +53,9 @@ from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
 from pwscont_coulomb.per_node import positive
 from pwscont_coulomb.rows import (
+    DenseGradients,
+    SparseGradients,
     by_node,
-    gradients_of_tests,
     rows_of_tests,
     scaled,
     without_contact,
@@ -111,6 +112,11 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _free_unknowns(self) -> FreeUnknowns:
         return FreeUnknowns(self.body)
 
+    @cached_property
+    def _gradients(self) -> SparseGradients | DenseGradients:
+        kind = SparseGradients if self._has_sparse_tests else DenseGradients
+        return kind(self._kappa1_rows, self._x_rows)
+
     @property
     def _has_sparse_tests(self) -> bool:
         return self.body.is_sparse or self.algebra is not None
@@ -144,11 +150,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
-        body, mode = self.body, contact.modes(character)
+        mode, n, p = contact.modes(character), self.body.n, self.body.p
         residual: Array = self.state_matrix(mode, self.friction_at(alpha)) @ z
-        residual[: body.n] -= self.load_at(alpha)
+        residual[:n] -= self.load_at(alpha)
         if self._has_gap:
-            n, p = body.n, body.p
             residual[n : n + p] -= IN_CONTACT[mode] * self._offset
             residual[n + p :] += self.friction_at(alpha) * SLIPS[mode] * self._offset
         return residual
@@ -323,7 +328,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         by_alpha : ndarray, shape (3 p,)
             Derivatives by alpha, the last column.
         """
-        return gradients_of_tests(self._kappa1_rows, self._x_rows, friction, by_alpha)
+        return self._gradients.at(friction, by_alpha)
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""
@@ -331,10 +336,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
             return self._contact_jacobian(matrix, column)
         if self.body.is_sparse:
             return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
-        jacobian = np.empty((self.size, self.size + 1))
-        jacobian[:, :-1] = matrix
-        jacobian[:, -1] = column
-        return jacobian
+        return np.column_stack([matrix, column])
 
     def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
         """Return [dH/dz | column]; the last one is kept, with its factorisations.

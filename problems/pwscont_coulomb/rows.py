@@ -67,27 +67,57 @@ class GradientRows(sp.csr_matrix):  # type: ignore[misc]
         return self._magnitudes
 
 
-def gradients_of_tests(kappa1: Matrix, x: Matrix, friction: Array, by_alpha: Array) -> Matrix:
-    """Return the gradients of all tests, shape (3 p, n + 2 p + 1), node by node.
+@final
+class SparseGradients:
+    """The gradients of all tests of a sparse body; only their entries depend on friction.
 
     Parameters
     ----------
-    kappa1, x : matrix, shape (p, n + 2 p)
+    kappa1, x : sparse matrix, shape (p, n + 2 p)
         The gradients by z of kappa1 and x.
-    friction : ndarray, shape (p,)
-    by_alpha : ndarray, shape (3 p,)
-        Derivatives of the tests by alpha.
     """
-    p, size = kappa1.shape
-    bound = scaled(friction, kappa1)
-    if sp.issparse(kappa1):
-        order = np.arange(3 * p).reshape(3, p).T.ravel()
-        rows = sp.vstack([kappa1, x - bound, x + bound]).tocsr()[order]
-        return GradientRows(sp.hstack([rows, sp.csr_matrix(by_alpha[:, np.newaxis])]))
-    gradients = np.empty((3 * p, size + 1))
-    gradients[:, :-1] = by_node(kappa1, x - bound, x + bound)
-    gradients[:, -1] = by_alpha
-    return gradients
+
+    def __init__(self, kappa1: Matrix, x: Matrix) -> None:
+        by_node = np.arange(3 * kappa1.shape[0]).reshape(3, -1).T.ravel()
+        fixed = sp.vstack([kappa1, x, x]).tocsr()[by_node]
+        slopes = sp.vstack([0.0 * kappa1, -kappa1, kappa1]).tocsr()[by_node]
+        pattern = sp.hstack([abs(fixed) + abs(slopes), np.ones((len(by_node), 1))]).tocsr()
+        pattern.eliminate_zeros()
+        pattern.sort_indices()
+        rows, columns = pattern.nonzero()
+        self._last = columns == kappa1.shape[1]
+        inner = rows[~self._last], columns[~self._last]
+        self._fixed, self._slopes = np.zeros(len(rows)), np.zeros(len(rows))
+        self._fixed[~self._last] = np.asarray(fixed[inner]).ravel()
+        self._slopes[~self._last] = np.asarray(slopes[inner]).ravel()
+        self._pattern, self._node = pattern, rows // 3
+
+    def at(self, friction: Array, by_alpha: Array) -> GradientRows:
+        """Return the gradients, shape (3 p, n + 2 p + 1), node by node.
+
+        Parameters
+        ----------
+        friction : ndarray, shape (p,)
+        by_alpha : ndarray, shape (3 p,)
+            Derivatives of the tests by alpha.
+        """
+        data = self._fixed + friction[self._node] * self._slopes
+        data[self._last] = by_alpha
+        pattern = self._pattern
+        return GradientRows((data, pattern.indices, pattern.indptr), pattern.shape)
+
+
+@final
+class DenseGradients:
+    """What :class:`SparseGradients` is, with dense rows."""
+
+    def __init__(self, kappa1: Array, x: Array) -> None:
+        self._kappa1, self._x = kappa1, x
+
+    def at(self, friction: Array, by_alpha: Array) -> Array:
+        """Return the gradients, shape (3 p, n + 2 p + 1), node by node."""
+        kappa1, bound = self._kappa1, scaled(friction, self._kappa1)
+        return np.column_stack([by_node(kappa1, self._x - bound, self._x + bound), by_alpha])
 
 
 def by_node(first: Array, second: Array, third: Array) -> Array:

@@ -69,6 +69,13 @@ class Character:
         signs[i] = bool(sign)
         return self._of_bytes(bytes(signs))
 
+    def with_signs(self, tests: Iterable[int], chosen: Iterable[bool]) -> Character:
+        """Return the character in which some test functions have the given signs."""
+        signs = bytearray(self._signs)
+        for i, sign in zip(tests, chosen, strict=True):
+            signs[i] = bool(sign)
+        return self._of_bytes(bytes(signs))
+
     def __bytes__(self) -> bytes:
         """Return one byte per sign, 0 or 1."""
         return self._signs

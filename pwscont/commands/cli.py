@@ -1,4 +1,4 @@
-"""The command line: ``pwscont scenes``, ``pwscont run SCENE`` and ``pwscont bench``."""
+"""The command line: ``pwscont scenes``, ``run SCENE``, ``sweep SCENE`` and ``bench``."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont.basics.errors import PwscontError
-from pwscont.commands import bench_arguments
+from pwscont.commands import bench_arguments, sweep_arguments
 from pwscont.commands.arguments import spread
 from pwscont.commands.completion import add_scene, complete
 from pwscont.commands.examples import with_examples
 from pwscont.commands.looks import add_looks
 from pwscont.commands.run import run_scene
-from pwscont.scenes.registry import described_scene, scene_names
+from pwscont.scenes.registry import described_package, described_scene, scenes_by_package
 from pwscont.scenes.settings import add_settings
 
 
@@ -102,11 +102,14 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
     )
+    sweep_arguments.add_to(commands)
     bench_arguments.add_to(commands)
     return parser
 
 
 def _scenes(options: argparse.Namespace) -> int:
-    for name in scene_names():
-        print(f"{name:<26} {described_scene(name)}")  # noqa: T201
+    for package, names in scenes_by_package().items():
+        print(described_package(package))  # noqa: T201
+        for name in names:
+            print(f"  {name:<26} {described_scene(name)}")  # noqa: T201
     return 0

@@ -19,6 +19,11 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "pwscont run fig7 --json": "for other programs",
         "pwscont run example1 --explain": "say which parts the run is made of",
     },
+    "sweep": {
+        "pwscont sweep wedge -s nodes=2 --over friction=0.5:2:4": "most solutions",
+        "pwscont sweep wedge -s nodes=2 --over angle=10,20 --measure first-fold": "a fold",
+        "pwscont sweep wedge -s nodes=2 --over friction=0.5,1 --over angle=9:40:2 -o out": "map",
+    },
     "bench": {
         "pwscont bench --quick": "few problems, few runs",
         "pwscont bench fig13 -o out": "one problem; write picture and data, too",

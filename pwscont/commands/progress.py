@@ -1,4 +1,4 @@
-"""A line of progress on a terminal, for runs that take longer than a second."""
+"""Lines of progress on a terminal, for runs that take longer than a second."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from math import ceil
 from typing import TextIO, final
 
 FIRST = 1.0  # seconds before anything is shown
@@ -15,10 +16,62 @@ WINDOW = 10.0  # seconds over which the rate is taken
 
 
 @final
-class Progress:
-    """Shows how many pieces are done, and how many per second lately; silent for short runs.
+class ProgressLine:
+    """A line on a terminal that is written over; silent for short runs and where it is no terminal.
 
     Silent, too, where the line would end up in a file or in another program.
+
+    Parameters
+    ----------
+    stream : file, optional
+        Default standard error, so that standard output stays clean.
+    clock : callable
+        Returns the time in seconds.
+    """
+
+    def __init__(
+        self, stream: TextIO | None = None, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._clock = clock
+        on_terminal = self._stream is not None and self._stream.isatty()
+        self._next = clock() + FIRST if on_terminal else math.inf
+        self._recent = deque([(clock(), 0)])
+        self._shown = False
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it is time to write."""
+        return self._clock() >= self._next
+
+    def write(self, words: str) -> None:
+        """Write over what was written before."""
+        self._next, self._shown = self._clock() + EVERY, True
+        self._stream.write(f"\r{words:<60}")
+        self._stream.flush()
+
+    def rate(self, done: int) -> float:
+        """Return how many per second were done in the last seconds, not in the whole run."""
+        now = self._clock()
+        self._recent.append((now, done))
+        while len(self._recent) > 2 and self._recent[1][0] <= now - WINDOW:
+            self._recent.popleft()
+        since, before = self._recent[0]
+        return (done - before) / (now - since)
+
+    def begin(self, done: int) -> None:
+        """Count from so many that were done before."""
+        self._recent = deque([(self._clock(), done)])
+
+    def close(self) -> None:
+        """End the line, if one was begun."""
+        if self._shown:
+            self._stream.write("\n")
+
+
+@final
+class Progress:
+    """Shows how many pieces are done, and how many per second lately.
 
     The time left is not shown: nobody knows how many pieces there are.
 
@@ -26,10 +79,8 @@ class Progress:
     ----------
     parameter : str
         Name of alpha.
-    stream : file, optional
-        Default standard error, so that standard output stays clean.
-    clock : callable
-        Returns the time in seconds.
+    stream, clock : optional
+        As for :class:`ProgressLine`.
     """
 
     def __init__(
@@ -39,31 +90,54 @@ class Progress:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._parameter = parameter
-        self._stream = sys.stderr if stream is None else stream
-        self._clock = clock
-        on_terminal = self._stream is not None and self._stream.isatty()
-        self._next = clock() + FIRST if on_terminal else math.inf
-        self._recent = deque([(clock(), 0)])
-        self._shown = False
+        self._line = ProgressLine(stream, clock)
 
     def __call__(self, pieces: int, alpha: float) -> None:
         """Report that ``pieces`` are finished and ``alpha`` is reached."""
-        now = self._clock()
-        if now >= self._next:
-            self._next, self._shown = now + EVERY, True
-            line = f"{pieces} pieces, {self._parameter} = {alpha:.6g}{self._rate(now, pieces)}"
-            self._stream.write(f"\r{line:<60}")
-            self._stream.flush()
-
-    def _rate(self, now: float, pieces: int) -> str:
-        """Return pieces per second of the last seconds, not of the whole run."""
-        self._recent.append((now, pieces))
-        while len(self._recent) > 2 and self._recent[1][0] <= now - WINDOW:
-            self._recent.popleft()
-        since, before = self._recent[0]
-        return f", {(pieces - before) / (now - since):.3g} pieces/s"
+        if self._line.is_due:
+            rate = f"{self._line.rate(pieces):.3g} pieces/s"
+            self._line.write(f"{pieces} pieces, {self._parameter} = {alpha:.6g}, {rate}")
 
     def close(self) -> None:
         """End the line, if one was begun."""
-        if self._shown:
-            self._stream.write("\n")
+        self._line.close()
+
+
+@final
+class CaseProgress:
+    """Shows how many cases of a study are done, how many per second lately, and the time left.
+
+    Parameters
+    ----------
+    stream, clock : optional
+        As for :class:`ProgressLine`.
+    """
+
+    def __init__(
+        self, stream: TextIO | None = None, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self._line = ProgressLine(stream, clock)
+        self._is_begun = False
+
+    def __call__(self, done: int, total: int) -> None:
+        """Report that ``done`` cases of ``total`` are finished."""
+        if not self._is_begun:
+            self._is_begun = True
+            self._line.begin(done)
+        elif self._line.is_due and (rate := self._line.rate(done)) > 0.0:
+            left = _duration((total - done) / rate)
+            self._line.write(f"{done} of {total} cases, {rate:.3g} cases/s, {left} left")
+
+    def close(self) -> None:
+        """End the line, if one was begun."""
+        self._line.close()
+
+
+def _duration(seconds: float) -> str:
+    """Return a time such as 45 s, 3:05 min, 2:00 h."""
+    if seconds < 60.0:
+        return f"{ceil(seconds)} s"
+    minutes = round(seconds / 60.0)
+    if minutes < 60:
+        return f"{int(seconds) // 60}:{int(seconds) % 60:02d} min"
+    return f"{minutes // 60}:{minutes % 60:02d} h"

@@ -20,11 +20,13 @@ from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.accuracy import Accuracy
-from pwscont.graph.packing import Lifted
+from pwscont.graph.packing import Lifted, WithoutHidden
 from pwscont.graph.passages import Change, Passage, Said
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
+from pwscont.system.box import Box
 from pwscont.system.ending import Ending
+from pwscont.system.hidden import HidesUnknowns, shown_points
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.events import Events
@@ -51,7 +53,7 @@ def assemble(
     """
     width = interval[1] - interval[0]
     metric = Metric.of(system, interval)
-    lift = Lift(system, reduction, metric, Accuracy(metric.scale))
+    lift = Lift(system, reduction, metric, Accuracy(shown_points(system, metric.scale)))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
@@ -69,7 +71,7 @@ def assemble(
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
     starts = [_inner_start(edge, i, lift) for i, edge in enumerate(order)]
     return BranchGraph(
-        named_by_events(points, pieces, lift.metric, events) if events else points,
+        named_by_events(points, pieces, _shown(system, metric), events) if events else points,
         pieces,
         interval,
         starts=filter(None, starts),
@@ -83,7 +85,10 @@ def assemble(
 @final
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """The way from points and characters of the followed system to those of the full one."""
+    """The way from what the followed system knows to what a user sees.
+
+    Unknowns that a reduction left out are put back, unknowns that a system hides are left out.
+    """
 
     system: PiecewiseSystem
     reduction: Reduction | None
@@ -91,19 +96,32 @@ class Lift:
     accuracy: Accuracy
 
     def place(self, place: Place) -> Place:
-        """Return a place with all unknowns."""
-        return Lifted(place, self.reduction, self.system.size) if self.reduction else place
+        """Return a place with the user's unknowns."""
+        whole = Lifted(place, self.reduction, self.system.size) if self.reduction else place
+        return (
+            WithoutHidden(whole, self.system) if isinstance(self.system, HidesUnknowns) else whole
+        )
 
     def track(self, track: Track) -> Track:
-        """Return the points of a piece with all unknowns."""
-        if self.reduction is None:
+        """Return the points of a piece with the user's unknowns."""
+        if self.reduction is None and not isinstance(self.system, HidesUnknowns):
             return track
-        inner = self.reduction.points(track.inner, self.system.size)
+        inner, size = track.inner, self.system.size
+        inner = self.reduction.points(inner, size) if self.reduction else inner
+        inner = shown_points(self.system, inner)
         return Track(self.place(track.start), inner, self.place(track.end))
 
     def character(self, character: Character) -> Character:
         """Return the character with all signs."""
         return self.reduction.character(character) if self.reduction else character
+
+
+def _shown(system: PiecewiseSystem, metric: Metric) -> Metric:
+    """Return the metric of the unknowns that a user sees."""
+    if not isinstance(system, HidesUnknowns):
+        return metric
+    period = Box.of(system).period[: system.shown]
+    return Metric(shown_points(system, metric.scale), metric.interval, period)
 
 
 class _Directed:

@@ -29,6 +29,7 @@ from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of, starts_of
 from pwscont.stepping import Stepper
 from pwscont.system.contract import checked_size
+from pwscont.system.hidden import shown_size
 from pwscont.system.promises import refuse_undefined
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
@@ -83,12 +84,12 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     given = checked_starts(system, starts, (lo, hi))
-    watched = checked_detectors(detectors, events)
+    watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         guess = np.zeros(checked_size(system))
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
-        around = [plan.reduced(z) for z, _ in given]
+        around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)
         searched = _searched(given, scope_of(chosen, plan.followed))
         plan, found = measured(plan, guess, lambda plan: _found(plan, given, chosen))

@@ -30,6 +30,7 @@ from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.system.box import Box
+from pwscont.system.hidden import shown_size
 from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import (
@@ -258,7 +259,9 @@ class Plan:
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
 
-def checked_detectors(detectors: Any, events: Any) -> tuple[TransitionDetector, ...]:
+def checked_detectors(
+    system: PiecewiseSystem, detectors: Any, events: Any
+) -> tuple[TransitionDetector, ...]:
     """Return the detectors that a caller adds, that of the events last.
 
     Raises
@@ -269,7 +272,7 @@ def checked_detectors(detectors: Any, events: Any) -> tuple[TransitionDetector, 
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:
         checked_kind("each of detectors", detector, TransitionDetector)
-    watched = checked_events(events)
+    watched = checked_events(events, shown_size(system))
     return (*added, watched) if watched else added
 
 

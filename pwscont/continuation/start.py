@@ -11,6 +11,7 @@ from pwscont.continuation.plan import Plan
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.uncertainty import magnitude
 from pwscont.system.contract import checked_size
+from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.standing import settled
 
@@ -22,7 +23,7 @@ Found = tuple[Array, Array]
 def checked_start(
     system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
 ) -> Start:
-    """Return z, shape (n,), and alpha of a start, or say what is wrong with it.
+    """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it.
 
     Raises
     ------
@@ -39,7 +40,8 @@ def checked_start(
     lo, hi = interval
     if not lo <= alpha <= hi:
         raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
-    return finite_array(f"z of {name}", z, (checked_size(system),)), alpha
+    checked_size(system)
+    return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
 
 
 def checked_starts(

@@ -92,7 +92,7 @@ def trace(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     rough = checked_start(system, start, (lo, hi))
-    watched = checked_detectors(detectors, events)
+    watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper, watched)

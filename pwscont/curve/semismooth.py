@@ -40,6 +40,9 @@ from pwscont.system.system import PiecewiseSystem
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
+#: The same where solutions are deflated away: shorter steps creep to a minimum of the merit, which
+#: is no solution. Random bodies: as many solutions found as with 30, in less than half the time.
+MOST_HALVINGS_DEFLATED = 12
 ARMIJO = 1e-4
 #: Undamped steps from points where no step reduces the merit: a watchdog strategy.
 MOST_LEAPS = 3
@@ -167,7 +170,7 @@ class _Merit:
 def _line_search(merit: _Merit, x: Array, step: Array) -> Array | None:
     """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
     before, length = merit(x), 1.0
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
         trial = x + length * step
         if merit(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
             return trial

@@ -4,7 +4,8 @@ With J' = J + c g^T on the other side of an interface (F1), where g is the gradi
 vanishes, the direction beyond follows from the one before by the solution of J w = c alone. The
 same update holds for everything that was solved for: the samples of the error of a point are
 carried along. From time to time, in small systems always, an *audit* solves for all of them
-afresh, together with corrections of point and direction.
+afresh, together with corrections of point and direction. Jacobians that are neither structured nor
+small are asked for by audits alone.
 
 Failure modes and answers
 -------------------------
@@ -18,6 +19,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, final
 
 import numpy as np
@@ -26,17 +28,16 @@ from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
+from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.curve.uncertainty import magnitude, samples
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
+from pwscont.linear.structured import StructuredJacobian
+from pwscont.system.box import Box
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
 SMALL, AUDIT = 64, 16
-#: A residual of more than this times rounding of its terms is corrected at once. What is left
-#: is about what the samples of the error assume: with 8, unknowns that are zero were found 19 times
-#: their stated error away from zero.
-ROUGH = 2.0
 #: Errors are estimated afresh where the point has grown by more than this.
 GROWN = 2.0
 #: A direction is on its selection where its residual is below this part of its terms.
@@ -73,24 +74,25 @@ class StraightCell:
         The sign of 1 + g.w where the cell was entered: -1 at a fold.
     """
 
-    def __init__(self, curve: Curve, jacobian: Matrix, solver: ProductForm, along: Array) -> None:
+    def __init__(self, curve: Curve, solver: ProductForm, along: Array) -> None:
         self.curve, self.along, self.turn = curve, along, 1
-        self._jacobian, self._solver = jacobian, solver
-        self._samples = np.empty(0)
-        self._terms = np.empty(0)
+        self._solver = solver
+        self._jacobian: Matrix | None = None
+        self._samples, self._terms = np.empty(0), np.empty(0)
         self._size, self._since = 0.0, AUDIT
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
         """Return the cell of a curve, factorised; None where it is next to singular."""
         jacobian = curve.selection.jacobian(x)
-        n = len(x) - 1
-        core = inner(jacobian, curve.metric.binary)
-        if core is None:
+        solver, n = _factorised(jacobian, curve.metric), len(x) - 1
+        if solver is None:
             return None
-        solver = ProductForm(core, n)
-        along = np.append(-solver.solve(column(jacobian, n)), 1.0)
-        return cls(curve, jacobian, solver, along) if _is_tame(along, curve.metric) else None
+        cell = cls(curve, solver, np.append(-solver.solve(column(jacobian, n)), 1.0))
+        is_at_hand = n < SMALL or isinstance(jacobian, StructuredJacobian)
+        if is_at_hand or Box.of(curve.selection.system).is_bounded:
+            cell._jacobian = jacobian
+        return cell if _is_tame(cell.along, curve.metric) else None
 
     def beyond(self, curve: Curve, x: Array, gradient: Array) -> StraightCell | None:
         """Return the cell on the other side of the interface; this one is of no use any more.
@@ -108,34 +110,22 @@ class StraightCell:
         -------
         StraightCell or None
         """
-        if self._solver.is_full and not self._refactored():
+        solver = self._refreshed(x)
+        jacobian, jump = self._jump(curve, x, gradient)
+        if solver is None or jump is None:
             return None
-        steepest = int(np.abs(gradient * curve.metric.scale).argmax())
-        before = column(self._jacobian, steepest)
-        jacobian = curve.selection.jacobian(x)
-        jump = (column(jacobian, steepest) - before) / gradient[steepest]
-        w = self._solver.solve(jump)
-        pivot = self._solver.change(w, gradient[:-1])
+        w = solver.solve(jump)
+        pivot = solver.change(w, gradient[:-1])
         if pivot == 0.0:
             return None
-        along = self.along.copy()
-        along[:-1] -= (float(gradient.dot(along)) / pivot) * w
-        if not _is_tame(along, curve.metric):
-            return None
-        cell = StraightCell(curve, jacobian, self._solver, along)
-        cell.turn = 1 if pivot > 0.0 else -1
+        cell = StraightCell(curve, solver, self.along.copy())
+        cell.along[:-1] -= (float(gradient.dot(self.along)) / pivot) * w
+        cell.turn, cell._jacobian = 1 if pivot > 0.0 else -1, jacobian
         if len(self._samples):
             carried = self._samples - np.outer(self._samples @ (gradient[:-1] / pivot), w)
             cell._samples, cell._terms = carried, self._terms
             cell._size, cell._since = self._size, self._since + 1
-        return cell
-
-    def _refactored(self) -> bool:
-        """Factorise the matrix of this cell; False where it is singular."""
-        core = inner(self._jacobian, self.curve.metric.binary)
-        if core is not None:
-            self._solver = ProductForm(core, len(self.along) - 1)
-        return core is not None
+        return cell if _is_tame(cell.along, curve.metric) else None
 
     def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
         """Return a point of the piece on an interface, corrected.
@@ -152,14 +142,7 @@ class StraightCell:
         Settled or None
             None where the correction is more than rounding, or cannot be computed.
         """
-        residual = self.curve.selection.residual(x)
-        size = self.curve.metric.norm(x)
-        due = len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size
-        if due:
-            correction = self._audited(x, residual, size)
-        else:
-            wanted = not (np.abs(residual) <= ROUGH * EPS * self._terms).all()
-            correction = self._solver.solve(residual) if wanted else np.zeros(len(residual))
+        correction = self._correction(x, self.curve.selection.residual(x))
         if correction is None:
             return None
         steep = 1.0 / float(gradient.dot(self.along))
@@ -169,6 +152,30 @@ class StraightCell:
         found = Settled(x - dx, error, magnitude(x, error))
         inside = self.curve.metric.admits(found.x)
         return found if inside and self._is_rounding(dx, found) else None
+
+    def _correction(self, x: Array, residual: Array) -> Array | None:
+        """Return the solution for a residual; zero where it is rounding, None where it is none."""
+        size = self.curve.metric.norm(x)
+        if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
+            return self._audited(x, residual, size)
+        is_rounding = (np.abs(residual) <= _largest_normal(len(x)) * EPS * self._terms).all()
+        return np.zeros(len(residual)) if is_rounding else self._solver.solve(residual)
+
+    def _refreshed(self, x: Array) -> ProductForm | None:
+        """Return what solves with this cell's Jacobian, with room for one more change."""
+        if not self._solver.is_full:
+            return self._solver
+        return _factorised(self._jacobian_at(x), self.curve.metric)
+
+    def _jacobian_at(self, x: Array) -> Matrix:
+        return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
+
+    def _jump(self, curve: Curve, x: Array, gradient: Array) -> tuple[Matrix | None, Array | None]:
+        """Return c of the cell beyond, and the Jacobian there if this cell has its own at hand."""
+        if self._jacobian is None:
+            return None, by_residuals(self.curve, curve, x, gradient)
+        jacobian = curve.selection.jacobian(x)
+        return jacobian, by_columns(self._jacobian, jacobian, gradient, curve.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""
@@ -181,8 +188,9 @@ class StraightCell:
 
         None where the direction is not one of this selection.
         """
-        n, along, scale = len(residual), self.along, self.curve.metric.scale
-        magnitudes, astray = abs(self._jacobian), self._jacobian @ along
+        n, along, scale = len(x) - 1, self.along, self.curve.metric.scale
+        jacobian = self._jacobian_at(x)
+        magnitudes, astray = abs(jacobian), jacobian @ along
         now = np.abs(x) if n < SMALL else GROWN * _largest_alike(x, scale)
         terms, typical = magnitudes @ (now + CONVERGED * scale), magnitudes @ scale
         if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
@@ -204,6 +212,14 @@ class StraightCell:
         return error
 
 
+def _largest_normal(n: int) -> float:
+    """Return what the largest of n normal numbers of variance one is about.
+
+    Samples of the error stand for residuals whose rounding is normal; what is larger is corrected.
+    """
+    return math.sqrt(2.0 * math.log(n))
+
+
 def _largest_alike(x: Array, scale: Array) -> Array:
     """Return the largest magnitude of the unknowns with the same typical one, for each unknown.
 
@@ -215,6 +231,12 @@ def _largest_alike(x: Array, scale: Array) -> Array:
     np.maximum.at(largest, kind, np.abs(x))
     alike: Array = largest[kind]
     return alike
+
+
+def _factorised(jacobian: Matrix, metric: Metric) -> ProductForm | None:
+    """Return the part of a Jacobian for z, factorised; None where it has no factorisation."""
+    core = inner(jacobian, metric.binary)
+    return ProductForm(core, jacobian.shape[0]) if core is not None else None
 
 
 def _is_tame(along: Array, metric: Metric) -> bool:

@@ -13,8 +13,8 @@ from scipy.optimize import linprog
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Option, Problem
-from pwscont.enumeration.tree import SLACK, Choices
 
 #: Corners of a face are listed up to this dimension.
 MOST_DIMENSIONS = 3

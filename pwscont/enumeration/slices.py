@@ -30,11 +30,13 @@ from pwscont.curve.newton import newton
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import is_same, slack_of_values, uncertainty
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
+from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
 from pwscont.enumeration.face import Face, face_of
 from pwscont.enumeration.options import Problem, aside, reduce
 from pwscont.enumeration.point import Point, Slice
-from pwscont.enumeration.tree import Choices, leaves
+from pwscont.enumeration.scalar import solve_scalar
+from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
@@ -92,6 +94,8 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
 
     def solve(part: PartSlice) -> Slice:
         scale = part.magnitudes(metric.scale[part.unknowns])
+        if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
+            return scalar
         around = Metric(np.append(scale, 1.0))
         found = _at_once(part, around, 0.0)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)

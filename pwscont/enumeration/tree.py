@@ -1,229 +1,184 @@
 """The search over all choices of options.
 
-Blocks are decided one after the other. Choices that no point can satisfy are cut off by a
-linear program (HiGHS, in SciPy), which relaxes the undecided blocks. Near the leaves, where
-little is cut off, the last few blocks are decided for all their choices together: one batch of
-small factorisations for each block, shared by all the choices of the blocks after it.
+Blocks are decided one after the other. Choices that no point can satisfy are cut off by linear
+programs, which relax the undecided blocks: of these only what holds in all their options is asked.
+Many programs are solved at once, each from the vertex where that of its parent ended. Each choice
+branches on the block whose options are most wrong at its vertex.
 
 Failure modes and answers
 -------------------------
-- A solution on the very boundary of a cell must not be cut off: the linear programs and the
-  first look at a batch are relaxed by SLACK, far above rounding; the exact decision is the
-  caller's, from a refined solution.
-- Ill-conditioned equations, whose solution is off by far more: the growth of rounding is carried
-  along with each choice, and the slack grows with it.
-- Equations that depend on those decided before: found by the factorisation of each block's own
-  equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
-  batch. A cell without a unique point is handed on as a subspace, not solved.
-- Blocks with one option, of which there may be many: they come first, so that their equations are
-  eliminated once and the batches have only the few unknowns left.
+- Nothing can be cut off, because a vertex lies in the cells of all options that are left (an
+  unloaded body), or because the inequalities are too weak: the rest is decided for all its choices
+  together (:mod:`pwscont.enumeration.batch`). So is everything if the search has cost as much as
+  that would.
+- Blocks with one option, of which there may be many: their equations are eliminated first.
+- A cell without a unique point: its inequalities may be looked at or not, and it is handed on as a
+  subspace.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
 from math import prod
 from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import Bounds, LinearConstraint, milp
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
-from pwscont.basics.rounding import EPS, GUARD
-from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.batch import together
+from pwscont.enumeration.choices import Choices, Subspace
+from pwscont.enumeration.forms import NOT_NEGATIVE, NOT_POSITIVE, Forms
+from pwscont.enumeration.options import Problem
+from pwscont.enumeration.simplex import Vertices, feasible, first_vertex, slack_of
 
-#: Relative slack of inequalities by which choices are cut off: HiGHS itself works to 1e-7.
-SLACK = 1e-5
-#: Choices decided in one batch: a larger one gains little, cuts off less and costs memory.
+#: Choices decided in one batch: more would gain little and cost memory.
 BATCH = 4**7
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Choices:
-    """Choices of options for the first m blocks, with the points that satisfy their equations.
-
-    The points of choice i are ``starts[i] + directions[i] @ s``.
-
-    Attributes
-    ----------
-    picks : ndarray of int, shape (m, N)
-        Which option of each block every choice takes.
-    starts : ndarray, shape (N, d)
-    directions : ndarray, shape (N, d, q)
-        q is the same for all; 0 once all blocks are decided, except in singular cells.
-    growth : ndarray, shape (N,)
-        By how much rounding may have grown in the starts: the worst condition of the equations of
-        a block on the subspace left to it. (The product over all blocks bounds it, but by so much
-        that nothing would be cut off.)
-    """
-
-    picks: Indices
-    starts: Array
-    directions: Array
-    growth: Array
-
-    def __len__(self) -> int:
-        """Return the number of choices."""
-        return len(self.starts)
-
-    def __getitem__(self, index: Indices | slice) -> Choices:
-        """Return some of the choices."""
-        parts = self.starts[index], self.directions[index], self.growth[index]
-        return Choices(self.picks[:, index], *parts)
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Subspace:
-    """The points that satisfy the equations decided so far: start + directions @ s.
-
-    ``growth`` is that of :class:`Choices`.
-    """
-
-    start: Array
-    directions: Array
-    growth: float
-
-    @property
-    def slack(self) -> float:
-        """How far below zero an inequality of unit length may be computed and still hold."""
-        return float(_slack(self.growth) * (1.0 + np.abs(self.start).max(initial=0.0)))
+#: Up to this many choices, batches take about as long as linear programs.
+FEW_CHOICES = 4**8
+#: More options of one block than this are not branched on.
+MANY_OPTIONS = 64
+#: Choices that are decided in batches in the time of one linear program.
+CHOICES_PER_PROGRAM = 16
+#: Linear programs solved at once: more would gain little and cost memory.
+PROGRAMS = 1024
+#: A decision that is still open.
+OPEN = -1
 
 
 def leaves(problem: Problem) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies their inequalities.
 
-    In singular cells the inequalities are not looked at.
+    In singular cells the inequalities need not be looked at.
     """
-    d = problem.dimension
-    yield from filter(len, _descend(problem, (), _Subspace(np.zeros(d), np.eye(d), problem.growth)))
-
-
-def _descend(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
-    check_budget()
-    rest = problem.blocks[len(chosen) :]
-    if prod(map(len, rest)) <= BATCH:
-        yield from _together(problem, chosen, space)
+    ends = _search(problem) if _is_worth_searching(problem) else None
+    if ends is None:
+        yield from _all(problem)
         return
-    for pick, option in enumerate(rest[0]):
-        narrower = _impose(space, option)
-        if narrower is not None and _feasible(problem, (*chosen, pick), narrower):
-            yield from _descend(problem, (*chosen, pick), narrower)
+    for picks in sorted(ends):
+        yield from filter(len, _finished(problem, np.array(picks)))
 
 
-def _impose(space: _Subspace, option: Option) -> _Subspace | None:
-    """Return the part of a subspace in which E y + e = 0, None where there is none."""
-    matrix, rest = option.E @ space.directions, option.E @ space.start + option.e
-    U, sigma, Vt = np.linalg.svd(matrix)
-    rank = int((sigma > _negligible(matrix)).sum())
-    coefficients = U.T @ rest
-    if (np.abs(coefficients[rank:]) > space.slack).any():
-        return None
-    step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
-    growth = max(space.growth, 1.0 / sigma[:rank].min(initial=1.0))
-    start, directions = space.start - space.directions @ step, space.directions @ Vt[rank:].T
-    return _Subspace(start, directions, growth)
+def _is_worth_searching(problem: Problem) -> bool:
+    numbers = [len(options) for options in problem.blocks]
+    return prod(numbers) > FEW_CHOICES and max(numbers) <= MANY_OPTIONS
 
 
-def _slack(growth: Any) -> Any:
-    """Return the relative slack of inequalities: more where rounding may have grown."""
-    return SLACK + GUARD * EPS * growth
+def _all(problem: Problem) -> Iterator[Choices]:
+    """Yield all complete choices, by batches for each choice of the first blocks."""
+    numbers = [len(options) for options in problem.blocks]
+    first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
+    for picks in product(*map(range, numbers[:first])):
+        opened = np.append(picks, np.full(len(numbers) - first, OPEN)).astype(np.intp)
+        yield from filter(len, _finished(problem, opened))
 
 
-def _negligible(matrix: Array) -> float:
-    """Return the size below which entries of unit rows, shape (..., k, q), are rounding."""
-    return 8.0 * EPS * float(max(matrix.shape[-2:]))
+def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
+    """Yield the choices that complete one, which may leave blocks open."""
+    check_budget()
+    order = np.argsort(picks == OPEN, kind="stable")
+    reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
+    chosen = tuple(picks[picks != OPEN].tolist())
+    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
+    for options, pick in zip(reordered.blocks, chosen, strict=False):
+        space = space.narrowed(options[pick]) if space else None
+    for choices in together(reordered, chosen, space) if space else ():
+        yield replace(choices, picks=choices.picks[np.argsort(order)])
 
 
-def _feasible(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> bool:
-    """Tell whether some point satisfies all inequalities known so far, relaxed by SLACK."""
-    options = problem.chosen(chosen)
-    G = np.vstack([problem.A, *(option.G for option in options)])
-    g = np.concatenate([problem.b, *(option.g for option in options)])
-    least = -(G @ space.start + g) - space.slack
-    if not space.directions.shape[1]:
-        return bool((least <= 0.0).all())
-    # milp without integers is SciPy's shortest way to HiGHS, two thirds of the time of linprog
-    result = milp(
-        np.zeros(space.directions.shape[1]),
-        constraints=LinearConstraint(G @ space.directions, least, np.inf),
-        bounds=Bounds(-np.inf, np.inf),
-    )
-    return bool(result.status != 2)  # 2: proved infeasible
+def _search(problem: Problem) -> list[tuple[int, ...]] | None:
+    """Return the choices that are left, or of which all completions are; None if too costly."""
+    single = [options for options in problem.blocks if len(options) == 1]
+    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
+    for (option,) in single:
+        space = space.narrowed(option) if space else None
+    if space is None:
+        return []
+    blocks = [options for options in problem.blocks if len(options) > 1]
+    found = _Search(Forms.of(problem, blocks, space)).ends()
+    return found if found is None else [(0,) * len(single) + picks for picks in found]
 
 
-def _together(problem: Problem, chosen: tuple[int, ...], space: _Subspace) -> Iterator[Choices]:
-    """Decide all remaining blocks, one after the other, for all their choices at once."""
-    picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
-    growth = np.array([space.growth])
-    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
-    for options in problem.blocks[len(chosen) :]:
-        check_budget()
-        choices, dependent = _spread(choices, options)
-        for picked, parent in dependent:
-            narrower = _impose(parent, options[picked[-1]])
-            if narrower is not None:
-                yield from _together(problem, picked, narrower)
-    yield choices if choices.directions.shape[-1] else _inside(problem, choices)
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Nodes:
+    """Choices that leave some blocks open, with the vertices of their programs."""
+
+    vertices: Vertices
+    picks: Indices
+
+    def __len__(self) -> int:
+        return len(self.picks)
+
+    def __getitem__(self, index: Any) -> _Nodes:
+        return _Nodes(self.vertices[index], self.picks[index])
 
 
-def _spread(
-    choices: Choices, options: Sequence[Option]
-) -> tuple[Choices, Iterator[tuple[tuple[int, ...], _Subspace]]]:
-    """Impose every option of one more block on every choice.
+@final
+class _Search:
+    """A search over the options of some blocks, depth first, in batches of linear programs."""
 
-    Returns the choices whose new equations are independent of the old ones, and the others as
-    their picks with the subspace before the last of them.
-    """
-    matrices, values = _equations(choices, options)
-    k = values.shape[-1]
-    Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
-    R = np.swapaxes(R[..., :k, :], -1, -2)
-    pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-    regular = (pivots > _negligible(matrices)).all(axis=-1)
-    parents, taken = np.nonzero(regular)
-    Q, directions = Q[regular], choices.directions[parents]
-    steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
-    starts = choices.starts[parents] - (directions @ steps)[..., 0]
-    picks = np.vstack([choices.picks[:, parents], taken])
-    worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
-    growth = np.maximum(choices.growth[parents], worst)
-    spread = Choices(picks, starts, directions @ Q[..., k:], growth)
-    return spread, _dependent(choices, regular)
+    def __init__(self, forms: Forms) -> None:
+        self._forms, self._numbers = forms, forms.numbers
+        self._most = prod(self._numbers.tolist()) // CHOICES_PER_PROGRAM
+        self._batch = max(1, PROGRAMS // int(self._numbers.max()))
+        asked = forms.options.reshape(-1, forms.options.shape[-1])
+        sides = [(asked & side > 0).T for side in (NOT_NEGATIVE, NOT_POSITIVE)]
+        self._asked = np.vstack(sides).astype(float)
 
+    def ends(self) -> list[tuple[int, ...]] | None:
+        """Return the choices to be completed; None if there are too many programs."""
+        ends: list[tuple[int, ...]] = []
+        stack, programs = [self._root()], 0
+        while stack and programs <= self._most:
+            check_budget()
+            nodes = stack.pop()
+            stack += [nodes[self._batch :]] if len(nodes) > self._batch else []
+            nodes = nodes[: self._batch]
+            wrong = self._wrong(nodes)
+            is_end = self._is_end(nodes, wrong)
+            ends += map(tuple, nodes.picks[is_end].tolist())
+            branches = self._branches(nodes[~is_end], wrong[~is_end])
+            programs += len(branches)
+            stack += [self._feasible(branches)] if len(branches) else []
+        return None if stack else ends
 
-def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
-    """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
-    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
-    values = np.tensordot(choices.starts, E, (1, 2)) + e
-    return E @ choices.directions[:, np.newaxis], values
+    def _root(self) -> _Nodes:
+        picks = np.full((1, len(self._numbers)), OPEN)
+        return self._feasible(_Nodes(first_vertex(self._forms), picks))
 
+    def _feasible(self, nodes: _Nodes) -> _Nodes:
+        left, vertices = feasible(self._forms, nodes.vertices)
+        return _Nodes(vertices, nodes.picks[left])
 
-def _dependent(
-    choices: Choices, regular: npt.NDArray[np.bool_]
-) -> Iterator[tuple[tuple[int, ...], _Subspace]]:
-    for parent, option in np.argwhere(~regular):
-        picked = (*choices.picks[:, parent].tolist(), int(option))
-        parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
-        yield picked, _Subspace(*parts)
+    def _wrong(self, nodes: _Nodes) -> Array:
+        """Return how wrong each option is at each vertex, shape (N, k, m); 0 if it is decided."""
+        values = self._forms.values(nodes.vertices.points)
+        sides = np.maximum(np.hstack([-values, values]), 0.0)
+        wrong: Array = (sides @ self._asked).reshape(len(nodes), *self._forms.options.shape[:2])
+        wrong *= (nodes.picks == OPEN)[:, :, np.newaxis]
+        return wrong
 
+    def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
+        """Tell which choices are complete, or so few that they are decided together.
 
-def _inside(problem: Problem, choices: Choices) -> Choices:
-    """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
+        That is if their vertex lies in the cells of all options, so that none could be cut off.
+        """
+        numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
+        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)
+        is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)
+        return is_end
 
-    The blocks decided last come first: they leave few choices to the others.
-    """
-    slack = _slack(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
-    inside = np.ones(len(choices), dtype=bool)
-    for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):
-        for k in np.flatnonzero(np.bincount(picks[inside])):
-            mine = np.flatnonzero(inside & (picks == k))
-            values = choices.starts[mine] @ options[k].G.T + options[k].g
-            inside[mine] = (values >= -slack[mine, np.newaxis]).all(axis=1)
-    values = choices.starts[inside] @ problem.A.T + problem.b
-    inside[inside] = (values >= -slack[inside, np.newaxis]).all(axis=1)
-    return choices[np.flatnonzero(inside)]
+    def _branches(self, nodes: _Nodes, wrong: Array) -> _Nodes:
+        """Return all options of the block whose options are most wrong, for every choice."""
+        block = np.where(nodes.picks == OPEN, wrong.sum(axis=2), -1.0).argmax(axis=1)
+        numbers = self._numbers[block]
+        parent = np.repeat(np.arange(len(nodes)), numbers)
+        option = np.arange(len(parent)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+        picks = nodes.picks[parent]
+        picks[np.arange(len(parent)), block[parent]] = option
+        asked = self._forms.options[block[parent], option]
+        return _Nodes(nodes.vertices[parent].asking(asked), picks)

@@ -17,6 +17,7 @@ from pwscont.graph.balance import Balance
 from pwscont.graph.exports import data_frame, networkx_graph
 from pwscont.graph.records import Piece, SpecialPoint
 from pwscont.graph.verdict import WORDS, verdict
+from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class BranchGraph(Balance):
         """
         return networkx_graph(self)
 
-    @property
+    @cached_property
     def guarantee(self) -> str:
         """What is known about the completeness of the graph, in words.
 
@@ -213,12 +214,13 @@ def _check_system(
 ) -> None:
     """Refuse a system that has another number of unknowns or tests than the graph of a file."""
     unknowns, name = len(point.z), type(system).__name__
-    if unknowns != system.size:
+    if unknowns != (size := shown_size(system)):
         raise InvalidInputError(
-            f"{path} is of another system: it has {unknowns} unknowns, {name} has {system.size}"
+            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
         )
     tests = len(bytes(piece.character))
-    given = len(bytes(system.character(point.z, point.alpha)))
+    z = completed(system, point.z, point.alpha)
+    given = len(bytes(system.character(z, point.alpha)))
     if tests != given:
         raise InvalidInputError(
             f"{path} is of another system: it has {tests} tests, {name} has {given}"
@@ -229,7 +231,8 @@ def _fitted(
     system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
 ) -> PiecewiseSystem:
     """Return a system fitted to an interval, and to its solutions where it gives no scale."""
-    sizes = np.max([np.abs(point.z) for point in points], axis=0, initial=0.0)
+    states = [completed(system, point.z, point.alpha) for point in points]
+    sizes = np.max(np.abs(states), axis=0, initial=0.0)
     usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
     found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
     return system.within(*interval, found)

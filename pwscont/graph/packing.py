@@ -16,6 +16,7 @@ from pwscont.basics.character import Character
 from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
 from pwscont.system.compact import Compact
+from pwscont.system.hidden import shown_points
 from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
@@ -85,6 +86,31 @@ class Packed(Place):
 
     def _completed(self, values: Array) -> Array:
         return self._system.completed(values, self.alpha, self._character)
+
+
+@final
+class WithoutHidden(Place):
+    """A place with the unknowns that a user knows of."""
+
+    __slots__ = ("_place", "_system")
+
+    def __init__(self, place: Place, system: PiecewiseSystem) -> None:
+        self._place, self._system = place, system
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return self._place.alpha
+
+    @property
+    def x(self) -> Array:
+        """The point, a new array."""
+        return shown_points(self._system, self._place.x)
+
+    @property
+    def error(self) -> Array:
+        """The estimate of its error."""
+        return shown_points(self._system, self._place.error)
 
 
 @final

@@ -14,6 +14,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.graph.refinement import refine
 from pwscont.graph.structure import Structure
+from pwscont.system.hidden import completed
 
 
 class Queries(Structure):
@@ -71,7 +72,8 @@ class Queries(Structure):
         """Return a solution from which no piece leaves, in the cell of the point itself."""
         character, label = Character(()), "unknown"
         if self.system is not None:
-            character = self.system.character(point.z, point.alpha)
+            z = completed(self.system, point.z, point.alpha)
+            character = self.system.character(z, point.alpha)
             label = self.system.label(character)
         known = (point.kind, point.error, point.digits, point.quantities)
         return Solution(point.z, point.alpha, character, label, 0, -1, *known)

@@ -18,6 +18,7 @@ from pwscont.graph.accuracy import significant
 from pwscont.graph.records import Piece, Solution
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment
+from pwscont.system.hidden import completed_point, shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions.location import locate_zero
@@ -50,8 +51,10 @@ def refine(
     if system is None:
         x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
-        x, error = solve_between(system, piece.character, piece.points, alpha, interval)
+        points = np.array([completed_point(system, x) for x in _around(piece.points, alpha)])
+        x, error = solve_between(system, piece.character, points, alpha, interval)
         digits = significant(error, x, Metric.of(system, interval).scale)
+        x, error = shown_points(system, x), shown_points(system, error)
     where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
     return Solution(*where, *how, None, error, digits, quantities)
 

@@ -19,6 +19,7 @@ from pwscont.basics.quantities import Function, Naming, Quantities, checked_reco
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.connected import connected, shortest_way
 from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.system.hidden import shown_size
 from pwscont.system.system import PiecewiseSystem
 
 #: A word as similar as this to the word of a kind is a misspelt one.
@@ -74,7 +75,9 @@ class Structure:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the unknowns; empty where a graph has neither a system nor points."""
-        some = self.system.size if self.system else next((len(p.z) for p in self._points), None)
+        some = (
+            shown_size(self.system) if self.system else next((len(p.z) for p in self._points), None)
+        )
         return () if some is None else self.quantities.names(some)
 
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:

@@ -33,6 +33,8 @@ TOO_FEW_DIGITS = 2.0
 AT_THE_END = 1e-6
 #: Most places of one kind that are listed; more are counted.
 MOST_PLACES = 3
+#: What is said of corners at which only some ways on are known.
+IN_PART = "a corner was searched in part (one way on, possibly of several)"
 WORDS = {
     Guarantee.NOTHING: "balanced",
     Guarantee.BUT_LOOPS: "complete but for closed loops",
@@ -74,7 +76,7 @@ def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
     if twice:
         yield f"a solution stands twice in {_listed(twice)}"
     yield from _stops(graph, stopped)
-    yield from _places("a corner was searched in part", graph, partial)
+    yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
 
@@ -115,7 +117,7 @@ def _doubts(graph: Balance) -> Iterator[str]:
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
-    yield from _places("a corner was searched in part", graph, _searched_in_part(graph))
+    yield from _places(IN_PART, graph, _searched_in_part(graph))
     filled = [
         point for point in points if FILL in point.message and _leaves_its_alpha(graph, point)
     ]

@@ -103,6 +103,44 @@ class BandCore(Core):
         return solution
 
 
+def factorised(matrix: Array, overwrite: bool = False) -> tuple[Array, Indices]:
+    """Return an LU with partial pivoting; pivots that vanish to rounding are moved off zero."""
+    lu, pivots, _ = lapack.dgetrf(matrix, overwrite_a=overwrite)
+    regularise(lu.ravel(order="K")[:: len(lu) + 1])
+    return lu, pivots
+
+
+def solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
+    """Return the solution for one right-hand side, shape (n,), or several, shape (l, n)."""
+    solution: Array = lapack.dgetrs(lu, pivots, rhs.T, trans=int(transposed))[0]
+    return solution.T
+
+
+@final
+class DenseCore(Core):
+    """LU with partial pivoting by LAPACK of a matrix with entries of about one."""
+
+    def __init__(self, matrix: Array) -> None:
+        self._lu, self._pivots = factorised(matrix)
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_pivots(self._lu.diagonal(), self._pivots)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return solved(self._lu, self._pivots, rhs)
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        return solved(self._lu, self._pivots, rhs)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return solved(self._lu, self._pivots, rhs, transposed=True)
+
+
 def regularise(pivots: Array) -> None:
     """Move pivots off zero by a rounding error."""
     sizes = np.abs(pivots)
@@ -144,6 +182,38 @@ class SparseCore(Core):
         """Return the solution with the transposed matrix."""
         solution: Array = self._lu.solve(rhs, trans="T")
         return solution
+
+
+@final
+class ScaledCore(Core):
+    """Solves with the matrix of which a core has the rows divided and the columns multiplied.
+
+    Parameters
+    ----------
+    core : Core
+    rows, columns : ndarray, shape (n,)
+        The divisors of the rows and the factors of the columns, powers of two.
+    """
+
+    def __init__(self, core: Core, rows: Array, columns: Array) -> None:
+        self._core, self._rows, self._columns = core, rows, columns
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self._core.sign
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return self._columns * self._core.solve(rhs / self._rows)
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        return self._columns * self._core.solve_all(rhs / self._rows)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._core.solve_transposed(self._columns * rhs) / self._rows
 
 
 def superlu(matrix: Any) -> Any | None:

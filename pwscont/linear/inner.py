@@ -9,15 +9,14 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.linear.banded import BandedJacobian
-from pwscont.linear.cores import Core, regularise, sign_of_pivots
+from pwscont.linear.cores import Core, DenseCore, ScaledCore
 from pwscont.linear.equilibration import columns_scaled, largest_in_rows, rows_divided
 from pwscont.linear.factor import power_of_two
 from pwscont.linear.sparse import split
@@ -71,57 +70,3 @@ def _core(divided: Matrix) -> Core | None:
     if sp.issparse(divided):
         return split(divided)[0]
     return DenseCore(divided[:, :-1])
-
-
-@final
-class DenseCore(Core):
-    """LU with partial pivoting by LAPACK of a matrix with entries of about one."""
-
-    def __init__(self, matrix: Array) -> None:
-        self._lu, self._pivots, _ = lapack.dgetrf(matrix)
-        regularise(self._lu.ravel(order="K")[:: len(self._lu) + 1])
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant."""
-        return sign_of_pivots(self._lu.diagonal(), self._pivots)
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs)[0]
-        return solution
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n)."""
-        solutions: Array = lapack.dgetrs(self._lu, self._pivots, rhs.T)[0]
-        return solutions.T
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs, trans=1)[0]
-        return solution
-
-
-@final
-class ScaledCore(Core):
-    """Solves with the matrix of which a core has the rows divided and the columns multiplied."""
-
-    def __init__(self, core: Core, rows: Array, columns: Array) -> None:
-        self._core, self._rows, self._columns = core, rows, columns
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant."""
-        return self._core.sign
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        return self._columns * self._core.solve(rhs / self._rows)
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n)."""
-        return self._columns * self._core.solve_all(rhs / self._rows)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._core.solve_transposed(self._columns * rhs) / self._rows

@@ -12,6 +12,7 @@ from typing import final
 
 from pwscont.basics.arrays import Array
 from pwscont.linear.cores import Core
+from pwscont.linear.factor import Factor
 from pwscont.linear.updates import TOGETHER, Changes
 
 
@@ -21,13 +22,13 @@ class ProductForm:
 
     Parameters
     ----------
-    core : Core
+    core : Core or Factor
         A factorisation of the first matrix.
     size : int
         n.
     """
 
-    def __init__(self, core: Core, size: int) -> None:
+    def __init__(self, core: Core | Factor, size: int) -> None:
         self._core, self._changes = core, Changes(size)
 
     @property

@@ -37,6 +37,20 @@ def few_threads(size: int) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def one_thread_in_children() -> Iterator[None]:
+    """Let BLAS use one thread in processes that begin here, unless the user has set a number."""
+    if any(name in os.environ for name in VARIABLES):
+        yield
+        return
+    os.environ |= dict.fromkeys(VARIABLES, "1")
+    try:
+        yield
+    finally:
+        for name in VARIABLES:
+            del os.environ[name]
+
+
 @cache
 def _controller() -> Any | None:
     """Return what sets numbers of threads, made once: it looks through all loaded libraries."""

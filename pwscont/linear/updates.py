@@ -31,7 +31,7 @@ from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.cores import regularise, sign_of_pivots
+from pwscont.linear.cores import factorised, sign_of_pivots, solved
 
 #: Residual of a solution relative to the largest of solution and right-hand side beyond which the
 #: inverse has drifted. What is solved for are corrections and directions, whose points are
@@ -128,14 +128,14 @@ class Updating(RowSolver):
         self._take(matrix)
         self._solves += 1
         if self._pivots is not None and (self._solves < MANY_SOLVES or not self._inverted()):
-            return _solved(self._matrix, self._pivots, rhs, 0)
+            return solved(self._matrix, self._pivots, rhs)
         return self._changes.applied(_product(self._matrix, rhs))
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
         self._take(matrix)
         if self._pivots is not None:
-            return _solved(self._matrix, self._pivots, rhs, 1)
+            return solved(self._matrix, self._pivots, rhs, transposed=True)
         product: Array = self._changes.transposed(rhs) @ self._matrix
         return product
 
@@ -169,7 +169,7 @@ class Updating(RowSolver):
         self._matrix = np.empty(0)  # room for the new one
         dense = matrix.dense()
         self._size = _one_norm(dense)
-        self._matrix, self._pivots = _overwritten(dense)
+        self._matrix, self._pivots = factorised(dense, overwrite=True)
         self._sign = sign_of_pivots(self._matrix.diagonal(), self._pivots)
         self._last, self._since, self._changes = matrix, 0, Changes(len(matrix.keys))
         self._solves, self._is_regular = 0, True
@@ -287,15 +287,3 @@ def _one_norm(matrix: Array) -> float:
     """Return the largest sum of magnitudes in a column, without a copy of the matrix."""
     parts = range(0, matrix.shape[1], PART)
     return max(float(np.abs(matrix[:, j : j + PART]).sum(axis=0).max()) for j in parts)
-
-
-def _overwritten(dense: Array) -> tuple[Array, Indices]:
-    """Factorise in place; pivots that vanish to rounding are moved off zero."""
-    lu, pivots, _ = lapack.dgetrf(dense, overwrite_a=1)
-    regularise(lu.ravel(order="K")[:: len(lu) + 1])
-    return lu, pivots
-
-
-def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: int) -> Array:
-    solution: Array = lapack.dgetrs(lu, pivots, rhs.T, trans=transposed)[0]
-    return solution.T

@@ -24,6 +24,8 @@ Content: TypeAlias = Panel | ParameterPath
 ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
 #: Most diagrams side by side, and most rows of a legend beside the counts.
 MOST_COLUMNS, LEGEND_ROWS = 3, 6
+#: Inches of a line in a legend and its letters per inch.
+HANDLE, SMALL_LETTERS = 0.6, 16
 #: Most constant quantities that a title names, and its letters per inch.
 MOST_CONSTANTS, LETTERS = 4, 12
 
@@ -102,10 +104,17 @@ def place_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]
     for ax in free:
         ax.set_axis_off()
     style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 3.2}
-    if len(free):
-        columns = -(-len(handles) // LEGEND_ROWS)
+    columns = -(-len(handles) // LEGEND_ROWS)
+    if _legend_width(handles, columns) <= COLUMN * len(free):
         free[0].legend(loc="center left", ncols=columns, fontsize="small", **style)
         return
     columns = int(np.clip(figure.get_figwidth() // 2.1, 1, len(handles) or 1))
     figure.set_figheight(figure.get_figheight() + LINE * -(-len(handles) // columns))
     figure.legend(loc="outside lower center", ncols=columns, fontsize="small", **style)
+
+
+def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
+    """Return how many inches wide a legend is, about."""
+    letters = [len(str(handle.get_label())) for handle in handles]
+    longest = [max(part, default=0) for part in np.array_split(letters, columns or 1)]
+    return sum(HANDLE + length / SMALL_LETTERS for length in longest)

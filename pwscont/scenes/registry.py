@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
 from typing import Any
 
 from pwscont.basics.errors import BrokenSceneError, PwscontError, SceneNotFoundError
@@ -26,6 +28,24 @@ NEAR = 0.6
 def scene_names() -> list[str]:
     """Return the names of all scenes, without importing any."""
     return sorted({point.name for point in entry_points(group=GROUP)}, key=_natural)
+
+
+def scenes_by_package() -> dict[str, list[str]]:
+    """Return the names of the scenes of each package that offers some, without importing any."""
+    package = {point.name: point.module.split(".")[0] for point in entry_points(group=GROUP)}
+    grouped: dict[str, list[str]] = {package: [] for package in sorted({*package.values()})}
+    for name in scene_names():
+        grouped[package[name]].append(name)
+    return grouped
+
+
+def described_package(package: str) -> str:
+    """Return a package's name and the first line of its documentation, or only the name."""
+    try:
+        words = import_module(package).__doc__
+    except (Exception, SystemExit):  # each of its scenes says why
+        words = None
+    return f"{package}: {words.strip().splitlines()[0]}" if words and words.strip() else package
 
 
 def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable:
@@ -57,6 +77,11 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
     if not _is_scene(scene):
         raise _broken(point, f"it returns {type(scene).__name__}, not a scene")
     return scene  # type: ignore[no-any-return]
+
+
+def scene_settings(name: str) -> tuple[str, ...]:
+    """Return the names of a scene's settings; errors as those of :func:`load_scene`."""
+    return tuple(signature(_loaded(_entry_point(name))).parameters)
 
 
 def described_scene(name: str) -> str:

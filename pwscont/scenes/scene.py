@@ -141,7 +141,7 @@ class Scene(Runnable):
     def plan(self) -> dict[str, str]:
         """Return the parts of the run in words, without following anything."""
         interval = checked_interval(self.system, self.interval)
-        watched = checked_detectors(self.detectors, self.events)
+        watched = checked_detectors(self.system, self.detectors, self.events)
         plan = Plan.of(self.system, interval, self.stepper, watched)
         return plan.told(self.search or default_search(plan.followed, interval))
 

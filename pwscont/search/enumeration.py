@@ -37,7 +37,9 @@ from pwscont.enumeration import (
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import FEW_DIGITS, Solution
 from pwscont.linear.factorise import last_unit
+from pwscont.linear.threads import few_threads
 from pwscont.system.box import Box
+from pwscont.system.hidden import shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.cone import fan
@@ -92,9 +94,11 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         )
     alpha = float(finite_array("alpha", alpha, ()))
     metric, box = Metric.at(system, alpha), Box.of(system)
-    found = solve_surely(system, metric, alpha)
-    solutions = [_solution(system, metric, point) for point in found.points]
-    within = [s for s in solutions if box.contains(s.z, s.error[:-1])]
+    with few_threads(system.size):
+        found = solve_surely(system, metric, alpha)
+        solutions = [_solution(system, metric, point) for point in found.points]
+    pairs = zip(solutions, found.points, strict=True)
+    within = [s for s, p in pairs if box.contains(p.x[:-1], magnitude(p.x, p.error)[:-1])]
     return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
 
 
@@ -159,12 +163,13 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
 
 
 def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> Solution:
-    z, alpha, character = point.x[:-1], float(point.x[-1]), point.characters[0]
+    alpha, character = float(point.x[-1]), point.characters[0]
     index, kind = _index(system, metric, point)
     label = system.label(character)
     error = magnitude(point.x, point.error)
     digits = significant(error, point.x, metric.scale)
     named = Quantities(system.names)
+    z, error = shown_points(system, point.x)[:-1], shown_points(system, error)
     return Solution(z, alpha, character, label, index, -1, kind, error, digits, named)
 
 

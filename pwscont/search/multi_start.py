@@ -18,6 +18,7 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
 from pwscont.search.search import Search
 from pwscont.system.box import Box
+from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.standing import settled
 
@@ -68,15 +69,15 @@ class MultiStart(Search):
     ) -> Iterator[Found]:
         """Yield the solutions found at lo, then those at hi."""
         box = Box.of(system)
-        guesses = self._guesses(box, metric.scale[:-1])
+        guesses = self._guesses(box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from _found_at(system, metric, box, alpha, guesses)
 
-    def _guesses(self, box: Box, scale: Array) -> list[Array]:
+    def _guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
         """Return all starts: the fixed ones, then random ones, every other around a fixed one."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
-        around = [finite_array("around", z, (len(scale),)) for z in self.around]
+        around = [_padded(z, shown, len(scale)) for z in self.around]
         guesses = [*map(box.inside, around), box.centre(scale)]
         for i in range(1, self.count):
             near = around[i // 2 % len(around)] if around and i % 2 else None
@@ -89,12 +90,18 @@ class MultiStart(Search):
         return SearchScope(what, Guarantee.NOTHING)
 
 
+def _padded(z: tuple[float, ...], shown: int, size: int) -> Array:
+    """Return a given state with zeros for the unknowns that follow from it."""
+    return np.append(finite_array("around", z, (shown,)), np.zeros(size - shown))
+
+
 def _found_at(
     system: PiecewiseSystem, metric: Metric, box: Box, alpha: float, guesses: list[Array]
 ) -> Iterator[Found]:
     """Yield the solutions at one alpha; a start that led to one is tried again, deflated."""
     known: list[Found] = []
-    for guess in guesses:
+    for rough in guesses:
+        guess = completed(system, rough[: shown_size(system)], alpha)
         while found := _another(system, metric, guess, alpha, known):
             found[0][:-1] = box.wrapped(found[0][:-1])
             known.append(found)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
+from pwscont.system.hidden import HidesUnknowns
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.reduction import Reducible
 from pwscont.system.system import PiecewiseSystem
 
-ABILITIES = (Ending, Reducible, Compact, BringsSearches)
+ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
 
 
 def check_abilities(system: PiecewiseSystem) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, final
 
@@ -19,6 +19,7 @@ from pwscont.system.abilities import check_abilities
 from pwscont.system.box import Box
 from pwscont.system.contract import check_contract, check_names, checked_scale, checked_size
 from pwscont.system.ending import end_of
+from pwscont.system.hidden import completed_point, shown_size
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseSystem
 
@@ -88,7 +89,7 @@ def check_system(
     InvalidInputError
         If the radius is not positive, or a point is no pair (z, alpha).
     """
-    size = checked_size(system)
+    checked_size(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []
@@ -96,7 +97,7 @@ def check_system(
     count = 0
     check_names(system)
     check_abilities(system)
-    for x in _checked_points(points, size):
+    for x in _checked_points(system, points):
         _check_sizes(system, float(x[-1]))
         check_contract(system, x[:-1], float(x[-1]))
         defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
@@ -104,14 +105,21 @@ def check_system(
         solutions += [x] if is_solution(system, x) else []
         count += 1
     defects += _not_unique(system, solutions)
-    return Report(tuple(defects), count)
+    return Report(tuple(_shown(system, defect) for defect in defects), count)
 
 
-def _checked_points(points: Any, size: int) -> list[Array]:
+def _shown(system: PiecewiseSystem, defect: Defect) -> Defect:
+    """Return a defect without unknowns that the system hides."""
+    return replace(defect, z=defect.z[: shown_size(system)])
+
+
+def _checked_points(system: PiecewiseSystem, points: Any) -> list[Array]:
     """Return points (z, alpha) as vectors, or say which of them is no point."""
     if not isinstance(points, Iterable):
         raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
-    return [_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points)]
+    size = shown_size(system)
+    given = [_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points)]
+    return [completed_point(system, x) for x in given]
 
 
 def _checked_point(name: str, point: Any, size: int) -> Array:

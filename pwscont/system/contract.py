@@ -13,6 +13,7 @@ from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.quantities import Quantities
+from pwscont.system.hidden import shown_size
 from pwscont.system.shapes import expect, own_array
 from pwscont.system.system import PiecewiseSystem
 
@@ -107,8 +108,8 @@ def check_names(system: PiecewiseSystem) -> None:
     method = f"{type(system).__name__}.names()"
     given = system.names()
     if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InvalidSystemError(f"{method} must return {system.size} texts, got {given!r}")
-    names = Quantities(tuple(given)).names(system.size)
+        raise InvalidSystemError(f"{method} must return {shown_size(system)} texts, got {given!r}")
+    names = Quantities(tuple(given)).names(shown_size(system))
     if twice := [name for name, number in Counter(names).items() if number > 1]:
         raise InvalidSystemError(f"{method} gives several unknowns the name {twice[0]!r}")
 

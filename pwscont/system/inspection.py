@@ -25,6 +25,7 @@ from pwscont.basics.looks import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
 from pwscont.system.all_cells import signs_of_solutions
 from pwscont.system.contract import check_contract, residual_at
+from pwscont.system.hidden import all_names
 from pwscont.system.promises import check_blocks, check_promises
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
@@ -125,7 +126,7 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
 
 def _kink(function: Callable[[float], Array]) -> float | None:
     """Return where in (-1, 1) a function has a kink, None where it is smooth or not finite."""
-    lo, hi, before = -1.0, 1.0, None
+    lo, hi, before, size = -1.0, 1.0, None, 0.0
     for _ in range(3):
         t = np.linspace(lo, hi, SAMPLES)
         with np.errstate(all="ignore"):
@@ -133,7 +134,7 @@ def _kink(function: Callable[[float], Array]) -> float | None:
         if not np.isfinite(values).all():
             return None
         seconds = np.abs(np.diff(values, 2, axis=0)).max(axis=1, initial=0.0)
-        i, size = int(np.argmax(seconds)), float(np.abs(values).max(initial=0.0))
+        i, size = int(np.argmax(seconds)), max(size, float(np.abs(values).max(initial=0.0)))
         if seconds[i] <= EPS**0.75 * size or (before and seconds[i] * SHRINK < before):
             return None
         step, before = t[1] - t[0], seconds[i]
@@ -200,7 +201,8 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     ratios = np.abs(x[:-1]) / scale
     j = int(np.argmax(ratios))
     if system.gives_scale and ratios[j] > FAR:
-        what = f"scale() says {scale[j]:.3g} for {system.names()[j]}, which is {x[j]:.3g}"
+        name = all_names(system)[j]
+        what = f"scale() says {scale[j]:.3g} for {name}, which is {x[j]:.3g}"
         yield Defect(what, x[:-1], float(x[-1]), float(ratios[j]))
 
 

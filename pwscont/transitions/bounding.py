@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import FILL, Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -17,8 +17,8 @@ from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
-from pwscont.transitions.corner.simple import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (
@@ -34,6 +34,8 @@ from pwscont.transitions.rays import (
 NEAR = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG = 0.05
+#: Where perturbation leads nowhere, as where solutions fill a face.
+NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
 
 
@@ -52,10 +54,8 @@ class BoundingTests(TransitionDetector):
             return Reading(np.zeros(0), np.zeros(0))
         rows = selection.unsigned_gradients(state.x)
         values, slopes = selection.tests(state.x), selection.side * (rows @ state.tangent)
-        sizes = np.abs(values)
-        near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
-        if np.count_nonzero(near):
-            riding = np.flatnonzero(near)
+        riding = next_to_zero(values, slopes)
+        if len(riding):
             scale = curve.metric.scale
             riding = riding[
                 is_zero_along(rows[riding], values[riding], slopes[riding], state, scale)
@@ -105,11 +105,22 @@ class BoundingTests(TransitionDetector):
             forth = across(curve, state, test) if _is_apart(met, zero) else None
             if forth is None:
                 return met
-        message = system.describe_transition(
-            curve.selection.character, forth.curve.selection.character
-        )
-        kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
-        return SpecialPointFound(kind, x, message, (back, forth))
+        return crossed(x, back, forth)
+
+
+def next_to_zero(values: Array, slopes: Array) -> Indices:
+    """Return the tests that are so small that they may be zero all along a piece."""
+    sizes = np.abs(values)
+    near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
+    return np.flatnonzero(near)
+
+
+def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
+    """Return the special point at which a curve leaves one cell for another."""
+    before, after = back.curve.selection, forth.curve.selection
+    message = before.system.describe_transition(before.character, after.character)
+    kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
+    return SpecialPointFound(kind, x, message, (back, forth))
 
 
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
@@ -173,7 +184,7 @@ def corner(
 ) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or a tangent one is met."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
-    found = fan(curve.selection.system, curve.metric, x, error, zero)
+    found = fan(curve.selection.system, curve.metric, x, error, zero, back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -182,7 +193,8 @@ def corner(
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
     if lost or (len(rays) < 2 and not found.along_interface):
-        return SpecialPointFound(Kind.STOPPED, x, _no_way_on(curve.selection, zero), rays[:1])
+        why = _no_way_on(curve.selection, zero) if found.exact else NO_WAY_FOUND.format(len(zero))
+        return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
     if back is None and len(rays) == 2 and rays[0].interface_cells and opposite(*rays):
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
@@ -229,8 +241,8 @@ def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) 
     tests = f"{', '.join(map(system.test_name, sorted(zero)))} vanish"
     if not found.exact:
         return (
-            f"{len(zero)} test functions vanish: too many cells to try all; a bounded search "
-            f"found {len(found.rays)} pieces, and there may be more"
+            f"{len(zero)} test functions vanish: too many cells to try all; "
+            f"{_ways_on(found)}, found by perturbation"
         )
     if found.dimension > 1:
         return (
@@ -240,6 +252,14 @@ def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) 
     if found.along_interface:
         return f"{tests}; {len(found.rays)} pieces meet, at least one along an interface"
     return f"{tests}; {len(found.rays)} pieces meet"
+
+
+def _ways_on(found: TangentCone) -> str:
+    """Say how many ways on were found, and whether there are certainly more."""
+    count = len(found.rays) - 1
+    several = f"{count} ways on, possibly of more"
+    words = "one way on, possibly of several" if count == 1 else several
+    return words if found.is_balanced else f"{words} (more there are: their signs do not cancel)"
 
 
 def _no_way_on(selection: Selection, zero: frozenset[int]) -> str:

@@ -55,8 +55,10 @@ ALWAYS = (
 )
 
 
-def checked_events(events: Mapping[str, Any] | None) -> Events | None:
+def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -> Events | None:
     """Return the detector of events given by name, None where there are none.
+
+    Their functions are given the first ``shown`` unknowns, default all.
 
     Raises
     ------
@@ -67,10 +69,10 @@ def checked_events(events: Mapping[str, Any] | None) -> Events | None:
         return None
     if not isinstance(events, Mapping):
         raise InvalidInputError(f"events must be a mapping of names to functions, got {events!r}")
-    return Events(tuple(_checked(name, what) for name, what in events.items()))
+    return Events(tuple(_checked(name, what, shown) for name, what in events.items()))
 
 
-def _checked(name: Any, what: Any) -> UserEvent:
+def _checked(name: Any, what: Any, shown: int | None) -> UserEvent:
     if what is Stop:
         raise InvalidInputError(
             f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
@@ -81,7 +83,7 @@ def _checked(name: Any, what: Any) -> UserEvent:
             f"events must be given as name: function (z, alpha) -> float, or name: Stop(function), "
             f"got {name!r}: {what!r}"
         )
-    return UserEvent(name, function, isinstance(what, Stop))
+    return UserEvent(name, function, isinstance(what, Stop), shown)
 
 
 @final

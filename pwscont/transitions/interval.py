@@ -62,7 +62,7 @@ class IntervalEnds(TransitionDetector):
         zero = vanishing(system, state.x, state.error, metric.scale)
         if not zero and (fold := fold_at_end(curve, state)):
             return _turning(Ray(curve, fold))
-        rays = fan(system, metric, state.x, state.error, zero).rays if zero else ()
+        rays = fan(system, metric, state.x, state.error, zero, back).rays if zero else ()
         inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
         return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 

@@ -11,24 +11,23 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.character import Character
-from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.straight import Settled, StraightCell
+from pwscont.curve.uncertainty import magnitude
 from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.bounding import NEAR, BoundingTests, is_zero_along, turns
+from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
+from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.rays import Ray, is_zero
 
-#: A direction that falls less steeply than this part of its terms is nearly in the interface.
-SLANT = EPS**0.5
 #: Tests that change by more than this part of typical terms are not looked at more closely.
 FLAT = 1e-4
 #: A piece goes on in the direction in which it began, but for this part of it.
@@ -56,9 +55,7 @@ class StraightTests(TransitionDetector):
         rows = self._rows(selection.system, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * (rows.matrix @ state.tangent)[selection.bounding]
-        sizes = np.abs(values)
-        near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
-        riding = np.flatnonzero(near)
+        riding = next_to_zero(values, slopes)
         if len(riding):
             gradients = rows.some(selection.bounding[riding])
             riding = riding[_still(gradients, values[riding], slopes[riding], state, scale)]
@@ -81,11 +78,7 @@ class StraightTests(TransitionDetector):
         """Cross the interface; where several meet, take every way on."""
         if self._crossed is None or self._crossed[0] is not state:
             return self._slowly.arrive(curve, state, index)
-        forth, back = self._crossed[1], Ray(curve, state).reversed()
-        cells = curve.selection.character, forth.curve.selection.character
-        kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
-        message = curve.selection.system.describe_transition(*cells)
-        return SpecialPointFound(kind, state.x, message, (back, forth))
+        return crossed(state.x, Ray(curve, state).reversed(), self._crossed[1])
 
     def _rows(self, system: PiecewiseSystem, x: Array) -> Rows:
         """Return the gradients of all tests, which are constant."""
@@ -97,13 +90,18 @@ class StraightTests(TransitionDetector):
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
         curve, start, metric = segment.curve, segment.start, segment.curve.metric
         system, test = curve.selection.system, int(curve.selection.bounding[index])
-        cell, x = self._cell_of(curve, start), segment.near(s)
-        if cell is None or isinstance(system, Ending) or not metric.admits(x):
-            return None
-        gradient = self._rows(system, x).some(np.array([test]))[0]
-        if not _is_crossed(gradient, start.tangent):
+        x = segment.near(s)
+        if isinstance(system, Ending) or not metric.admits(x):
             return None
         tests = system.test_functions(x[:-1], float(x[-1]))
+        if len(self._near_zero(curve, x, magnitude(x, start.error), tests, test)):
+            return None
+        cell, gradient = (
+            self._cell_of(curve, start),
+            self._rows(system, x).some(np.array([test]))[0],
+        )
+        if cell is None or not _is_crossed(gradient, start.tangent):
+            return None
         sign = not curve.selection.character.array[test]
         other = Curve(Selection(system, Character.of(tests).with_sign(test, sign)), metric)
         beyond = cell.beyond(other, x, gradient) if test in other.selection.bounding else None
@@ -125,13 +123,19 @@ class StraightTests(TransitionDetector):
     def _is_corner(self, curve: Curve, found: Settled, tests: Array, test: int) -> bool:
         """Tell whether more tests than one vanish at a point."""
         x, scale = found.x, curve.metric.scale
-        rows, size = self._rows(curve.selection.system, x), EPS * (np.abs(x) + scale) + found.size
-        near = np.abs(tests) <= 2.0 * CONFIDENCE * (rows.magnitudes @ size)
-        near[test] = False
-        suspects = np.flatnonzero(near)
+        suspects = self._near_zero(curve, x, found.size, tests, test)
+        rows = self._rows(curve.selection.system, x)
         if not len(suspects):
             return False
         return bool(is_zero(rows.some(suspects), tests[suspects], x, found.error, scale).any())
+
+    def _near_zero(self, curve: Curve, x: Array, error: Array, tests: Array, but: int) -> Indices:
+        """Return the tests that may vanish at a point with this error, all but the given one."""
+        size = EPS * (np.abs(x) + curve.metric.scale) + error
+        rows = self._rows(curve.selection.system, x)
+        near = np.abs(tests) <= 2.0 * CONFIDENCE * (rows.magnitudes @ size)
+        near[but] = False
+        return np.flatnonzero(near)
 
 
 def _still(gradients: Array, values: Array, slopes: Array, state: State, scale: Array) -> Signs:

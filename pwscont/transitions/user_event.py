@@ -60,11 +60,15 @@ class Stop:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class UserEvent:
-    """A named function whose zeros are special points of kind "event"."""
+    """A named function whose zeros are special points of kind "event".
+
+    It is given the first ``shown`` unknowns, default all.
+    """
 
     name: str
     function: Function
     stops: bool
+    shown: int | None = None
 
     def value(self, x: Array) -> float:
         """Return g(z, alpha).
@@ -74,7 +78,9 @@ class UserEvent:
         InvalidInputError
             If it fails, or is not a finite number.
         """
-        return evaluated(f"the event {self.name!r}", self._number, x[:-1], float(x[-1]))
+        return evaluated(
+            f"the event {self.name!r}", self._number, x[:-1][: self.shown], float(x[-1])
+        )
 
     def _number(self, z: Array, alpha: float) -> Any:
         """Return what the function returns; the entry of an array that has one."""

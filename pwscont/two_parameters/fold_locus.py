@@ -24,6 +24,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.character import Character
 from pwscont.system.ending import Ending
+from pwscont.system.hidden import all_names
 from pwscont.system.system import PiecewiseSystem
 from pwscont.two_parameters.alpha_range import ALL, AlphaRange
 from pwscont.two_parameters.family import Family, MakeSystem
@@ -167,7 +168,7 @@ class FoldLocus(PiecewiseSystem, Ending):
 
     def names(self) -> tuple[str, ...]:
         """Return the names of z, of v, and alpha."""
-        names = self.family.sample.names()
+        names = all_names(self.family.sample)
         return (*names, *(f"v[{name}]" for name in names), "alpha")
 
 

@@ -28,6 +28,7 @@ from pwscont.continuation.trace import trace
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.system.hidden import completed
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.rays import Ray, inward_ray
@@ -176,7 +177,7 @@ def follow_transitions(
     for mu in levels:
         for point, test in _transitions(family, alphas, mu):
             locus = TransitionLocus(family, test, mu, alphas)
-            y = np.append(point.z, point.alpha)
+            y = np.append(completed(family(mu), point.z, point.alpha), point.alpha)
             if not any(_passes(other, locus, y, mu) for other in found):
                 done = sum(len(other.graph.pieces) for other in found)
                 counted = partial(_after, report, done)
@@ -215,8 +216,9 @@ def _transitions(
 
 def _vanishing(system: PiecewiseSystem, point: SpecialPoint, scale: Array) -> Indices:
     """Return the tests that are zero at a special point."""
-    gradients = abs(system.test_jacobian(point.z, point.alpha))
-    tests = system.test_functions(point.z, point.alpha)
+    z = completed(system, point.z, point.alpha)
+    gradients = abs(system.test_jacobian(z, point.alpha))
+    tests = system.test_functions(z, point.alpha)
     return np.flatnonzero(np.abs(tests) <= gradients @ (CONVERGED * scale))
 
 

@@ -26,6 +26,7 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.system.ending import Ending
+from pwscont.system.hidden import all_names
 from pwscont.system.system import PiecewiseSystem
 from pwscont.two_parameters.alpha_range import ALL, AlphaRange
 from pwscont.two_parameters.family import Family, MakeSystem
@@ -195,7 +196,7 @@ class TransitionLocus(PiecewiseSystem, Ending):
 
     def names(self) -> tuple[str, ...]:
         """Return the names of z, and alpha."""
-        return (*self.family.sample.names(), "alpha")
+        return (*all_names(self.family.sample), "alpha")
 
     def cells(self) -> Iterator[Character]:
         """Yield the pairs of cells between which there is a transition."""

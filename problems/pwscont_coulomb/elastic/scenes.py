@@ -126,7 +126,7 @@ class Slot:
         return np.stack([0.02 * (x[0] - 0.5 * self.width(x[1])), np.zeros_like(x[1])])
 
 
-def wedge_body(nodes: int = 9, friction: float = 0.5) -> ElasticBody:
+def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> ElasticBody:
     """Return a wedge that jams in a slot: under the same pull it may be inside, and outside.
 
     A wedge with E = 1 hangs on a soft block (E = 0.01) clamped on top. A constant body force
@@ -138,9 +138,13 @@ def wedge_body(nodes: int = 9, friction: float = 0.5) -> ElasticBody:
     nodes : int
         Number of contact nodes of each wall, at least 2.
     friction : float
+    angle : float
+        Of the right wall with the vertical, in degrees, from 0 to less than 90.
     """
     _checked(nodes)
-    slot = Slot()
+    if not 0.0 <= angle < 90.0:
+        raise InvalidInputError(f"angle must be from 0 to less than 90 degrees, got {angle:g}")
+    slot = Slot(angle)
     return ElasticBody(
         slot.mesh(nodes),
         {"wedge": Young(1.0, 0.3), "hanger": Young(0.01, 0.3)},
@@ -196,13 +200,13 @@ def block(nodes: int = 20, friction: float = 0.3) -> ElasticScene:
     )
 
 
-def wedge(nodes: int = 9, friction: float = 0.5) -> ElasticScene:
+def wedge(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> ElasticScene:
     """Return the scene of :func:`wedge_body`, with so many contact nodes on each wall."""
     return ElasticScene(
         "wedge",
         f"a wedge that jams in its slot under an upward pull, {2 * nodes} contact nodes, "
         f"F = {friction:g}",
-        partial(wedge_body, nodes, friction),
+        partial(wedge_body, nodes, friction, angle),
         (0.0, 0.2),
         at=(0.07,),
     )

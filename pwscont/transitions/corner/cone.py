@@ -25,18 +25,17 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.uncertainty import magnitude_of_values
-from pwscont.enumeration import Cells, Point, Slice, solve_slice
+from pwscont.enumeration import Cells, Slice, solve_slice
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions.corner.index import index_along
 from pwscont.transitions.corner.linearised import Linearised, in_parts
+from pwscont.transitions.corner.perturbed import PerturbedCone
 from pwscont.transitions.corner.simple import Direction, simple_corner
+from pwscont.transitions.corner.ways import ways
 from pwscont.transitions.rays import Ray, state_on
 
-#: Newton starts that may fail at a corner with more cells before the search ends.
-MOST_FAILURES = 2
 #: How far a curve tangent to an interface is followed to see to which side it bends.
 PROBE = 1e-4
 #: Two directions are one when the cosine of their angle differs from one by less than this.
@@ -66,6 +65,11 @@ class TangentCone:
     exact: bool
 
     @property
+    def is_balanced(self) -> bool:
+        """Whether the signs of the rays cancel, as those of all rays together do (F12)."""
+        return sum(map(_sign, self.rays)) == 0
+
+    @property
     def kind(self) -> Kind:
         """The kind of special point that the corner is."""
         if not self.exact:
@@ -82,29 +86,87 @@ class TangentCone:
 
 
 def fan(
-    system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    error: Array,
+    zero: frozenset[int],
+    back: Ray | None = None,
 ) -> TangentCone:
-    """Return all rays at a solution ``x`` where the tests ``zero`` vanish."""
+    """Return the rays at a solution ``x`` where the tests ``zero`` vanish.
+
+    All of them, as far as the cells that meet there can all be tried; else those that paths lead to
+    which begin at the ray ``back``, or anywhere.
+    """
     simple = simple_corner(system, metric, x, zero)
     if simple is not None:
-        return TangentCone(
-            tuple(_ray(system, metric, x, error, found) for found in simple), 1, False, True
+        rays = tuple(
+            _backwards(back, found) or _ray(system, metric, x, error, found) for found in simple
         )
+        return TangentCone(rays, 1, False, True)
     signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
     cone = in_parts(system, metric, x, zero, signs) or Linearised(system, metric, x, zero, signs)
+    if not cone.is_small:
+        return _by_perturbation(system, metric, x, error, zero, back)
     around = Metric(np.append(metric.scale, 1.0))
-    exact = cone.is_small
-    solve = solve_slice if exact else _sample_slice
-    slices = [solve(cone, around, side) for side in (1.0, -1.0)]
+    slices = [solve_slice(cone, around, side) for side in (1.0, -1.0)]
+    rays = _rays(system, metric, x, error, zero, _directions(slices))
+    dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
+    return TangentCone(rays, dimension, _along_interface(rays), True)
+
+
+def _backwards(back: Ray | None, found: Direction) -> Ray | None:
+    """Return a ray in the cell in which the corner was reached, None in other cells."""
+    direction, (character, *_) = found
+    if back is None or back.interface_cells:
+        return None
+    if back.curve.selection.cell != back.curve.selection.system.cell(character):
+        return None
+    state, tangent = back.state, back.curve.metric.normalised(direction)
+    same = float(back.curve.metric.covector(tangent).dot(state.tangent)) > 0.0
+    orientation = state.orientation if same else -state.orientation
+    return Ray(back.curve, State(state.x, tangent, state.error, orientation))
+
+
+def _by_perturbation(
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    error: Array,
+    zero: frozenset[int],
+    back: Ray | None,
+) -> TangentCone:
+    """Return rays found by perturbation: all, only if there can be no others."""
+    along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
+    found = ways(PerturbedCone(system, metric, x, zero), zero, along)
+    rays = _rays(system, metric, x, error, zero, found)
+    return TangentCone(rays, 1, _along_interface(rays), system.unique and _to_both_sides(rays))
+
+
+def _to_both_sides(rays: Sequence[Ray]) -> bool:
+    """Tell whether there is a ray to each side of alpha."""
+    return {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
+
+
+def _along_interface(rays: Sequence[Ray]) -> bool:
+    return any(bool(ray.interface_cells) for ray in rays)
+
+
+def _rays(
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    error: Array,
+    zero: frozenset[int],
+    directions: Sequence[Direction],
+) -> tuple[Ray, ...]:
+    """Return rays in some directions, parallel ones once."""
     rays: list[Ray] = []
-    for found in _directions(slices):
+    for found in directions:
         ray = _ray(system, metric, x, error, found)
         if not any(parallel(ray, other) for other in rays):
             rays.append(_with_index(ray, zero) if ray.interface_cells else ray)
-    dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
-    return TangentCone(
-        tuple(rays), dimension, any(bool(ray.interface_cells) for ray in rays), exact
-    )
+    return tuple(rays)
 
 
 def _directions(slices: list[Slice]) -> list[Direction]:
@@ -117,25 +179,6 @@ def _directions(slices: list[Slice]) -> list[Direction]:
 
 def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
     return cells.listed() if isinstance(cells, Cells) else tuple(cells)
-
-
-def _sample_slice(cone: SlicewiseLinearSystem, metric: Metric, side: float) -> Slice:
-    """Return solutions of a slice with too many cells, by Newton from a few starts.
-
-    Each is deflated away once it is found; nothing says that there are no others.
-    """
-    rng = np.random.default_rng(MOST_FAILURES)  # fixed: two runs are identical
-    found: list[Point] = []
-    failures = 0
-    while failures < MOST_FAILURES:
-        guess = rng.normal(size=cone.size) * metric.scale[:-1]
-        root = semismooth_newton(cone, metric, guess, side, [point.x for point in found])
-        if isinstance(root, Failure):
-            failures += 1
-            continue
-        x, error = root
-        found.append(Point(x, error, (cone.character(x[:-1], side),), 0))
-    return Slice(tuple(found), ())
 
 
 def _ray(
@@ -201,6 +244,13 @@ def same_piece(ray: Ray, back: Ray) -> bool:
 def opposite(a: Ray, b: Ray) -> bool:
     """Tell whether two rays from one point have opposite directions."""
     return parallel(a, b.reversed())
+
+
+def _sign(ray: Ray) -> int:
+    """Return the orientation of a ray; along interfaces that of what small changes make of it."""
+    if not ray.interface_cells:
+        return ray.state.orientation
+    return ray.index * int(np.sign(ray.curve.slope(ray.state)))
 
 
 def _turns(a: Ray, b: Ray) -> bool:

@@ -20,12 +20,13 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
-from pwscont.transitions.corner.simple import Admits
+from pwscont.transitions.corner.simple import MANY_TESTS, Admits, all_cells, names_its_cells
 
 #: All cells at a corner are tried up to this number: eight contact nodes.
 MANY_CELLS = 4**8
-#: Most vanishing tests of a system without blocks, whose cells are gone through one by one.
-MANY_TESTS = 12
+
+#: So many Jacobians are kept: those of blocks of a few modes.
+FEW_KNOWN = 4
 
 
 @final
@@ -64,6 +65,7 @@ class Linearised(SlicewiseLinearSystem):
         self._scale = metric.scale
         self._constant = np.where(signs, 1.0, -1.0)
         self._constant[list(zero)] = 0.0
+        self._known: dict[Character, Matrix] = {}  # each cell is asked for several times in a row
 
     @cached_property
     def _gradients(self) -> Array:
@@ -94,7 +96,12 @@ class Linearised(SlicewiseLinearSystem):
         return matrix
 
     def _rows(self, character: Character) -> Matrix:
-        return self._system.jacobian(self._x[:-1], float(self._x[-1]), character)
+        if character not in self._known:
+            if len(self._known) == FEW_KNOWN:
+                self._known.clear()
+            z, alpha = self._x[:-1], float(self._x[-1])
+            self._known[character] = self._system.jacobian(z, alpha, character)
+        return self._known[character]
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the bounding tests of the cell that vanish at the corner."""
@@ -107,7 +114,7 @@ class Linearised(SlicewiseLinearSystem):
     @property
     def is_small(self) -> bool:
         """Whether all cells that meet at the point can be tried."""
-        if not isinstance(self._system, SlicewiseLinearSystem):
+        if not names_its_cells(self._system):
             return len(self._zero) <= MANY_TESTS
         blocks = self.blocks()
         if number_of_cells(blocks) <= MANY_CELLS:
@@ -121,7 +128,7 @@ class Linearised(SlicewiseLinearSystem):
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the system's blocks, with only the modes of the cells that meet at the point."""
-        if not isinstance(self._system, SlicewiseLinearSystem):
+        if not isinstance(self._system, SlicewiseLinearSystem) or not names_its_cells(self._system):
             return (self._one_block(),)
         return tuple(
             Block(block.tests, block.rows, tuple(filter(self._admits(block), block.modes)))
@@ -134,16 +141,10 @@ class Linearised(SlicewiseLinearSystem):
 
     def _one_block(self) -> Block:
         """Return all cells that meet at the point as the modes of one block."""
-        zero = sorted(self._zero)
-        signs = Character(tuple((self._constant >= 0.0).tolist()))
-        cells: dict[bytes, tuple[bool, ...]] = {}
-        for pattern in range(2 ** len(zero)):
-            character = signs
-            for k, test in enumerate(zero):
-                character = character.with_sign(test, bool(pattern >> k & 1))
-            cells.setdefault(self._system.cell(character), character.signs)
+        here = Character.of(np.where(self._constant >= 0.0, 1.0, -1.0))
+        cells = [cell.signs for cell in all_cells(self._system, here, self._zero)]
         rows = tuple(range(self.size - 1))
-        return Block(tuple(range(len(signs.signs))), rows, tuple(cells.values()))
+        return Block(tuple(range(len(here.signs))), rows, tuple(cells))
 
 
 def in_parts(
@@ -159,7 +160,7 @@ def in_parts(
     vertical if all parts are regular in all cells.
     """
     cone = Linearised(system, metric, x, zero, signs, last_unit(len(x)))
-    if not isinstance(system, SlicewiseLinearSystem):
+    if not names_its_cells(system):
         return None
     if number_of_cells(cone.blocks()) <= FEW_CELLS:
         return None

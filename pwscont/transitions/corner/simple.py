@@ -14,6 +14,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -24,19 +25,19 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
-from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.transitions.corner.complementary import SLANT, rays_by_switches, switches
 
 #: A direction d of length one in the metric, and the cells that it belongs to.
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
 
 #: Corners with up to this many cells are tried cell by cell at first.
 FEW_CELLS = 64
-#: A test whose slope is below this part of its terms may as well stay zero.
-SLANT = EPS**0.5
+#: Most vanishing tests of a system without blocks, whose cells are gone through one by one.
+MANY_TESTS = 12
 
 
 def simple_corner(
@@ -48,63 +49,90 @@ def simple_corner(
     the tests that vanish say whether d, or -d, or neither is a ray. The corner is not simple where
     a cell has more solutions, where a slope vanishes, or where there are many cells.
     """
-    cells = _few_cells(system, x, zero)
-    if cells is None:
+    if not isinstance(system, SlicewiseLinearSystem) or not zero:
         return None
+    here = Character.of(system.test_functions(x[:-1], float(x[-1])))
+    if not names_its_cells(system):
+        few = len(zero) <= MANY_TESTS
+        return (
+            _cell_by_cell(system, metric, x, zero, all_cells(system, here, zero)) if few else None
+        )
+    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
+    choices = [
+        [mode for mode in block.modes if Admits(system, block, list(here.signs), zero)(mode)]
+        for block in blocks
+    ]
+    if prod(map(len, choices)) > FEW_CELLS:
+        return None
+    cells = [_with_modes(here, blocks, modes) for modes in product(*choices)]
+    pairs = switches(system, here, blocks, choices, zero)
+    by_switches = rays_by_switches(system, metric, x, cells[0], pairs) if pairs else None
+    return _cell_by_cell(system, metric, x, zero, cells) if by_switches is None else by_switches
+
+
+def _cell_by_cell(
+    system: PiecewiseSystem,
+    metric: Metric,
+    x: Array,
+    zero: frozenset[int],
+    cells: Sequence[Character],
+) -> list[Direction] | None:
     found: list[Direction] = []
     for character in cells:
         selection = Selection(system, character)
-        direction = _only_direction(selection, metric, x)
-        slopes = None if direction is None else _slopes(selection, metric, x, direction, zero)
-        if direction is None or slopes is None:
+        direction = only_direction(selection, metric, x)
+        if direction is None:
+            return None
+        slopes = slopes_along(selection, metric, x, direction, zero)
+        if not (len(slopes) and slopes.all()):
             return None
         if (slopes > 0.0).all() or (slopes < 0.0).all():
             found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
     return found
 
 
-def _few_cells(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> list[Character] | None:
-    """Return a character for each cell that meets at ``x``; None for many, or where unknown."""
-    if not isinstance(system, SlicewiseLinearSystem) or not zero:
-        return None
-    here = Character.of(system.test_functions(x[:-1], float(x[-1])))
-    signs = here.signs
-    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
-    choices = [
-        [mode for mode in block.modes if Admits(system, block, list(signs), zero)(mode)]
-        for block in blocks
-    ]
-    if prod(map(len, choices)) > FEW_CELLS:
-        return None
-    return [_with_modes(signs, blocks, modes) for modes in product(*choices)]
+def names_its_cells(system: PiecewiseSystem) -> bool:
+    """Tell whether a system says which cells there are, not only by the number of its tests."""
+    by_blocks = (
+        isinstance(system, SlicewiseLinearSystem)
+        and type(system).blocks is not SlicewiseLinearSystem.blocks
+    )
+    return by_blocks or type(system).cells is not PiecewiseSystem.cells
+
+
+def all_cells(system: PiecewiseSystem, here: Character, zero: frozenset[int]) -> list[Character]:
+    """Return a character for each cell that meets where the tests ``zero`` vanish."""
+    cells: dict[bytes, Character] = {}
+    for signs in product((False, True), repeat=len(zero)):
+        character = here.with_signs(sorted(zero), signs)
+        cells.setdefault(system.cell(character), character)
+    return list(cells.values())
 
 
 def _with_modes(
-    signs: tuple[bool, ...], blocks: list[Block], modes: tuple[tuple[bool, ...], ...]
+    here: Character, blocks: Sequence[Block], modes: Sequence[tuple[bool, ...]]
 ) -> Character:
     """Return a character with the signs of some blocks replaced."""
-    changed = list(signs)
     for block, mode in zip(blocks, modes, strict=True):
-        for test, sign in zip(block.tests, mode, strict=True):
-            changed[test] = sign
-    return Character(tuple(changed))
+        here = here.with_signs(block.tests, mode)
+    return here
 
 
-def _only_direction(selection: Selection, metric: Metric, x: Array) -> Array | None:
+def only_direction(selection: Selection, metric: Metric, x: Array) -> Array | None:
     """Return the null vector of J_chi, None where there are several to rounding."""
     factor = bordered(selection.jacobian(x), generic(len(x)) / metric.scale, metric.binary)
     return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
 
 
-def _slopes(
+def slopes_along(
     selection: Selection, metric: Metric, x: Array, direction: Array, zero: frozenset[int]
-) -> Array | None:
-    """Return the slopes along d of the bounding tests that vanish, None if one may be zero."""
+) -> Array:
+    """Return the slopes along d of the bounding tests that vanish; zero for those that may be."""
     vanish = [int(test) in zero for test in selection.bounding]
     rows = selection.test_gradients(x)[np.flatnonzero(vanish)]
     slopes: Array = rows @ direction
     least = SLANT * (abs(rows) @ (np.abs(direction) + SLANT * metric.scale))
-    return slopes if any(vanish) and (np.abs(slopes) > least).all() else None
+    return np.where(np.abs(slopes) > least, slopes, 0.0)
 
 
 @final

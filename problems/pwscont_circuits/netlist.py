@@ -1,0 +1,227 @@
+"""Netlists in the notation of SPICE, for the elements of this package.
+
+The first line is the title. ``*`` begins a line of comment, ``;`` a comment behind a line, and a
+line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
+Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after them::
+
+    Rname  plus minus resistance
+    Vname  plus minus [DC] value            Iname  plus minus [DC] value
+    Dname  anode cathode model              Qname  collector base emitter model
+    Mname  drain gate source model          Xname  plus minus out model
+    .model name D(von= ron= goff=)          .model name TUNNEL(vp= ip= vv= iv= ron=)
+    .model name NPN(af= ar= vf= vr= rf= rr=), or PNP
+    .model name NMOS(vto= ron=), or PMOS    .model name OPAMP(gain= low= high=)
+    .dc source from to [step]               .end
+
+X is an op-amp: netlists have no letter of their own for it. The step of ``.dc`` is not needed, and
+not used.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import final
+
+from pwscont import InvalidInputError
+from pwscont_circuits import elements
+from pwscont_circuits.circuit import Circuit
+from pwscont_circuits.elements import Element
+from pwscont_circuits.stamps import GROUND
+
+NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(t|g|meg|k|m|u|µ|n|p|f)?[a-zΩ]*")
+SUFFIXES = {"t": 1e12, "g": 1e9, "meg": 1e6, "k": 1e3, "m": 1e-3}
+SUFFIXES |= {"u": 1e-6, "µ": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15, "": 1.0}
+
+DIODE = {"von": "threshold", "ron": "resistance", "goff": "leakage"}
+TUNNEL = {
+    "vp": "peak_voltage",
+    "ip": "peak_current",
+    "vv": "valley_voltage",
+    "iv": "valley_current",
+    "ron": "resistance",
+}
+BIPOLAR = {
+    "af": "forward_alpha",
+    "ar": "reverse_alpha",
+    "vf": "forward_threshold",
+    "vr": "reverse_threshold",
+    "rf": "forward_resistance",
+    "rr": "reverse_resistance",
+}
+MOSFET = {"vto": "threshold", "ron": "resistance"}
+OPAMP = {"gain": "gain", "low": "low", "high": "high"}
+#: For each type of model: the letter of its elements, what makes one, and its parameters.
+MODELS: dict[str, tuple[str, Callable[..., Element], dict[str, str]]] = {
+    "d": ("d", elements.Diode, DIODE),
+    "tunnel": ("d", elements.TunnelDiode, TUNNEL),
+    "npn": ("q", partial(elements.BipolarTransistor, kind="npn"), BIPOLAR),
+    "pnp": ("q", partial(elements.BipolarTransistor, kind="pnp"), BIPOLAR),
+    "nmos": ("m", partial(elements.MosfetSwitch, kind="nmos"), MOSFET),
+    "pmos": ("m", partial(elements.MosfetSwitch, kind="pmos"), MOSFET),
+    "opamp": ("x", elements.OpAmp, OPAMP),
+}
+#: Elements with a value instead of a model.
+VALUED: dict[str, Callable[..., Element]] = {
+    "r": elements.Resistor,
+    "v": elements.VoltageSource,
+    "i": elements.CurrentSource,
+}
+#: The number of nodes of an element.
+ENDS = {"r": 2, "v": 2, "i": 2, "d": 2, "q": 3, "m": 3, "x": 3}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Netlist:
+    """What a netlist says.
+
+    Attributes
+    ----------
+    title : str
+    circuit : Circuit
+    sweep : tuple of (str, float, float), optional
+        The source that ``.dc`` sweeps, and from where to where.
+    """
+
+    title: str
+    circuit: Circuit
+    sweep: tuple[str, float, float] | None = None
+
+
+def read_netlist(path: str | Path) -> Netlist:
+    """Read a netlist from a file; see :func:`parse_netlist`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read, too.
+    """
+    try:
+        return parse_netlist(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"netlist {path} cannot be read: {error}") from error
+
+
+def parse_netlist(text: str) -> Netlist:
+    """Return what a netlist says.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the line that is not understood, or what is wrong with the circuit.
+    """
+    title, *rest = text.strip().splitlines() or [""]
+    reader = _Reader()
+    lines = list(_lines(rest))
+    for cards in (True, False):  # a model may stand after the elements that refer to it
+        for number, words in lines:
+            if (words[0].lower() == ".model") == cards:
+                _at_line(number, reader.read, words)
+    return Netlist(title.strip(), Circuit(reader.elements), reader.sweep)
+
+
+def _lines(rest: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the words of each line with its number, lines that go on put together."""
+    found: list[tuple[int, str]] = []
+    for number, line in enumerate(rest, 2):
+        code = line.partition(";")[0].strip()
+        if code.lower() == ".end":
+            break
+        if code.startswith("+") and found:
+            found[-1] = (found[-1][0], f"{found[-1][1]} {code[1:]}")
+        elif code and not code.startswith("*"):
+            found.append((number, code))
+    for number, line in found:
+        yield number, re.sub(r"\s*=\s*", "=", re.sub(r"[(),]", " ", line)).split()
+
+
+def _at_line(number: int, read: Callable[[list[str]], None], words: list[str]) -> None:
+    try:
+        read(words)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"line {number} of the netlist: {error}") from error
+
+
+def number_of(word: str) -> float:
+    """Return the number that a word stands for, such as 4700 for ``4.7kOhm``."""
+    match = NUMBER.fullmatch(word.lower())
+    if match is None:
+        raise InvalidInputError(f"{word!r} is no number")
+    return float(match[1]) * SUFFIXES[match[2] or ""]
+
+
+@final
+class _Reader:
+    """The elements and models read so far."""
+
+    def __init__(self) -> None:
+        self.elements: list[Element] = []
+        self.sweep: tuple[str, float, float] | None = None
+        self._models: dict[str, tuple[str, Callable[..., Element]]] = {}
+        self._spelling: dict[str, str] = {"gnd": GROUND}
+        self._lines: dict[str, None] = {}
+
+    def read(self, words: list[str]) -> None:
+        """Read a line."""
+        first = words[0].lower()
+        if first == ".model":
+            self._read_model(words[1:])
+        elif first == ".dc":
+            self._read_sweep(words[1:])
+        elif first[0] == ".":
+            raise InvalidInputError(f"{words[0]} is not read here; .model, .dc and .end are")
+        elif first[0] in ENDS:
+            self.elements.append(self._element(first[0], words))
+        else:
+            raise InvalidInputError(
+                f"no element begins with {words[0][0]!r}; there are {', '.join(ENDS).upper()}"
+            )
+
+    def _element(self, letter: str, words: list[str]) -> Element:
+        name, *rest = words
+        ends = [self._spelled(word) for word in rest[: ENDS[letter]]]
+        rest = [word for word in rest[ENDS[letter] :] if letter == "r" or word.lower() != "dc"]
+        if len(rest) != 1:
+            what = "a value" if letter in VALUED else "a model"
+            raise InvalidInputError(
+                f"{name} needs {ENDS[letter]} nodes and {what}, got {words[1:]}"
+            )
+        if any(element.name == self._spelled(name) for element in self.elements):
+            raise InvalidInputError(f"the name {name} is used a second time")
+        if letter in VALUED:
+            return VALUED[letter](self._spelled(name), *ends, number_of(rest[0]))
+        return self._modelled(letter, rest[0])(self._spelled(name), *ends)
+
+    def _spelled(self, word: str) -> str:
+        """Return a name as it was first written."""
+        return self._spelling.setdefault(word.lower(), word)
+
+    def _modelled(self, letter: str, model: str) -> Callable[..., Element]:
+        if model.lower() not in self._models:
+            raise InvalidInputError(f"there is no .model {model}")
+        owner, make = self._models[model.lower()]
+        if owner != letter:
+            raise InvalidInputError(f"model {model} is for elements {owner.upper()}")
+        return make
+
+    def _read_model(self, words: list[str]) -> None:
+        if len(words) < 2 or words[1].lower() not in MODELS:
+            raise InvalidInputError(f".model needs a name and one of the types {', '.join(MODELS)}")
+        letter, make, parameters = MODELS[words[1].lower()]
+        given = {}
+        for word in words[2:]:
+            name, _, value = word.partition("=")
+            if name.lower() not in parameters:
+                known = ", ".join(parameters)
+                raise InvalidInputError(f"{words[1]} has no parameter {name!r}; it has {known}")
+            given[parameters[name.lower()]] = number_of(value)
+        self._models[words[0].lower()] = letter, partial(make, **given)
+
+    def _read_sweep(self, words: list[str]) -> None:
+        if len(words) not in (3, 4):
+            raise InvalidInputError(".dc needs a source and two values, perhaps a step")
+        self.sweep = self._spelled(words[0]), number_of(words[1]), number_of(words[2])

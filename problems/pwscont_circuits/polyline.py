@@ -1,0 +1,60 @@
+"""Continuous functions of straight segments: the characteristics of elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, final
+
+import numpy as np
+
+from pwscont import InvalidInputError
+from pwscont.extending import finite_array
+
+
+@final
+class Polyline:
+    """A continuous function of straight segments.
+
+    Parameters
+    ----------
+    knots : sequence of float, shape (k,)
+        Where the slope changes, ascending.
+    slopes : sequence of float, shape (k + 1,)
+        Of the segments from left to right, any sign.
+    value : float
+        The function at the first knot.
+
+    Raises
+    ------
+    InvalidInputError
+        If the knots do not ascend, or their number does not fit that of the slopes.
+    """
+
+    def __init__(self, knots: Sequence[float], slopes: Sequence[float], value: float = 0.0) -> None:
+        if len(knots) < 1 or len(slopes) != len(knots) + 1:
+            raise InvalidInputError(
+                f"k knots need k + 1 slopes, k at least one; got {len(knots)} and {len(slopes)}"
+            )
+        self.knots = finite_array("knots", knots)
+        self.slopes = finite_array("slopes", slopes)
+        self.value = float(finite_array("value", value, ()))
+        if (np.diff(self.knots) <= 0.0).any():
+            raise InvalidInputError(f"knots must ascend, got {list(knots)}")
+
+    def __call__(self, x: Any) -> Any:
+        """Return the value at one place or many."""
+        ramps = np.maximum(0.0, np.subtract.outer(x, self.knots)) @ np.diff(self.slopes)
+        return self.value + self.slopes[0] * (np.asarray(x) - self.knots[0]) + ramps
+
+    def supports(self) -> Iterator[tuple[int, float, float]]:
+        """Yield lines a + b x on one side of which the whole function lies, as (side, a, b).
+
+        The function is not below the line if the side is 1, not above if it is -1.
+        """
+        first, last = self.slopes[0], self.slopes[-1]
+        for slope in {first, last}:
+            rests = self(self.knots) - slope * self.knots
+            if first <= slope <= last:
+                yield 1, float(rests.min()), float(slope)
+            if last <= slope <= first:
+                yield -1, float(rests.max()), float(slope)

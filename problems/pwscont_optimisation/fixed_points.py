@@ -1,0 +1,158 @@
+"""Fixed points of clipped and rectified maps: games with bounded actions, and ReLU layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from pwscont import Complementarity, InvalidInputError, PiecewiseSystem, Switched
+from pwscont.extending import Array, finite_array
+
+
+def BestReplies(  # noqa: N802  used like a class
+    B: Any,
+    a: Any,
+    c: Any,
+    *,
+    lower: Any = 0.0,
+    upper: Any = 1.0,
+    players: Sequence[str] | None = None,
+    **given: Any,
+) -> PiecewiseSystem:
+    """Return the Nash equilibria x_i = clip((B x + a + alpha c)_i, lower_i, upper_i).
+
+    The reply of player i is the best one to those of the others, if the payoff is
+    -x_i^2 / 2 + x_i (B x + a + alpha c)_i with B_ii = 0: any game with quadratic payoffs, concave
+    in one's own action, is of this kind.
+
+    Parameters
+    ----------
+    B : array_like, shape (N, N)
+    a, c : array_like, shape (N,)
+    lower, upper : array_like, optional
+        Bounds of the actions, broadcastable to (N,), infinite where there are none.
+    players : sequence of str, length N, optional
+        Default player 1, player 2, ...
+    **given
+        As for :func:`pwscont.Switched`: ``names``, ``degree``, ``unique``, ...
+
+    Returns
+    -------
+    PiecewiseLinearSystem
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes do not fit.
+    InvalidSystemError
+        If a lower bound is above the upper one.
+    """
+    matrix, a, c = _affine("B", B, a, c)
+    n = len(a)
+    low, high = _bounds(lower, upper, n)
+
+    def f(x: Any, alpha: Any, sw: Any) -> Any:
+        return x - sw.clip(matrix @ x + a + alpha * c, low, high)
+
+    return Switched(n, f, linear=True, **_named("player", players, "x", n) | given)
+
+
+def Game(  # noqa: N802  used like a class
+    marginal: Callable[[Any, Any], Any],
+    *,
+    lower: Any = 0.0,
+    upper: Any = 1.0,
+    n: int | None = None,
+    **given: Any,
+) -> PiecewiseSystem:
+    """Return the Nash equilibria of a game, each player's payoff concave in the own action.
+
+    Parameters
+    ----------
+    marginal : callable
+        (x, alpha) -> the derivative of each player's payoff by that player's action, shape (N,),
+        smooth. An equilibrium has it zero between the bounds, not positive at the lower bound and
+        not negative at the upper one.
+    lower, upper : array_like, optional
+        Bounds of the actions.
+    n : int, optional
+        The number of players, where it is not clear.
+    **given
+        As for :func:`pwscont.Complementarity`.
+
+    Returns
+    -------
+    PiecewiseSystem
+
+    Raises
+    ------
+    InvalidInputError, InvalidSystemError
+        As for :func:`pwscont.Complementarity`.
+    """
+    if not callable(marginal):
+        raise InvalidInputError(f"marginal must be a function of (x, alpha), got {marginal!r}")
+    return Complementarity(lambda x, t: -marginal(x, t), lower, upper, n=n, **given)
+
+
+def ReluLayer(  # noqa: N802  used like a class
+    W: Any, b: Any, c: Any, *, units: Sequence[str] | None = None, **given: Any
+) -> PiecewiseSystem:
+    """Return the fixed points z = max(0, W z + b + alpha c) of a layer that feeds back to itself.
+
+    They are the states of an implicit or equilibrium layer, and the rest states of a
+    threshold-linear network.
+
+    Parameters
+    ----------
+    W : array_like, shape (n, n)
+    b, c : array_like, shape (n,)
+    units : sequence of str, length n, optional
+        Default unit 1, unit 2, ...
+    **given
+        As for :func:`pwscont.Switched`: ``names``, ``degree``, ``unique``, ...
+
+    Returns
+    -------
+    PiecewiseLinearSystem
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes do not fit.
+    """
+    matrix, b, c = _affine("W", W, b, c)
+
+    def f(z: Any, alpha: Any, sw: Any) -> Any:
+        return z - sw.relu(matrix @ z + b + alpha * c)
+
+    return Switched(len(b), f, linear=True, **_named("unit", units, "z", len(b)) | given)
+
+
+def _affine(name: str, matrix: Any, constant: Any, slope: Any) -> tuple[Array, Array, Array]:
+    constant = finite_array("b" if name == "W" else "a", constant)
+    n = constant.size
+    return (
+        finite_array(name, matrix, (n, n)),
+        constant.reshape(n),
+        finite_array("c", slope, (n,)),
+    )
+
+
+def _bounds(lower: Any, upper: Any, n: int) -> tuple[Array, Array]:
+    try:
+        low, high = (
+            np.broadcast_to(np.asarray(each, dtype=float), (n,)) for each in (lower, upper)
+        )
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"lower and upper must be numbers, one or {n}: {error}") from error
+    return low, high
+
+
+def _named(word: str, given: Sequence[str] | None, letter: str, n: int) -> dict[str, Any]:
+    """Return the names of the switches and of the unknowns."""
+    switches = tuple(given) if given is not None else [f"{word} {i + 1}" for i in range(n)]
+    if len(switches) != n:
+        raise InvalidInputError(f"{word}s must be {n} texts, got {len(switches)}")
+    return {"switches": switches, "names": [f"{letter}{i + 1}" for i in range(n)]}

@@ -1,0 +1,198 @@
+"""Networks of buses: branches, loads and generators with reactive limits, all per unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Indices, finite_array
+
+
+@final
+@dataclass(frozen=True)
+class Branch:
+    """A line or transformer between two buses, as a pi circuit (MATPOWER manual, section 3.2).
+
+    Attributes
+    ----------
+    start, end : int
+        Numbers of the buses.
+    r, x : float
+        Series resistance and reactance.
+    b : float
+        Total charging susceptance.
+    tap : float
+        Ratio of the transformer at ``start``.
+    shift : float
+        Its phase shift in radians.
+    """
+
+    start: int
+    end: int
+    r: float
+    x: float
+    b: float = 0.0
+    tap: float = 1.0
+    shift: float = 0.0
+
+    @cached_property
+    def admittance(self) -> Array:
+        """The currents into the branch by the voltages at its ends, shape (2, 2)."""
+        if self.r == self.x == 0.0 or self.tap == 0.0:
+            raise InvalidInputError(
+                f"the branch from bus {self.start} to bus {self.end} needs an impedance and a tap "
+                "that are not zero; make one bus of buses that a closed switch joins"
+            )
+        ratio = self.tap * np.exp(1j * self.shift)
+        series = 1.0 / complex(self.r, self.x)
+        own = series + 0.5j * self.b
+        return np.array([[own / self.tap**2, -series / ratio.conjugate()], [-series / ratio, own]])
+
+
+@final
+@dataclass(frozen=True)
+class Generator:
+    """A generator that holds its voltage as long as its reactive power is within limits.
+
+    Attributes
+    ----------
+    bus : int
+        Number of its bus.
+    V : float
+        The voltage to hold.
+    Q_min, Q_max : float
+        Limits of the reactive power, Q_min < Q_max; either may be infinite.
+    """
+
+    bus: int
+    V: float
+    Q_min: float = -np.inf
+    Q_max: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not 0.0 < self.V < np.inf:
+            raise InvalidInputError(f"generator at bus {self.bus}: V must be > 0, got {self.V}")
+        if not self.Q_min < self.Q_max:
+            raise InvalidInputError(
+                f"generator at bus {self.bus}: Q_min < Q_max is needed, got {self.Q_min} and "
+                f"{self.Q_max}; a generator of fixed reactive power is a negative load"
+            )
+
+
+@final
+@dataclass(frozen=True)
+class Network:
+    """Buses, what joins them, what they take and give.
+
+    Attributes
+    ----------
+    buses : tuple of int
+        Numbers of the buses, the slack first or anywhere.
+    branches : tuple of Branch
+    generators : tuple of Generator
+        At most one at each bus. That of the slack bus gives its voltage; it has no limits.
+    slack : int
+        The bus whose voltage is given, at angle zero.
+    load, generation : array_like of complex, shape (buses,)
+        Power taken, and power given but for the reactive power of generators.
+    shunt : array_like of complex, shape (buses,)
+        Admittances to ground.
+
+    Raises
+    ------
+    InvalidInputError
+        If numbers of buses are not known, or not distinct, or shapes do not fit.
+    """
+
+    buses: tuple[int, ...]
+    branches: tuple[Branch, ...]
+    generators: tuple[Generator, ...]
+    slack: int
+    load: Any
+    generation: Any = 0.0
+    shunt: Any = 0.0
+
+    def __post_init__(self) -> None:
+        """Check numbers and shapes."""
+        if len(set(self.buses)) != len(self.buses):
+            raise InvalidInputError("two buses have the same number")
+        at = [generator.bus for generator in self.generators]
+        if len(set(at)) != len(at):
+            raise InvalidInputError("two generators are at one bus: add them up")
+        ends = [bus for branch in self.branches for bus in (branch.start, branch.end)]
+        self.places([self.slack, *at, *ends])
+        if self.slack not in at:
+            raise InvalidInputError(
+                f"the slack, bus {self.slack}, has no generator for its voltage"
+            )
+        for name in ("load", "generation", "shunt"):
+            given = one_each(name, getattr(self, name), len(self.buses))
+            object.__setattr__(self, name, given)
+
+    def places(self, buses: Sequence[int]) -> Indices:
+        """Return the places of some buses in ``buses``.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such bus.
+        """
+        place = {bus: i for i, bus in enumerate(self.buses)}
+        unknown = [bus for bus in buses if bus not in place]
+        if unknown:
+            raise InvalidInputError(f"there is no bus {unknown[0]}; buses are {self.buses}")
+        return np.array([place[bus] for bus in buses], dtype=np.intp)
+
+    def with_limits(self, bus: int, Q_min: float, Q_max: float) -> Network:
+        """Return the same network with other reactive limits at one bus.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no generator.
+        """
+        if bus not in [generator.bus for generator in self.generators]:
+            raise InvalidInputError(f"there is no generator at bus {bus}")
+        changed = (
+            replace(each, Q_min=Q_min, Q_max=Q_max) if each.bus == bus else each
+            for each in self.generators
+        )
+        return replace(self, generators=tuple(changed))
+
+    @cached_property
+    def admittance(self) -> sp.csr_array:
+        """The admittance matrix: currents into the network by voltages."""
+        size = len(self.buses)
+        Y = sp.lil_array((size, size), dtype=complex)
+        Y.setdiag(self.shunt)
+        for branch in self.branches:
+            ends = self.places([branch.start, branch.end])
+            for i, row in zip(ends, branch.admittance, strict=True):
+                for j, entry in zip(ends, row, strict=True):
+                    Y[i, j] += entry
+        return Y.tocsr()
+
+
+def one_each(name: str, values: Any, buses: int) -> Array:
+    """Return one complex number for each bus.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape does not fit, or a number is not finite.
+    """
+    try:
+        array = np.array(np.broadcast_to(np.asarray(values, dtype=complex), buses))
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(
+            f"{name} must be one complex number for each of {buses} buses"
+        ) from error
+    finite_array(name, array.view(float))
+    return array

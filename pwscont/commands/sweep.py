@@ -1,0 +1,147 @@
+"""The work of ``pwscont sweep``: run a study, print a summary, write table and pictures."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted
+from pwscont.commands.progress import CaseProgress
+from pwscont.commands.run import make_directory
+from pwscont.studies.problem import RegisteredScene
+from pwscont.studies.result import StudyResult
+from pwscont.studies.study import Study
+
+DEFAULT_MEASURE = "max-count"
+#: More rows are summed up instead of printed.
+MOST_ROWS = 24
+#: More failures are counted.
+MOST_FAILURES = 5
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a sweep as the command line says; returns the exit status.
+
+    Raises
+    ------
+    InvalidInputError
+        If a setting is varied twice, or an option needs a directory.
+    """
+    measures = options.measure or [DEFAULT_MEASURE]
+    scene = RegisteredScene(options.scene, dict(options.settings))
+    study = Study(scene, _over(options.over), measures)
+    result = _result(study, options)
+    try:
+        print(_as_text(study, result), flush=True)  # noqa: T201
+        if options.output:
+            written = _write(result, options.output)
+            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
+    finally:
+        result.close()
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return 0
+
+
+def _over(ranges: list[tuple[str, list[Any]]]) -> dict[str, list[Any]]:
+    names = Counter(name for name, _ in ranges)
+    if twice := [name for name, times in names.items() if times > 1]:
+        raise InvalidInputError(f"--over varies {twice[0]} twice")
+    return dict(ranges)
+
+
+def _result(study: Study, options: argparse.Namespace) -> StudyResult:
+    """Run the cases; what is finished is kept in the directory, if there is one."""
+    directory = _directory(options)
+    progress = CaseProgress()
+    try:
+        return study.run(
+            options.workers,
+            options.scheduler,
+            directory and directory / "study.db",
+            options.resume,
+            directory / "graphs" if directory and options.graphs else None,
+            progress,
+        )
+    finally:
+        progress.close()
+
+
+def _directory(options: argparse.Namespace) -> Path | None:
+    directory: Path | None = options.output
+    if directory is None:
+        for name in ("resume", "graphs"):
+            if getattr(options, name):
+                raise InvalidInputError(f"--{name} needs -o DIR")
+        return None
+    make_directory(directory)
+    if options.resume and not (directory / "study.db").exists():
+        raise InvalidInputError(f"nothing to resume: no {directory / 'study.db'}")
+    return directory
+
+
+# -- what is printed and written -----------------------------------------------------------------
+
+
+def _as_text(study: Study, result: StudyResult) -> str:
+    lines = [f"{study}: {len(result)} of {counted(result.total, 'case')}"]
+    rows = list(result) if len(result) <= MOST_ROWS else []
+    lines += _table(result, rows) if rows else [_summary(result, name) for name in result.measures]
+    kinds = Counter("failed" if row.failure else row.proven for row in result)
+    lines.append(f"  proven {kinds[True]}, not proven {kinds[False]}, failed {kinds['failed']}")
+    failed = (f"  case {row.case} failed: {row.failure}" for row in result if row.failure)
+    return "\n".join([*lines, *islice(failed, MOST_FAILURES)])
+
+
+def _table(result: StudyResult, rows: list[Any]) -> list[str]:
+    """Return a line for each case."""
+    heads = [*result.over, *result.measures, "guarantee"]
+    cells = [[*row.settings.values(), *row.values.values(), row.guarantee] for row in rows]
+    words = [heads, *([_word(cell) for cell in line] for line in cells)]
+    widths = [max(map(len, column)) for column in zip(*words, strict=True)]
+    return ["  " + "  ".join(map(str.ljust, line, widths)).rstrip() for line in words]
+
+
+def _word(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_word, value))})"
+    return f"{value:.8g}" if isinstance(value, float) else str(value)
+
+
+def _summary(result: StudyResult, name: str) -> str:
+    """Return one line: how often each whole number, or from where to where."""
+    column = result.column(name)
+    values, missing = column.compressed().tolist(), int(column.mask.sum())
+    nothing = f"; nothing in {missing}" if missing else ""
+    numbers = Counter(values)
+    if len(numbers) <= MOST_FAILURES or not all(isinstance(value, int | float) for value in values):
+        often = [f"{_word(value)} in {numbers[value]}" for value in sorted(numbers, key=str)]
+        return f"  {name}: {', '.join(often[:MOST_FAILURES])}{nothing}"
+    return f"  {name}: from {_word(min(values))} to {_word(max(values))}{nothing}"
+
+
+def _write(result: StudyResult, directory: Path) -> list[Path]:
+    """Write the table, and a picture of each measure that can be drawn."""
+    table = directory / "study.csv"
+    result.write_csv(table)
+    return [table, *(file for name in result.measures for file in _drawn(result, name, directory))]
+
+
+def _drawn(result: StudyResult, name: str, directory: Path) -> list[Path]:
+    file = directory / f"{name.replace(os.sep, '-').replace(':', '-').replace('=', '-')}.png"
+    from matplotlib.figure import Figure  # noqa: PLC0415  only where pictures are written
+
+    try:
+        result.plot(name, Figure()).savefig(file, dpi=150)
+    except InvalidInputError as error:
+        print(f"no picture: {error}", file=sys.stderr)  # noqa: T201
+        return []
+    return [file]

@@ -1,0 +1,89 @@
+"""The arguments of ``pwscont sweep``; its work is imported when the command runs."""
+
+from __future__ import annotations
+
+import argparse
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from pwscont.commands.completion import add_scene
+from pwscont.commands.examples import with_examples
+from pwscont.scenes.settings import add_settings
+
+FORM = "NAME=LO:HI:COUNT, or NAME=VALUE,VALUE,..."
+
+
+def add_to(commands: Any) -> None:
+    """Register the sub-command with the sub-parsers of the command line."""
+    words = "compute a scene under many settings, and measure each"
+    sweep = commands.add_parser("sweep", help=words, **with_examples("sweep"))
+    sweep.set_defaults(command=_sweep)
+    add_scene(sweep, "a name from 'pwscont scenes'")
+    sweep.add_argument(
+        "--over",
+        action="append",
+        required=True,
+        type=_range,
+        metavar="RANGE",
+        help=f"values of a setting: {FORM}",
+    )
+    sweep.add_argument(
+        "--measure",
+        action="append",
+        metavar="WHAT",
+        help="max-count (default), first-fold, non-unique, non-unique-length, count-at=ALPHA, "
+        "largest=QUANTITY@ALPHA, smallest=QUANTITY@ALPHA, critical=SETTING:LO:HI",
+    )
+    add_settings(sweep)
+    sweep.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write table, pictures and store there"
+    )
+    sweep.add_argument("--graphs", action="store_true", help="write the graph of each case, too")
+    sweep.add_argument("--workers", type=int, default=1, metavar="N", help="processes; default 1")
+    sweep.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, such as tcp://10.0.0.1:8786"
+    )
+    sweep.add_argument(
+        "--resume", action="store_true", help="go on with an interrupted sweep that wrote to DIR"
+    )
+
+
+def _range(text: str) -> tuple[str, list[Any]]:
+    """Return the name of a setting and its values."""
+    name, sign, values = text.strip().partition("=")
+    if not (name and sign and values):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form {FORM}")
+    parts = values.split(":")
+    if len(parts) == 1:
+        return name, [_value(word) for word in values.split(",")]
+    try:
+        lo, hi, count = parts
+        return name, _between(float(lo), float(hi), int(count))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form {FORM}") from error
+
+
+def _between(lo: float, hi: float, count: int) -> list[float]:
+    """Return so many values, evenly spaced from lo to hi."""
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"COUNT must be at least 1, got {count}")
+    if not (isfinite(lo) and isfinite(hi)):
+        raise argparse.ArgumentTypeError(f"LO and HI must be finite, got {lo}:{hi}")
+    steps = max(count - 1, 1)
+    return [lo + (hi - lo) * (step / steps) for step in range(count)]
+
+
+def _value(word: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from pwscont.commands.sweep import run  # noqa: PLC0415  only where asked for
+
+    return run(options)

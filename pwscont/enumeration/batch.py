@@ -1,0 +1,105 @@
+"""The last blocks, decided for all their choices together.
+
+One batch of small factorisations for each block, shared by all the choices of the blocks after it:
+the way for few cells, and where no choice can be cut off because a point lies in all of them.
+
+Failure modes and answers
+-------------------------
+- Equations that depend on those decided before: found by the factorisation of each block's own
+  equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
+  batch. A cell without a unique point is handed on as a subspace, not solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.budget import check_budget
+from pwscont.enumeration.choices import Choices, Subspace, negligible, slack_at
+from pwscont.enumeration.options import Option, Problem
+
+
+def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
+    """Decide all remaining blocks, one after the other, for all their choices at once.
+
+    Parameters
+    ----------
+    problem : Problem
+    chosen : tuple of int
+        The options of the first blocks.
+    space : Subspace
+        What their equations leave.
+    """
+    picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
+    growth = np.array([space.growth])
+    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
+    for options in problem.blocks[len(chosen) :]:
+        check_budget()
+        choices, dependent = _spread(choices, options)
+        for picked, parent in dependent:
+            narrower = parent.narrowed(options[picked[-1]])
+            if narrower is not None:
+                yield from together(problem, picked, narrower)
+    yield choices if choices.directions.shape[-1] else _inside(problem, choices)
+
+
+def _spread(
+    choices: Choices, options: Sequence[Option]
+) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
+    """Impose every option of one more block on every choice.
+
+    Returns the choices whose new equations are independent of the old ones, and the others as
+    their picks with the subspace before the last of them.
+    """
+    matrices, values = _equations(choices, options)
+    k = values.shape[-1]
+    Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
+    R = np.swapaxes(R[..., :k, :], -1, -2)
+    pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    regular = (pivots > negligible(matrices)).all(axis=-1)
+    parents, taken = np.nonzero(regular)
+    Q, directions = Q[regular], choices.directions[parents]
+    steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
+    starts = choices.starts[parents] - (directions @ steps)[..., 0]
+    picks = np.vstack([choices.picks[:, parents], taken])
+    worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
+    growth = np.maximum(choices.growth[parents], worst)
+    spread = Choices(picks, starts, directions @ Q[..., k:], growth)
+    return spread, _dependent(choices, regular)
+
+
+def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
+    """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
+    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
+    values = np.tensordot(choices.starts, E, (1, 2)) + e
+    return E @ choices.directions[:, np.newaxis], values
+
+
+def _dependent(
+    choices: Choices, regular: npt.NDArray[np.bool_]
+) -> Iterator[tuple[tuple[int, ...], Subspace]]:
+    for parent, option in np.argwhere(~regular):
+        picked = (*choices.picks[:, parent].tolist(), int(option))
+        parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
+        yield picked, Subspace(*parts)
+
+
+def _inside(problem: Problem, choices: Choices) -> Choices:
+    """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
+
+    The blocks decided last come first: they leave few choices to the others.
+    """
+    slack = slack_at(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
+    inside = np.ones(len(choices), dtype=bool)
+    for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):
+        for k in np.flatnonzero(np.bincount(picks[inside])):
+            mine = np.flatnonzero(inside & (picks == k))
+            values = choices.starts[mine] @ options[k].G.T + options[k].g
+            inside[mine] = (values >= -slack[mine, np.newaxis]).all(axis=1)
+    values = choices.starts[inside] @ problem.A.T + problem.b
+    inside[inside] = (values >= -slack[inside, np.newaxis]).all(axis=1)
+    return choices[np.flatnonzero(inside)]

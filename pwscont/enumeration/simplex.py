@@ -1,0 +1,251 @@
+"""Dual simplex steps for many small linear programs at once.
+
+Each program asks whether some point has the signs that its forms are asked for
+(:mod:`pwscont.enumeration.forms`). A vertex is the point where q independent forms, the basis,
+vanish; s = coordinates + directions @ (values of the basis). The objective is any linear function
+that is least at the vertex, for the signs asked of the basis. More signs asked leave it so: the
+dual simplex method (Lemke 1954) begins where the program of the parent ended, and needs few steps.
+
+In each step the form with the wrongest value enters the basis, for the form by which the objective
+grows least (the largest coefficient, where several do). If none can make the value right, the row
+is the proof (Farkas 1902) that no point has the signs asked: form = constant + sum of coefficients
+times forms of the basis, where no term can help.
+
+Failure modes and answers
+-------------------------
+- Rounding grows from step to step, and steps may divide by small coefficients: a proof is checked
+  against the forms themselves. If it fails, the vertex is computed anew from its basis; if it fails
+  again, the program counts as feasible. What is wrongly feasible costs time, and no more.
+- A solution on a boundary: signs count as wrong from SLACK on only, and a proof holds for points
+  that are off by MARGIN.
+- Ties: the method may cycle. After MOST_STEPS a program counts as feasible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.enumeration.choices import SLACK
+from pwscont.enumeration.forms import ANY, NOT_NEGATIVE, NOT_POSITIVE, Forms, Signs
+
+Flags = npt.NDArray[np.bool_]
+
+#: Coefficients below this part of the largest in a row, or of one, are taken for rounding.
+NEGLIGIBLE = 1e-9
+#: By how much forms of unit length may have the wrong sign at a solution: far above rounding.
+MARGIN = 1e-9
+#: Reduced unknowns of a solution are not larger than this: typical ones are of the order of one.
+REACH = 1e4
+#: Costs that are equal but for this are not told apart, so that steps divide by no small number.
+EQUAL_COSTS = 1e-4
+#: Steps of one program, per unknown.
+MOST_STEPS = 20
+#: The change of a form that is asked for a sign: free ones may change either way.
+_WAY = np.array([0.0, 1.0, -1.0, 0.0])
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Vertices:
+    """One vertex for each of N programs.
+
+    Attributes
+    ----------
+    points : ndarray, shape (N, q)
+    directions : ndarray, shape (N, q + 1, q)
+        How the coordinates, and last the objective, change with the value of each form of the
+        basis.
+    basis : ndarray of int, shape (N, q)
+        Numbers of forms.
+    signs : ndarray of int8, shape (N, forms)
+        The signs asked of all forms.
+    """
+
+    points: Array
+    directions: Array
+    basis: Indices
+    signs: Signs
+
+    def __len__(self) -> int:
+        """Return the number of programs."""
+        return len(self.points)
+
+    def __getitem__(self, index: Any) -> Vertices:
+        """Return some of the programs."""
+        parts = self.points[index], self.directions[index], self.basis[index]
+        return Vertices(*parts, self.signs[index])
+
+    def asking(self, signs: Signs) -> Vertices:
+        """Return the programs with more signs asked, shape (N, forms)."""
+        return Vertices(self.points, self.directions, self.basis, self.signs | signs)
+
+
+def first_vertex(forms: Forms) -> Vertices:
+    """Return the vertex of the signs that are always asked, or nearly: it need not be feasible."""
+    q = forms.rows.shape[1]
+    inverse, basis = np.eye(q), np.arange(len(forms.rows) - q, len(forms.rows))
+    for form in np.flatnonzero(forms.always):
+        row = forms.rows[form] @ inverse
+        size = np.abs(row) * (forms.always[basis] == ANY)
+        if size.size and size.max() > SLACK:
+            j = int(size.argmax())
+            column = inverse[:, j] / row[j]
+            inverse = inverse - np.outer(column, row)
+            inverse[:, j], basis[j] = column, form
+    slopes = _WAY[forms.always[basis]] * np.linspace(1.0, 2.0, q)
+    directions, points = np.vstack([inverse, slopes]), -inverse @ forms.constants[basis]
+    return Vertices(points[None], directions[None], basis[None], forms.always[None])
+
+
+def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
+    """Return which programs have a point with the signs asked, and their new vertices."""
+    left = _Open(programs, np.arange(len(programs)), np.zeros(len(programs), dtype=bool))
+    done: list[_Open] = []
+    for _ in range(MOST_STEPS * (1 + forms.rows.shape[1])):
+        form, value = _most_wrong(forms, left.vertices)
+        done.append(left[value == 0.0])
+        wrong = value != 0.0
+        if not wrong.any():
+            break
+        left, undecided = _step(forms, left[wrong], form[wrong], value[wrong])
+        done.append(undecided)
+    else:
+        done.append(left)
+    return _in_order(done)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Open:
+    """Programs, with their places in the batch, and whether their vertices are computed anew."""
+
+    vertices: Vertices
+    places: Indices
+    is_new: Flags
+
+    def __getitem__(self, index: Any) -> _Open:
+        if index.all():
+            return self
+        return _Open(self.vertices[index], self.places[index], self.is_new[index])
+
+
+def _in_order(done: list[_Open]) -> tuple[Indices, Vertices]:
+    places = np.concatenate([some.places for some in done])
+    order = np.argsort(places)
+    return places[order], _joined([some.vertices for some in done])[order]
+
+
+def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
+    """Return the form of each program whose sign is most wrong, and its value; 0 if all hold."""
+    values, signs = forms.values(vertices.points), vertices.signs
+    wrong = np.maximum(
+        np.where(signs & NOT_NEGATIVE, -values, 0.0), np.where(signs & NOT_POSITIVE, values, 0.0)
+    )
+    form, every = wrong.argmax(axis=1), np.arange(len(values))
+    is_wrong = wrong[every, form] > slack_of(vertices)
+    return form, np.where(is_wrong, values[every, form], 0.0)
+
+
+def slack_of(vertices: Vertices) -> Array:
+    """Return the size, shape (N,), up to which values of the wrong sign hold."""
+    slack: Array = SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
+    return slack
+
+
+def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
+    """Make one form of each program vanish.
+
+    Returns the programs to go on with, and those that cannot be decided. Those that are proved to
+    have no point are dropped.
+    """
+    vertices = left.vertices
+    row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
+    gain = _gains(vertices, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])
+    can = (gain > _rounding(row)).any(axis=1)
+    moved = _pivoted(left[can], form[can], value[can], row[can], gain[can])
+    if can.all():
+        return moved, left[~can]
+    stuck, parts = left[~can], (form[~can], value[~can], row[~can], gain[~can])
+    stuck = stuck[~_is_proved(forms, stuck.vertices, *parts)]
+    again = _computed_anew(forms, stuck[~stuck.is_new])
+    return _together(moved, again), stuck[stuck.is_new]
+
+
+def _gains(vertices: Vertices, slopes: Array) -> Array:
+    """Return how much forms of the basis help where they may change: slopes, or less than zero."""
+    asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
+    gains: Array = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
+    return gains
+
+
+def _rounding(row: Array) -> Array:
+    """Return the size, shape (N, 1), below which coefficients are rounding."""
+    size: Array = NEGLIGIBLE * np.maximum(1.0, np.abs(row).max(axis=1, initial=0.0, keepdims=True))
+    return size
+
+
+def _pivoted(left: _Open, form: Indices, value: Array, row: Array, gain: Array) -> _Open:
+    """Return the programs with a form in the basis for the one that costs least."""
+    old, every = left.vertices, np.arange(len(form))
+    can, cost = gain > _rounding(row), np.abs(old.directions[:, -1])
+    gain = np.where(can, gain, 1.0)
+    most = np.where(can, (cost + EQUAL_COSTS) / gain, np.inf).min(axis=1, keepdims=True)
+    j = np.where(can & (cost <= most * gain), gain, 0.0).argmax(axis=1)
+    column = old.directions[every, :, j] / row[every, j, np.newaxis]
+    directions = column[:, :, np.newaxis] * row[:, np.newaxis]
+    np.subtract(old.directions, directions, out=directions)
+    directions[every, :, j] = column
+    points = old.points - column[:, :-1] * value[:, np.newaxis]
+    basis = old.basis.copy()
+    basis[every, j] = form
+    return replace(left, vertices=Vertices(points, directions, basis, old.signs))
+
+
+def _is_proved(
+    forms: Forms, vertices: Vertices, form: Indices, value: Array, row: Array, gain: Array
+) -> Flags:
+    """Tell whether form = constant + row @ basis, and no term makes up for the constant.
+
+    At a solution within REACH the terms that are taken for rounding, and the difference of both
+    sides, are not larger than their coefficients times REACH, and all others help by no more than
+    their coefficients times MARGIN.
+    """
+    basis = forms.rows[vertices.basis]
+    constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)
+    off = np.abs(forms.rows[form] - (row[:, np.newaxis] @ basis)[:, 0]).sum(axis=1)
+    off += np.maximum(gain, 0.0).sum(axis=1)
+    most = MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
+    is_proved: Flags = constant * np.sign(value) > most
+    return is_proved
+
+
+def _computed_anew(forms: Forms, some: _Open) -> _Open:
+    """Return the programs with vertices computed from their bases, as far as these are regular."""
+    old = some.vertices
+    points, directions = old.points.copy(), old.directions.copy()
+    for k, basis in enumerate(old.basis):
+        with suppress(np.linalg.LinAlgError):
+            directions[k, :-1] = np.linalg.inv(forms.rows[basis])
+            points[k] = -directions[k, :-1] @ forms.constants[basis]
+    anew = np.ones(len(points), dtype=bool)
+    return _Open(Vertices(points, directions, old.basis, old.signs), some.places, anew)
+
+
+def _joined(parts: Sequence[Vertices]) -> Vertices:
+    """Return the programs of several batches as one."""
+    names = [field.name for field in fields(Vertices)]
+    return Vertices(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def _together(a: _Open, b: _Open) -> _Open:
+    if not len(b.places):
+        return a
+    places, is_new = np.append(a.places, b.places), np.append(a.is_new, b.is_new)
+    return _Open(_joined([a.vertices, b.vertices]), places, is_new)

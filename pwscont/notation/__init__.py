@@ -1,0 +1,1 @@
+"""Piecewise-smooth systems written as on paper: with max, min, abs, relu and clip."""

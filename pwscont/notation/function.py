@@ -1,0 +1,206 @@
+"""A user's function f(z, alpha, sw), called with switches that do as they are told.
+
+Failure modes and answers
+-------------------------
+- It fails, returns the wrong shape, or numbers that are not real: said by its name, at the first
+  call.
+- Number, order or shapes of its switches change with z and alpha: refused at the call at which that
+  is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.notation.array_functions import where
+from pwscont.notation.dual import as_operand, joined, value_of
+from pwscont.notation.layout import Call, Layout
+from pwscont.notation.operations import Operation
+from pwscont.notation.switches import Switches, forms_of
+
+#: f(z, alpha, sw) -> (n,)
+Function = Callable[[Any, Any, Switches], Any]
+#: Number of the call, its tests and branches -> the value of each of its switches.
+Pick = Callable[[int, Sequence[Any], Sequence[Any]], Any]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What one call of a function gives: arrays, or Duals if it was called with Duals.
+
+    Attributes
+    ----------
+    value : shape (n,)
+    tests : shape (m,)
+    branches : shape (b,)
+        The branches of all switches, see :class:`Layout`.
+    """
+
+    value: Any
+    tests: Any
+    branches: Any
+
+    def all(self) -> Any:
+        """Return value, tests and branches in one vector."""
+        return joined([self.value, self.tests, self.branches])
+
+    def values(self, layout: Layout) -> Array:
+        """Return the true value of every switch, of a call with numbers."""
+        return layout.values(self.branches, layout.modes(self.tests >= 0.0))
+
+
+@final
+class UserFunction:
+    """A user's function of n unknowns."""
+
+    def __init__(self, f: Function, size: int) -> None:
+        self._f, self._size = f, size
+
+    def surveyed(self, z: Array, alpha: float) -> tuple[Outcome, list[Any]]:
+        """Call the function with true values; return the kinds of bounds of its clips as well."""
+        survey = _Survey()
+        return self._called(z, alpha, survey), survey.forms
+
+    def layout(self, points: Sequence[Array], forms: Sequence[Any]) -> Layout:
+        """Return the switches of the function, whose clips have these kinds of bounds.
+
+        Calls that have the same arguments, to the last digit, at all of several points are one.
+        """
+        surveys = [_Survey(forms) for _ in points]
+        for x, survey in zip(points, surveys, strict=True):
+            self._called(x[:-1], float(x[-1]), survey)
+        calls = surveys[0].calls
+        several = len(points) > 1 and all(each.calls == calls for each in surveys)
+        prints = list(zip(*(each.prints for each in surveys), strict=True)) if several else []
+        return Layout(calls, forms, [prints.index(each) for each in prints] or None)
+
+    def outcome(self, z: Any, alpha: Any, layout: Layout, pick: Pick | None = None) -> Outcome:
+        """Call the function; default with the true values of its switches."""
+        return self._called(z, alpha, _Replay(layout, pick or _true))
+
+    def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
+        value = self._f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
+        switches.close()
+        return Outcome(self._checked(value), joined(switches.tests), joined(switches.branches))
+
+    def _checked(self, value: Any) -> Any:
+        if type(value) is np.ndarray and value.dtype == float and value.shape == (self._size,):
+            return value  # nearly always
+        try:
+            found = as_operand(value)
+        except (TypeError, ValueError) as error:
+            raise InvalidSystemError(
+                f"the function must return {self._size} real numbers, got "
+                f"{type(value).__name__}: {error}"
+            ) from error
+        if found.shape != (self._size,) and not (self._size == 1 and found.shape == ()):
+            raise InvalidSystemError(
+                f"the function returned an array of shape {found.shape}, where one number for each "
+                f"of the {self._size} unknowns is expected, shape ({self._size},)"
+            )
+        return found if found.shape else found.reshape(1)
+
+
+class _Survey:
+    """The switches of a function that is called for the first time, with true values."""
+
+    def __init__(self, forms: Sequence[Any] = ()) -> None:
+        self._known_forms = forms
+        self.calls: list[Call] = []
+        self.forms: list[Any] = []
+        self.tests: list[Any] = []
+        self.branches: list[Any] = []
+        #: Operation and arguments of each call, to the last digit.
+        self.prints: list[Any] = []
+
+    def forms_of(self, lower: Any, upper: Any) -> Any:
+        """Return the kinds of bounds of a clip: those given, or as they are here."""
+        i = len(self.forms)
+        known = i < len(self._known_forms) and self._known_forms[i].shape == lower.shape
+        self.forms.append(self._known_forms[i] if known else forms_of(lower, upper))
+        return self.forms[i]
+
+    def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
+        """Note the arguments of a switch, and return its true value."""
+        self.calls.append(Call(operation, tests[0].shape))
+        self.prints.append((operation, *(each.tobytes() for each in (*tests, *branches))))
+        self.tests += tests
+        self.branches += branches
+        return taken(true_modes(tests), branches)
+
+    def close(self) -> None:
+        """Accept any number of switches."""
+
+
+class _Replay:
+    """The switches of a later call, which must be those of the first one."""
+
+    __slots__ = ("_calls", "_clips", "_layout", "_pick", "_values", "branches", "tests")
+
+    def __init__(self, layout: Layout, pick: Pick) -> None:
+        self._layout, self._pick = layout, pick
+        self._calls = self._clips = 0
+        self._values: list[Any] = []
+        self.tests: list[Any] = []
+        self.branches: list[Any] = []
+
+    def forms_of(self, lower: Any, upper: Any) -> Any:
+        """Return the kinds of bounds of a clip, as they were at the first call."""
+        number, forms = self._clips, self._layout.forms
+        self._clips += 1
+        if number >= len(forms) or forms[number].shape != lower.shape:
+            self._refuse(f"a clip of shape {lower.shape} is number {number + 1} of its clips")
+        return forms[number]
+
+    def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
+        """Note the arguments of a switch, and return its value."""
+        made, layout, shape = self._calls, self._layout, tests[0].shape
+        self._calls += 1
+        if not layout.has(made, operation, shape):
+            self._refuse(f"{Call(operation, shape)} is number {made + 1} of its switches")
+        number = layout.numbers[made]
+        if number == len(self._values):  # else it has been called before
+            self.tests += tests
+            self.branches += branches
+            self._values.append(self._pick(number, tests, branches))
+        return self._values[number]
+
+    def close(self) -> None:
+        """Refuse a call with fewer switches than the first one."""
+        if self._calls != len(self._layout.numbers):
+            self._refuse(f"it has {self._calls} calls of sw")
+
+    def _refuse(self, now: str) -> None:
+        numbers, calls = self._layout.numbers, self._layout.calls
+        first, more = ", ".join(str(calls[i]) for i in numbers[:6]), ", ..." * (len(numbers) > 6)
+        raise InvalidSystemError(
+            f"the switches of the function change with its arguments: {now}, where it had "
+            f"{len(numbers)} calls before ({first}{more}); their number, order and shapes must be "
+            "the same for all z and alpha"
+        )
+
+
+def _true(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
+    """Return the true value of the switches of a call."""
+    return taken(true_modes(tests), branches)
+
+
+def true_modes(tests: Sequence[Any]) -> Any:
+    """Return the mode of each entry of a call: how many of its tests are not negative."""
+    modes = value_of(tests[0]) >= 0.0
+    return modes if len(tests) == 1 else modes.astype(int) + (value_of(tests[1]) >= 0.0)
+
+
+def taken(modes: Any, branches: Sequence[Any]) -> Any:
+    """Return from each entry the branch of its mode."""
+    found = branches[0]
+    for mode, branch in enumerate(branches[1:], start=1):
+        found = where(modes >= mode, branch, found)
+    return found

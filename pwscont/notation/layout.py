@@ -1,0 +1,151 @@
+"""Which switches a user's function has: their operations, and where their tests and branches are.
+
+All tests stand in one vector, call by call of ``sw``, and so do all branches. A *switch* is one
+entry of one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.character import Character
+from pwscont.notation.operations import Operation
+
+
+@final
+@dataclass(frozen=True)
+class Call:
+    """One call of a method of ``sw``."""
+
+    operation: Operation
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """The number of switches: one for each entry."""
+        return int(np.prod(self.shape, dtype=int))
+
+    def __str__(self) -> str:
+        entries = f" of shape {self.shape}" if self.shape else ""
+        return f"sw.{self.operation.name}{entries}"
+
+
+@final
+class Layout:
+    """The switches of a function, in the order in which they are called.
+
+    Attributes
+    ----------
+    calls : sequence of Call
+        Each once: a call with the arguments of an earlier one is the same.
+    numbers : tuple of int
+        The number in ``calls`` of every call that the function makes.
+    forms : sequence of ndarray
+        For each clip of the function, the kinds of bounds of its entries.
+    tests : list of ndarray of int
+        For every switch the places of its tests among all tests.
+    branches : ndarray of int, shape (number of switches, most modes)
+        The places of its branches among all branches; the last one again where there are fewer.
+    """
+
+    def __init__(
+        self, made: Sequence[Call], forms: Sequence[Any], same: Sequence[int] | None = None
+    ) -> None:
+        firsts = list(range(len(made))) if same is None else list(same)
+        places = {first: number for number, first in enumerate(dict.fromkeys(firsts))}
+        self.numbers = tuple(places[first] for first in firsts)
+        self.calls, self.forms = tuple(made[first] for first in places), tuple(forms)
+        first = np.cumsum([0, *(call.size for call in self.calls)])
+        #: The numbers of the switches of each call.
+        self.slices = [slice(*ends) for ends in pairwise(first.tolist())]
+        self.count = int(first[-1])
+        self.operations = [call.operation for call in self.calls for _ in range(call.size)]
+        self.most_modes = max((len(call.operation.modes) for call in self.calls), default=1)
+        self.first_tests, self.last_tests = self._tests()
+        self.branches = self._branches()
+        #: The switches with two tests.
+        self.three = np.flatnonzero(self.first_tests != self.last_tests)
+
+    @property
+    def number_of_tests(self) -> int:
+        """The length of the vector of tests."""
+        return self.count + len(self.three)
+
+    def has(self, number: int, operation: Operation, shape: tuple[int, ...]) -> bool:
+        """Tell whether this is the call of that number, of all that the function makes."""
+        if number >= len(self.numbers):
+            return False
+        call = self.calls[self.numbers[number]]
+        return call.operation is operation and call.shape == shape
+
+    def _offsets(self, more: int) -> list[Indices]:
+        """Return the places of the parts of each call, shape (modes + more, size)."""
+        places, start = [], 0
+        for call in self.calls:
+            parts = len(call.operation.modes) + more
+            places.append(start + np.arange(parts * call.size).reshape(parts, call.size))
+            start += parts * call.size
+        return places
+
+    def _tests(self) -> tuple[Indices, Indices]:
+        places = self._offsets(-1)
+        if not places:
+            return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+        return np.concatenate([p[0] for p in places]), np.concatenate([p[-1] for p in places])
+
+    def _branches(self) -> Indices:
+        parts = self._offsets(0)
+        columns = [p[np.minimum(np.arange(self.most_modes), len(p) - 1)].T for p in parts]
+        return np.vstack(columns) if columns else np.zeros((0, 1), dtype=np.intp)
+
+    def tests_of(self, switch: int) -> tuple[int, ...]:
+        """Return the places of the tests of a switch."""
+        return tuple(dict.fromkeys((int(self.first_tests[switch]), int(self.last_tests[switch]))))
+
+    @cached_property
+    def switch_of(self) -> Indices:
+        """The switch that each test belongs to."""
+        owners = np.empty(self.number_of_tests, dtype=np.intp)
+        owners[self.first_tests] = owners[self.last_tests] = np.arange(self.count)
+        return owners
+
+    def modes(self, signs: Signs) -> Indices:
+        """Return the mode of every switch: how many of its tests are not negative."""
+        modes: Indices = signs[self.first_tests].astype(np.intp)
+        if len(self.three):
+            modes[self.three] += signs[self.last_tests[self.three]]
+        return modes
+
+    def bounding(self, character: Character) -> Signs:
+        """Tell which tests bound a cell: at a lower bound the upper one means nothing."""
+        bounding = np.ones(self.number_of_tests, dtype=bool)
+        if len(self.three):
+            modes = self.modes(character.array)[self.three]
+            bounding[self.last_tests[self.three[modes == 0]]] = False
+            bounding[self.first_tests[self.three[modes == 2]]] = False
+        return bounding
+
+    def signs(self, switch: int) -> tuple[tuple[bool, ...], ...]:
+        """Return the signs of the tests of a switch in each of its modes."""
+        tests = len(self.operations[switch].modes) - 1
+        return tuple(tuple(i < mode for i in range(tests)) for mode in range(tests + 1))
+
+    def cells(self) -> Any:
+        """Yield a character for every combination of modes."""
+        for combination in product(*(self.signs(switch) for switch in range(self.count))):
+            signs = np.zeros(self.number_of_tests, dtype=bool)
+            for switch, mine in enumerate(combination):
+                signs[list(self.tests_of(switch))] = mine
+            yield Character(signs)
+
+    def values(self, branches: Array, modes: Indices) -> Array:
+        """Return the values of all switches, shape (count,)."""
+        values: Array = branches[self.branches[np.arange(self.count), modes]]
+        return values

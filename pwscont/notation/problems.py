@@ -1,0 +1,221 @@
+"""Thin constructors for problems that are often met."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Matrix, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.notation.dual import Dual, as_dual, as_operand, joined
+from pwscont.notation.notated import Notated
+from pwscont.notation.switched import Switched
+
+#: Most unknowns that are tried to find out how many there are.
+MOST_UNKNOWNS = 1000
+
+
+def Complementarity(  # noqa: N802  used like a class
+    F: Callable[[Any, Any], Any],
+    lower: Any = 0.0,
+    upper: Any = np.inf,
+    *,
+    n: int | None = None,
+    jacobian: Callable[[Array, float], Any] | None = None,
+    **given: Any,
+) -> Notated:
+    """Return the mixed complementarity problem of F between bounds.
+
+    z lies between its bounds; F(z, alpha) is zero where z is strictly between them, not negative
+    where z is at the lower bound, and not positive at the upper one.
+
+    Parameters
+    ----------
+    F : callable
+        (z, alpha) -> (n,), smooth.
+    lower, upper : array_like or callable
+        Broadcastable to (n,), infinite where there is no bound; or functions of alpha.
+    n : int, optional
+        The number of unknowns; default as many as F takes, or as there are bounds.
+    jacobian : callable, optional
+        (z, alpha) -> the derivatives of F by (z, alpha), shape (n, n + 1), dense or sparse.
+    **given
+        As for :func:`Switched`: ``linear``, ``names``, ``degree``, ``unique``, ...
+
+    Returns
+    -------
+    PiecewiseSystem
+
+    Raises
+    ------
+    InvalidInputError
+        If the number of unknowns is not clear.
+    InvalidSystemError
+        As for :func:`Switched`.
+    """
+    if not callable(F):
+        raise InvalidInputError(f"F must be a function of (z, alpha), got {F!r}")
+    size = n if n is not None else _size(F, lower, upper)
+    below, above = (bound if callable(bound) else _Constant(bound) for bound in (lower, upper))
+    function = F if jacobian is None else WithJacobian(F, jacobian)
+    return Switched(size, partial(_median, function, below, above), **given)
+
+
+def _median(function: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any) -> Any:
+    """Return the median of z - upper, F and z - lower; so written, no row is a small difference."""
+    return -sw.clip(-as_operand(function(z, alpha)), below(alpha) - z, above(alpha) - z)
+
+
+def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usual name
+    """Return the linear complementarity problem z >= 0, w = M z + q + alpha d >= 0, z w = 0.
+
+    Parameters
+    ----------
+    M : array_like or sparse matrix, shape (n, n)
+    q, d : array_like, shape (n,)
+    **given
+        As for :func:`Switched`: ``names``, ``degree``, ``unique``, ... With a P-matrix there is one
+        solution at each alpha: ``degree=1, unique=True``.
+
+    Returns
+    -------
+    PiecewiseLinearSystem
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes do not fit.
+    """
+    matrix = M if sp.issparse(M) else finite_array("M", M)
+    n = matrix.shape[0]
+    if matrix.shape != (n, n):
+        raise InvalidInputError(f"M must be square, got shape {matrix.shape}")
+    q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
+    return Complementarity(lambda z, t: matrix @ z + q + t * d, n=n, **{"linear": True} | given)
+
+
+def AbsNormal(  # noqa: N802  the usual name
+    Z: Any, L: Any, J: Any, Y: Any, c: Any, b: Any, **given: Any
+) -> Notated:
+    """Return the system in abs-normal form s = c + Z x + L |s|, 0 = b + J x + Y |s|.
+
+    Any piecewise-linear function can be written so (Griewank, *On stable piecewise linearization
+    and generalized algorithmic differentiation*, 2013). x are the unknowns; alpha is in c or b.
+
+    Parameters
+    ----------
+    Z, L, J, Y : array_like, shapes (s, n), (s, s), (n, n), (n, s)
+        L is strictly lower triangular: each switch depends on those before it.
+    c, b : array_like or callable
+        Shapes (s,) and (n,); or pairs (constant, slope), shapes (2, s) and (2, n); or functions of
+        alpha, affine unless ``linear=False`` is given.
+    **given
+        As for :func:`Switched`.
+
+    Returns
+    -------
+    PiecewiseLinearSystem
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes do not fit, or L is not strictly lower triangular.
+    """
+    Z, L, J, Y = (finite_array(name, A) for name, A in zip("ZLJY", (Z, L, J, Y), strict=True))
+    n, count = len(J), len(Z)
+    shapes = {"Z": (count, n), "L": (count, count), "J": (n, n), "Y": (n, count)}
+    for A, (name, shape) in zip((Z, L, J, Y), shapes.items(), strict=True):
+        if A.shape != shape:
+            raise InvalidInputError(f"{name} has shape {A.shape}, expected {shape}")
+    if np.triu(L).any():
+        raise InvalidInputError("L must be strictly lower triangular: each switch after its own")
+    inner, outer = _affine("c", c, count), _affine("b", b, n)
+
+    def f(x: Any, alpha: Any, sw: Any) -> Any:
+        s, sizes = inner(alpha) + Z @ x, np.zeros(0)
+        for first, last in _levels(L):
+            level = s[first:last] + L[first:last, :first] @ sizes
+            sizes = joined([sizes, sw.abs(level)])
+        return outer(alpha) + J @ x + Y @ sizes
+
+    return Switched(n, f, **{"linear": True} | given)
+
+
+def _levels(L: Array) -> list[tuple[int, int]]:
+    """Return successive switches that do not depend on each other, as (first, last + 1)."""
+    levels, first = [], 0
+    for last in range(1, len(L) + 1):
+        if last == len(L) or L[last, first:last].any():
+            levels.append((first, last))
+            first = last
+    return levels
+
+
+def _affine(name: str, values: Any, size: int) -> Callable[[Any], Any]:
+    """Return a function of alpha from numbers, or from a constant and a slope."""
+    if callable(values):
+        return values  # type: ignore[no-any-return]
+    array = finite_array(name, values)
+    if array.shape == (2, size):
+        return lambda alpha: array[0] + alpha * array[1]
+    if array.shape != (size,):
+        raise InvalidInputError(
+            f"{name} has shape {array.shape}, expected ({size},) or (2, {size})"
+        )
+    return lambda alpha: array
+
+
+@final
+class _Constant:
+    """A bound that does not depend on alpha."""
+
+    def __init__(self, values: Any) -> None:
+        self._values = np.asarray(values, dtype=float)
+
+    def __call__(self, alpha: Any) -> Array:
+        return self._values
+
+
+def _size(F: Callable[[Any, Any], Any], lower: Any, upper: Any) -> int:
+    """Return how many unknowns a function takes."""
+    lengths = [np.size(bound) for bound in (lower, upper) if not callable(bound) and np.ndim(bound)]
+    if lengths:
+        return max(lengths)
+    fits = (n for n in range(1, MOST_UNKNOWNS + 1) if _takes(F, n))
+    found = next(fits, None)
+    if found is None or _takes(F, found + 1):
+        raise InvalidInputError(
+            "how many unknowns F has is not clear, say it: Complementarity(F, ..., n=...)"
+        )
+    return found
+
+
+@np.errstate(all="ignore")
+def _takes(F: Callable[[Any, Any], Any], n: int) -> bool:
+    """Tell whether a function takes n unknowns, and returns as many values."""
+    try:
+        return bool(np.shape(F(np.full(n, 0.5), 0.5)) == (n,))
+    except Exception:  # it takes another number
+        return False
+
+
+@final
+class WithJacobian:
+    """A function F(z, alpha) whose derivatives a user gives."""
+
+    def __init__(self, F: Callable[[Any, Any], Any], jacobian: Callable[[Any, Any], Any]) -> None:
+        self._F, self._jacobian = F, jacobian
+
+    def __call__(self, z: Any, alpha: Any) -> Any:
+        """Return F, with its derivatives if it is asked for them."""
+        if not isinstance(z, Dual):
+            return self._F(z, alpha)
+        variables = z.rows.shape[1]
+        number = float(alpha.value) if isinstance(alpha, Dual) else float(alpha)
+        matrix: Matrix = self._jacobian(z.value.copy(), number)
+        along = joined([z, as_dual(alpha, variables)])
+        return Dual(as_operand(self._F(z.value.copy(), number)), matrix @ along.rows)

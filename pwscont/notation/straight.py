@@ -1,0 +1,208 @@
+"""Systems that are affine between their kinks, as matrices: the function is called no more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.notation.layout import Layout
+from pwscont.notation.notated import Given, Notated
+from pwscont.notation.selected import RowChoice, stored
+from pwscont.system.system import Block, PiecewiseLinearSystem
+
+#: Cells of which the matrix is kept.
+KEPT = 4
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class SystemRows:
+    """A system of rows ``A x + a`` with x = (z, alpha), all unknowns in z.
+
+    Attributes
+    ----------
+    hidden : ndarray of int
+        The switches with an unknown of their own.
+    owner : ndarray of int, shape (size,)
+        The switch that chooses each row, -1 for none.
+    modes : list of (csr array, ndarray)
+        All rows with every switch in its k-th mode.
+    tests, branches : (csr array, ndarray)
+    value : (csr array, ndarray)
+        The value of each switch where the system is solved, shape (number of switches, size + 1).
+    """
+
+    hidden: Indices
+    owner: Indices
+    modes: list[tuple[Matrix, Array]]
+    tests: tuple[Matrix, Array]
+    branches: tuple[Matrix, Array]
+    value: tuple[Matrix, Array]
+
+
+def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemRows:
+    """Return the rows of a system from the coefficients of its function.
+
+    A switch that stands in one equation only, and in no argument of another switch, is put there:
+    its modes are those of that equation. Any other switch is an unknown of its own, with the row
+    y - branch. Both leave det(dH/dz) as it is.
+    """
+    m, count = layout.number_of_tests, layout.count
+    absorbed = _absorbed(matrix, size, count)
+    hidden = np.setdiff1d(np.arange(count), absorbed)
+    kept = np.concatenate([np.arange(size), size + hidden, [size + count]])
+    parts = np.split(np.arange(len(rest)), [size, size + m])
+    (F, f), (T, t), (B, b) = ((matrix[p][:, kept].tocsr(), rest[p]) for p in parts)
+    own = matrix[:size][:, size : size + count].tocsr()
+    factor = np.array([own[i, j] if j >= 0 else 0.0 for i, j in enumerate(absorbed)])
+    unit = sp.eye_array(len(hidden), len(kept), k=size, format="csr")
+    owner = np.concatenate([absorbed, hidden])
+    modes = []
+    for mode in range(layout.most_modes):
+        place = layout.branches[:, mode]
+        taken = place[absorbed] if count else np.zeros(size, dtype=np.intp)
+        top = (F + sp.diags_array(factor) @ B[taken], f + factor * b[taken]) if count else (F, f)
+        bottom = (unit - B[place[hidden]], -b[place[hidden]])
+        whole = sp.vstack([top[0], bottom[0]], "csr")
+        whole.eliminate_zeros()
+        modes.append((whole, np.append(top[1], bottom[1])))
+    value = _values(F, f, unit, hidden, absorbed, factor, count)
+    return SystemRows(hidden, owner, modes, (T, t), (B, b), value)
+
+
+def _absorbed(matrix: Matrix, size: int, count: int) -> Indices:
+    """Return for each equation the switch that is put there, -1 for none."""
+    by_switch = (matrix[:, size : size + count] != 0.0).tocsc()
+    absorbed = np.full(size, -1)
+    for switch in range(count):
+        rows = by_switch.indices[by_switch.indptr[switch] : by_switch.indptr[switch + 1]]
+        if len(rows) == 1 and rows[0] < size and absorbed[rows[0]] < 0:
+            absorbed[rows[0]] = switch
+    return absorbed
+
+
+def _values(
+    F: Matrix,
+    f: Array,
+    unit: Matrix,
+    hidden: Indices,
+    absorbed: Indices,
+    factor: Array,
+    count: int,
+) -> tuple[Matrix, Array]:
+    """Return the values of all switches at solutions: their unknowns, or as their rows say."""
+    values, rest = sp.lil_array((count, F.shape[1])), np.zeros(count)
+    if len(hidden):
+        values[hidden] = unit
+    rows = np.flatnonzero(absorbed >= 0)
+    if len(rows):
+        values[absorbed[rows]] = sp.diags_array(-1.0 / factor[rows]) @ F[rows]
+        rest[absorbed[rows]] = -f[rows] / factor[rows]
+    return values.tocsr(), rest
+
+
+@final
+class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
+    """A piecewise-linear system written with switches; made by :func:`pwscont.Switched`."""
+
+    def __init__(
+        self, size: int, layout: Layout, rows: SystemRows, given: Given, own: dict[int, int]
+    ) -> None:
+        super().__init__(size, layout, rows.hidden, given, own)
+        self._rows = rows
+        self._chosen = RowChoice(rows.modes)
+        self._tests, self._test_values = stored(rows.tests[0]), rows.tests[1]
+        self._switched = np.flatnonzero(rows.owner >= 0)
+        #: The matrices of the last cells: around a transition two take turns.
+        self._known: dict[bytes, Matrix] = {}
+        self.domain = self._ordered()
+
+    def _ordered(self) -> tuple[float, float]:
+        """Return for which alpha all lower bounds of clips are below the upper ones.
+
+        Bounds that depend on z do not count.
+        """
+        three, (T, t) = self._layout.three, self._rows.tests
+        first, last = self._layout.first_tests[three], self._layout.last_tests[three]
+        widths, rest = (T[first] - T[last]).toarray(), t[first] - t[last]
+        rising = ~widths[:, :-1].any(axis=1) & (widths[:, -1] != 0.0)
+        slopes, rest = widths[rising, -1], rest[rising]
+        zeros = -rest / slopes
+        lo, hi = zeros[slopes > 0.0].max(initial=-np.inf), zeros[slopes < 0.0].min(initial=np.inf)
+        if lo > hi:
+            raise InvalidSystemError("a lower bound of sw.clip is above the upper one at all alpha")
+        return float(lo), float(hi)
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return the tests of all switches."""
+        values: Array = self._tests @ np.append(z, alpha) + self._test_values
+        return values
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the constant gradients of the tests."""
+        return self._tests
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the equations of the user, then those of the hidden unknowns."""
+        return self._chosen.values(self._modes_of_rows(character.array), np.append(z, alpha))
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant matrix of a cell; those of the last cells are kept."""
+        key = bytes(character)
+        if (known := self._known.get(key)) is None:
+            known = self._chosen.rows(self._modes_of_rows(character.array))
+            if len(self._known) >= KEPT:
+                self._known.pop(next(iter(self._known)), None)
+            self._known[key] = known
+        return known
+
+    def _modes_of_rows(self, signs: Signs) -> Indices:
+        modes = np.zeros(self.size, dtype=np.intp)
+        modes[self._switched] = self._layout.modes(signs)[self._rows.owner[self._switched]]
+        return modes
+
+    def values_of_switches(self, z: Array, alpha: float) -> Array:
+        """Return the value of each switch: of the inner ones first, on which others depend."""
+        layout, (B, b), (T, t) = self._layout, self._rows.branches, self._rows.tests
+        values, x = np.zeros(layout.count), np.zeros(self.size + 1)
+        x[: self.shown], x[-1] = z, alpha
+        for mine in layout.slices:
+            modes = layout.modes(T @ x + t >= 0.0)
+            values[mine] = layout.values(B @ x + b, modes)[mine]
+            x[self.shown : -1] = values[self._rows.hidden]
+        return values
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return one block for each switch, which owns one row."""
+        rows = {int(switch): row for row, switch in enumerate(self._rows.owner) if switch >= 0}
+        return tuple(
+            Block(self._layout.tests_of(switch), (rows[switch],), self._layout.signs(switch))
+            for switch in range(self._layout.count)
+        )
+
+    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
+        """Return that a maximum is not below its arguments, and so on."""
+        A, b = self._necessary
+        return A[:, :-1], b + alpha * A[:, -1]
+
+    @cached_property
+    def _necessary(self) -> tuple[Array, Array]:
+        (B, b), (V, v) = self._rows.branches, self._rows.value
+        sides = [
+            (switch, self._layout.branches[switch, mode], side)
+            for switch, operation in enumerate(self._layout.operations)
+            for mode, side in enumerate(operation.sides)
+            if side
+        ]
+        if not sides:
+            return np.zeros((0, self.size + 1)), np.zeros(0)
+        switch, branch, side = (np.array(column) for column in zip(*sides, strict=True))
+        rows = sp.diags_array(side.astype(float)) @ (V[switch] - B[branch])
+        return rows.toarray(), side * (v[switch] - b[branch])

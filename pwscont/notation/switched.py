@@ -1,0 +1,213 @@
+"""Systems from formulas with switches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont.basics.generic import generic
+from pwscont.notation.affine import coefficients
+from pwscont.notation.curved import SwitchedSystem
+from pwscont.notation.derivatives import derivatives_of
+from pwscont.notation.dual import Dual, as_dual
+from pwscont.notation.function import Function, UserFunction
+from pwscont.notation.layout import Layout
+from pwscont.notation.lifted import LiftedFunction
+from pwscont.notation.notated import Given, Notated
+from pwscont.notation.straight import SwitchedLinearSystem, assembled
+from pwscont.notation.switches import common_form
+
+#: Points at which the function must be finite, and sizes of those that are tried.
+SURVEYED = 3
+TRIED = (1.0, 0.5, 0.1, 2.0, 10.0, 0.0)
+
+
+def Switched(  # noqa: N802  used like a class
+    n: int,
+    f: Function,
+    *,
+    linear: bool = False,
+    names: Sequence[str] | None = None,
+    switches: Sequence[str] | None = None,
+    degree: int | None = None,
+    unique: bool = False,
+    bounds: tuple[Any, Any] | None = None,
+    periods: Any = None,
+) -> Notated:
+    """Return the system f(z, alpha, sw) = 0, where ``sw`` has max, min, abs, relu, clip and where.
+
+    Parameters
+    ----------
+    n : int
+        The number of unknowns.
+    f : callable
+        (z, alpha, sw) -> (n,). z has shape (n,); ``sw`` is a :class:`Switches`, whose methods take
+        numbers and arrays that broadcast. It is to be smooth but for its switches, which may be
+        nested. Written with numpy it is differentiated exactly, and so is one written with
+        ``jax.numpy``; otherwise by differences.
+    linear : bool
+        The promise that f is affine in (z, alpha) between its kinks. It is checked. Paths are then
+        exact polygons, and all solutions at one alpha can be listed.
+    names : sequence of str, length n, optional
+        The names of the unknowns.
+    switches : sequence of str, optional
+        The names of the switches, in the order in which f calls them: one for each entry, or one
+        for each call.
+    degree, unique
+        As for :class:`~pwscont.PiecewiseSystem`.
+    bounds : tuple of array_like, optional
+        Between which values z makes sense: (lower, upper), each broadcastable to (n,).
+    periods : array_like, optional
+        After what each unknown repeats itself.
+
+    Returns
+    -------
+    PiecewiseSystem
+        A :class:`~pwscont.PiecewiseLinearSystem` if ``linear``.
+
+    Raises
+    ------
+    InvalidInputError
+        If n is no positive whole number, f cannot be called, or names do not fit.
+    InvalidSystemError
+        If f fails, returns something else than n real numbers, has a kink without a switch, a
+        number of switches that changes with z, or is not affine where that is promised.
+    """
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")
+    if not callable(f):
+        raise InvalidInputError(f"f must be a function of (z, alpha, sw), got {f!r}")
+    given = Given(_texts(names), _texts(switches), degree, unique, bounds, periods)
+    function, size = UserFunction(f, int(n)), int(n)
+    if linear:
+        _, layout = _first_calls(function, list(_points(size, Given())))
+        matrix, rest = coefficients(function, size, layout)
+        own = unknowns_bounded(matrix[:size, :-1], size)
+        rows = assembled(matrix, rest, size, layout)
+        return SwitchedLinearSystem(size, layout, rows, given, own)
+    return _curved(function, size, given)
+
+
+def _texts(names: Any) -> tuple[str, ...] | None:
+    if names is None:
+        return None
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        raise InvalidInputError(f"names must be a list of texts, got {names!r}")
+    return tuple(names)
+
+
+def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:
+    points = list(_points(size, given))
+    x, layout = _first_calls(function, points)
+    hidden, own_names = _dependence(function, size, layout, x)
+    lifted = LiftedFunction(function, size, layout, hidden)
+    values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
+    at = np.concatenate([x[:-1], values[hidden], x[-1:]])
+    return SwitchedSystem(lifted, derivatives_of(lifted, [at]), given, own_names)
+
+
+def _points(size: int, given: Given) -> Iterator[Array]:
+    """Yield points at which to try a function, within the bounds."""
+    lower, upper = given.bounds or (-np.inf, np.inf)
+    for shift, reach in enumerate(TRIED):
+        x = reach * generic(size + 1, shift)
+        yield np.append(np.clip(x[:-1], lower, upper), x[-1])
+        yield np.append(np.clip(np.abs(x[:-1]), lower, upper), abs(x[-1]))
+
+
+def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array, Layout]:
+    """Return a point where a function is finite, and its switches.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it fails, or is finite at none of the points.
+    """
+    failure: Exception | None = None
+    finite: list[tuple[Array, list[Any]]] = []
+    for x in points:
+        try:
+            with np.errstate(all="ignore"):
+                outcome, forms = function.surveyed(x[:-1], float(x[-1]))
+        except InvalidSystemError:
+            raise
+        except Exception as error:  # perhaps it is not defined there
+            failure = failure or error
+            continue
+        if np.isfinite(outcome.all()).all():
+            finite.append((x, forms))
+        if len(finite) == SURVEYED:
+            break
+    if not finite:
+        raise _undefined(failure, len(points))
+    x, first = finite[0]
+    if len({tuple(form.shape for form in forms) for _, forms in finite}) > 1:
+        raise InvalidSystemError("the calls of sw.clip change with z or alpha")
+    forms = [common_form(np.array([f[k] for _, f in finite])) for k in range(len(first))]
+    return x, function.layout([x for x, _ in finite], forms)
+
+
+def _undefined(failure: Exception | None, tried: int) -> InvalidSystemError:
+    if failure is not None:
+        error = InvalidSystemError(f"the function fails: {type(failure).__name__}: {failure}")
+        error.__cause__ = failure
+        return error
+    return InvalidSystemError(
+        f"the function is finite at none of {tried} points of the order of one; an argument of sw "
+        "may be infinite, where only sw.clip takes infinite bounds; or give bounds within which it "
+        "makes sense"
+    )
+
+
+def _dependence(
+    function: UserFunction, size: int, layout: Layout, x: Array
+) -> tuple[Indices, dict[int, int]]:
+    """Return on which switches other switches depend, and which are one unknown each."""
+    everything = LiftedFunction(function, size, layout, np.arange(layout.count))
+    with np.errstate(all="ignore"):
+        values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
+        at = np.concatenate([x[:-1], values, x[-1:]])
+        rows = sp.csr_array(_slopes(everything, at))
+    inner = np.flatnonzero(abs(rows[size:, size:-1]).sum(axis=0) != 0.0)
+    return inner, unknowns_bounded(rows[:size, :-1], size)
+
+
+def unknowns_bounded(equations: Any, size: int) -> dict[int, int]:
+    """Return after which unknown a switch is called, by the equation in which it stands.
+
+    That is the unknown whose value the switch is, in z_i - y = 0; or, where an equation is a switch
+    and nothing else, the unknown of the same number.
+
+    Parameters
+    ----------
+    equations : csr array, shape (n, n + number of switches)
+        Derivatives of the equations by the unknowns and by the values of the switches.
+    """
+    own: dict[int, int] = {}
+    for row in range(size):
+        entries = slice(equations.indptr[row], equations.indptr[row + 1])
+        values = dict(zip(equations.indices[entries], equations.data[entries], strict=True))
+        places = sorted(place for place, value in values.items() if value != 0.0)
+        if len(places) == 1 and places[0] >= size:
+            own[int(places[0]) - size] = row
+        elif len(places) == 2 and places[0] < size <= places[1] and not sum(values.values()):
+            own[int(places[1]) - size] = int(places[0])
+    return own
+
+
+def _slopes(lifted: LiftedFunction, x: Array) -> Any:
+    """Return derivatives by all switches, or changes where there are no derivatives."""
+    try:
+        u = Dual.variables(x, 0, len(x))
+        return as_dual(lifted.outcome(u, float(x[-1]), None).all(), len(x)).rows
+    except InvalidSystemError:
+        raise
+    except Exception:  # it does what Duals do not know; numbers it can do
+        here = lifted.outcome(x, float(x[-1]), None).all()
+        moved = x + np.diag(np.abs(generic(len(x))))
+        return np.stack([lifted.outcome(y, float(y[-1]), None).all() - here for y in moved], axis=1)

@@ -1,0 +1,125 @@
+"""One case: a pure call from its number to a row of the table.
+
+Whatever runs the cases, each row depends on its number alone, but for the seconds it took.
+
+Failure modes and answers
+-------------------------
+- The problem cannot be made or explored: the row has no values, and says why.
+- One measure fails: its value is None, the row says why, and keeps the other values.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import final
+
+from pwscont.basics.errors import PwscontError
+from pwscont.studies.explored import ExploredCase
+from pwscont.studies.grid import Grid, Setting
+from pwscont.studies.measures import Measure, Measured
+from pwscont.studies.problem import Problem
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class StudyRow:
+    """A row of the table of a study.
+
+    Attributes
+    ----------
+    case : int
+        The number of the case, from 0.
+    settings : mapping of str to value
+    values : mapping of str to value
+        What was measured; None where there is nothing, or where it failed.
+    proven : bool
+        Whether all graphs of the case are complete; else counts are least numbers.
+    guarantee : str
+        What is known of the completeness of the graph, in words.
+    seconds : float
+    failure : str
+        What failed, and why; empty where nothing did.
+    """
+
+    case: int
+    settings: Mapping[str, Setting]
+    values: Mapping[str, Measured] = field(default_factory=dict)
+    proven: bool = False
+    guarantee: str = ""
+    seconds: float = 0.0
+    failure: str = ""
+
+    @property
+    def numbers(self) -> tuple[object, ...]:
+        """All but the seconds: the same whenever and wherever the case is run."""
+        values = tuple(self.values.items())
+        return self.case, *self.settings.items(), values, self.guarantee, self.failure
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CaseRunner:
+    """Runs single cases of a study; sent to the processes that do.
+
+    Attributes
+    ----------
+    problem : callable
+    grid : Grid
+    measures : mapping of str to Measure
+    graphs : Path or None
+        The directory that takes the graph of each case.
+    """
+
+    problem: Problem
+    grid: Grid
+    measures: Mapping[str, Measure]
+    graphs: Path | None = None
+
+    def __call__(self, number: int) -> StudyRow:
+        """Run a case; returns its row, whatever happens."""
+        begin = time.perf_counter()
+        row = self._row(number)
+        return replace(row, seconds=time.perf_counter() - begin)
+
+    def _row(self, number: int) -> StudyRow:
+        row = self.failed(number, "")
+        case, values = ExploredCase(self.problem, row.settings), dict(row.values)
+        failures: list[str] = []
+        if self.graphs:
+            with _noted(failures, case, "graph"):
+                case.graph.save(graph_file(self.graphs, number))
+        for name, measure in self.measures.items():
+            with _noted(failures, case, name):
+                values[name] = measure.of(case)
+        return replace(
+            row,
+            values=values,
+            proven=case.is_proven,
+            guarantee=case.guarantee,
+            failure="; ".join(dict.fromkeys(failures)),
+        )
+
+    def failed(self, number: int, why: str) -> StudyRow:
+        """Return the row of a case that has no graph."""
+        nothing: dict[str, Measured] = dict.fromkeys(self.measures)
+        return StudyRow(number, self.grid.settings(number), nothing, failure=why)
+
+
+def graph_file(directory: Path, number: int) -> Path:
+    """Return the file of the graph of a case."""
+    return directory / f"{number:06d}.npz"
+
+
+@contextmanager
+def _noted(failures: list[str], case: ExploredCase, what: str) -> Iterator[None]:
+    """Note what failed instead of raising it, what would end the program, too."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        where = "" if error is case.failure else f"{what}: "
+        kind = "" if isinstance(error, PwscontError) else f"{type(error).__name__}: "
+        failures.append(" ".join(f"{where}{kind}{error}".split()))

@@ -1,0 +1,118 @@
+"""Cases on a cluster: the workers of a Dask scheduler.
+
+Failure modes and answers
+-------------------------
+- A worker dies: Dask runs its cases elsewhere, and gives up a case that ended several workers; the
+  case becomes a failed row.
+- No scheduler answers, or workers have other versions, so other numbers: refused before any work.
+- The scheduler goes away: the study ends with an error, and what is stored stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from itertools import islice
+from typing import Any
+
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont.linear.threads import few_threads
+from pwscont.studies.case import CaseRunner, StudyRow
+from pwscont.studies.provenance import versions
+
+#: Cases that are sent ahead; more would fill the scheduler's memory.
+AHEAD = 500
+#: Seconds after which a scheduler that does not answer is taken to be none.
+PATIENCE = 10.0
+
+
+def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterator[StudyRow]:
+    """Yield the rows of some cases, as they are finished.
+
+    Parameters
+    ----------
+    run : CaseRunner
+    numbers : iterable of int
+    address : str
+        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
+
+    Raises
+    ------
+    MissingPackageError
+        If Dask is not installed.
+    InvalidInputError
+        If no scheduler answers there, its workers have other versions, or it goes away.
+    """
+    distributed = _distributed()
+    with _client(distributed, address) as client:
+        _check_versions(client)
+        yield from _rows(distributed, client, run, iter(numbers))
+
+
+def _rows(
+    distributed: Any, client: Any, run: CaseRunner, numbers: Iterator[int]
+) -> Iterator[StudyRow]:
+    """Yield rows, with a constant number of cases sent ahead."""
+    sent = {_sent(client, run, number): number for number in islice(numbers, AHEAD)}
+    finished = distributed.as_completed(list(sent), loop=client.loop)
+    for future in finished:
+        number = sent.pop(future)
+        yield _row(future, run, number)
+        for following in islice(numbers, 1):
+            more = _sent(client, run, following)
+            sent[more] = following
+            finished.add(more)
+
+
+def run_alone(run: CaseRunner, number: int) -> StudyRow:
+    """Run a case on a worker, with one thread of BLAS."""
+    with few_threads(0):
+        return run(number)
+
+
+def _sent(client: Any, run: CaseRunner, number: int) -> Any:
+    return client.submit(run_alone, run, number, pure=False)
+
+
+def _row(future: Any, run: CaseRunner, number: int) -> StudyRow:
+    if future.status == "finished":
+        return future.result()  # type: ignore[no-any-return]
+    if future.status != "error":
+        raise InvalidInputError(
+            f"the scheduler does not have case {number} any more (it is {future.status}): was it "
+            "started again? With a store, resume goes on"
+        )
+    error = future.exception()
+    return run.failed(number, " ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def _distributed() -> Any:
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise MissingPackageError(
+            "a scheduler needs Dask: pip install 'dask[distributed]', or pip install '.[study]' "
+            "in a checkout of pwscont"
+        ) from error
+
+
+def _client(distributed: Any, address: str) -> Any:
+    try:
+        return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(
+            f"no Dask scheduler answers at {address!r}; start one with 'dask scheduler', which "
+            "prints its address"
+        ) from error
+
+
+def _check_versions(client: Any) -> None:
+    """Refuse workers with other versions: their numbers may differ."""
+    here = versions()
+    for worker, there in client.run(versions).items():
+        for name in here:
+            if there[name] != here[name]:
+                raise InvalidInputError(
+                    f"worker {worker} has {name} {there[name]}, and this process {here[name]}: "
+                    "the numbers may differ"
+                )

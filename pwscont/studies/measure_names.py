@@ -1,0 +1,119 @@
+"""Measures by name, as the command line takes them: ``max-count``, ``count-at=0.5``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from pwscont.basics.errors import InvalidInputError, UnknownNameError
+from pwscont.basics.looks import short
+from pwscont.studies.grid import checked_column
+from pwscont.studies.measures import (
+    CountAt,
+    CriticalValue,
+    FirstFold,
+    MaxCount,
+    Measure,
+    NonUnique,
+    NonUniqueLength,
+    OfGraph,
+    QuantityAt,
+)
+
+
+def _critical(text: str) -> Measure:
+    setting, lo, hi = text.split(":")
+    return CriticalValue(setting, float(lo), float(hi))
+
+
+def _largest(text: str) -> Measure:
+    name, alpha = text.rsplit("@", 1)
+    return QuantityAt(name, float(alpha), max)
+
+
+def _smallest(text: str) -> Measure:
+    name, alpha = text.rsplit("@", 1)
+    return QuantityAt(name, float(alpha), min)
+
+
+#: For each name, the form of what follows it, and the measure.
+SIMPLE: Mapping[str, Callable[[], Measure]] = {
+    "max-count": MaxCount,
+    "first-fold": FirstFold,
+    "non-unique": NonUnique,
+    "non-unique-length": NonUniqueLength,
+}
+WITH_VALUE: Mapping[str, tuple[str, Callable[[str], Measure]]] = {
+    "count-at": ("ALPHA", lambda text: CountAt(float(text))),
+    "critical": ("SETTING:LO:HI", _critical),
+    "largest": ("QUANTITY@ALPHA", _largest),
+    "smallest": ("QUANTITY@ALPHA", _smallest),
+}
+#: All of them, in words.
+FORMS = ", ".join([*SIMPLE, *(f"{name}={form}" for name, (form, _) in WITH_VALUE.items())])
+
+
+def measure_named(text: str) -> Measure:
+    """Return a measure by its name, such as ``critical=friction:0.1:5``.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none of this name; the message names close ones.
+    InvalidInputError
+        If what follows the name is not of its form.
+    """
+    name, sign, value = text.partition("=")
+    if name in SIMPLE and not sign:
+        return SIMPLE[name]()
+    if name in WITH_VALUE:
+        form, make = WITH_VALUE[name]
+        try:
+            return make(value)
+        except InvalidInputError:
+            raise
+        except ValueError as error:
+            raise InvalidInputError(f"measure {text!r} is not of the form {name}={form}") from error
+    if name in SIMPLE:
+        raise InvalidInputError(f"measure {text!r}: {name} takes no value")
+    near = get_close_matches(name, [*SIMPLE, *WITH_VALUE], n=2, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    raise UnknownNameError(f"there is no measure {text!r}; measures are {FORMS}{hint}")
+
+
+def checked_measures(given: Mapping[str, Any] | Iterable[str]) -> dict[str, Measure]:
+    """Return measures by the names of their columns.
+
+    Parameters
+    ----------
+    given : mapping of str to Measure, callable or str, or iterable of str
+        A callable takes a :class:`pwscont.BranchGraph`; a text is the name of a measure.
+
+    Raises
+    ------
+    InvalidInputError, UnknownNameError
+    """
+    if isinstance(given, str):
+        raise InvalidInputError(f"measure must be several names, as in [{given!r}], got a text")
+    if not isinstance(given, Mapping):
+        names = list(given)
+        if twice := [name for i, name in enumerate(names) if name in names[:i]]:
+            raise InvalidInputError(f"measure {twice[0]!r} is asked for twice")
+        given = {name: name for name in names}
+    if not given:
+        raise InvalidInputError(f"a study needs something to measure: {FORMS}")
+    return {checked_column("measure", name): _measure(name, what) for name, what in given.items()}
+
+
+def _measure(name: str, what: Any) -> Measure:
+    if isinstance(what, str):
+        return measure_named(what)
+    if isinstance(what, Measure):
+        return what
+    if isinstance(what, type) or not callable(what):
+        raise InvalidInputError(
+            f"measure {name!r} must be a Measure, a function of the graph, or the name of a "
+            f"measure, got {short(repr(what))}"
+        )
+    return OfGraph(what)

@@ -1,0 +1,245 @@
+"""What a study measures of each case.
+
+Values are numbers, texts, tuples of them, or None where there is nothing to measure, as for the
+first fold of a curve without folds.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import isfinite, isnan
+from typing import Any, TypeAlias, final
+
+import numpy as np
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.kind import Kind
+from pwscont.basics.looks import short
+from pwscont.graph import BranchGraph
+from pwscont.studies.explored import ExploredCase
+from pwscont.studies.problem import described
+
+Measured: TypeAlias = bool | int | float | str | tuple[Any, ...] | None
+#: A critical value is known to this part of the interval in which it is searched.
+TOLERANCE = 1e-9
+
+
+class Measure(ABC):
+    """Something that is measured of each case; it must be the same whenever it is measured."""
+
+    #: The further settings that are varied to measure it.
+    varied: tuple[str, ...] = ()
+
+    @abstractmethod
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the value for a case.
+
+        Raises
+        ------
+        InvalidInputError
+            If it cannot be told; the row of the case then says why.
+        """
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class OfGraph(Measure):
+    """Any function of the graph."""
+
+    function: Callable[[BranchGraph], Any]
+
+    def __str__(self) -> str:
+        return described(self.function)
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the function's value as plain numbers and texts."""
+        return plain(self.function(case.graph))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CountAt(Measure):
+    """The number of solutions at one alpha; infinite on a vertical piece."""
+
+    alpha: float
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the number of solutions."""
+        return case.graph.count(self.alpha)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MaxCount(Measure):
+    """The largest number of solutions at any alpha of the interval."""
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the largest number, infinite where a piece is vertical."""
+        return most_solutions(case.graph)
+
+
+def most_solutions(graph: BranchGraph) -> int | float:
+    """Return the largest number of solutions at any alpha, single values of alpha included."""
+    single = (graph.count(alpha) for alpha in graph.breaks())
+    return max([*(count for _, _, count in graph.multiplicity()), *single])
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class NonUnique(Measure):
+    """The intervals of alpha with more than one solution: pairs (lo, hi), ascending."""
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the intervals; one with equal ends is a single alpha."""
+        return non_unique(case.graph)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class NonUniqueLength(Measure):
+    """The length of all intervals of alpha with more than one solution."""
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the sum of the lengths."""
+        return sum((hi - lo for lo, hi in non_unique(case.graph)), 0.0)
+
+
+def non_unique(graph: BranchGraph) -> tuple[tuple[float, float], ...]:
+    """Return the intervals of alpha with more than one solution, neighbours joined."""
+    stretches = [(lo, hi) for lo, hi, count in graph.multiplicity() if count > 1]
+    single = [(alpha, alpha) for alpha in graph.breaks() if graph.count(alpha) > 1]
+    joined: list[tuple[float, float]] = []
+    for lo, hi in sorted(stretches + single):
+        if joined and lo <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(hi, joined[-1][1]))
+        else:
+            joined.append((lo, hi))
+    return tuple(joined)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FirstFold(Measure):
+    """The smallest alpha at which a branch turns, smoothly or not; None without folds."""
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return alpha of the first fold."""
+        folds = [case.graph.special_points(kind) for kind in (Kind.FOLD, Kind.NONSMOOTH_FOLD)]
+        return min((point.alpha for some in folds for point in some), default=None)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class QuantityAt(Measure):
+    """An unknown or a recorded quantity at one alpha.
+
+    Attributes
+    ----------
+    quantity : str
+    alpha : float
+    of_all : callable
+        What to take of the values of all solutions there: ``max``, ``min``, ``tuple``, ...
+    """
+
+    quantity: str
+    alpha: float
+    of_all: Callable[[Iterable[float]], Any] = max
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return what ``of_all`` makes of the values; None without solutions."""
+        values = [solution[self.quantity] for solution in case.graph.solutions(self.alpha)]
+        return plain(self.of_all(values)) if values else None
+
+
+def has_several(graph: BranchGraph) -> bool:
+    """Tell whether there is more than one solution at some alpha."""
+    return most_solutions(graph) > 1
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CriticalValue(Measure):
+    """The value of a further setting at which something begins, by bisection.
+
+    At every value tried the system is explored, and the graph itself is asked. The guarantee of the
+    case is that of the least certain graph: where it is not complete, what was not seen may be
+    there nevertheless.
+
+    Attributes
+    ----------
+    setting : str
+    lo, hi : float
+        Where to look: something is there at hi and not at lo. Where it is not at hi either, the
+        value is None; where it is there at lo, the critical value is smaller, and the case fails.
+        Of several changes between them one is found.
+    begins : callable
+        BranchGraph -> bool; default whether some alpha has more than one solution.
+    tolerance : float
+        Part of hi - lo to which the value is known; it is the end of the last bracket at which
+        something is there.
+    """
+
+    setting: str
+    lo: float
+    hi: float
+    begins: Callable[[BranchGraph], bool] = has_several
+    tolerance: float = TOLERANCE
+
+    def __post_init__(self) -> None:
+        """Check the bracket."""
+        if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
+            raise InvalidInputError(
+                f"critical value of {self.setting}: lo must be less than hi, and both finite, "
+                f"got {self.lo} and {self.hi}"
+            )
+
+    @property
+    def varied(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The setting itself."""
+        return (self.setting,)
+
+    def of(self, case: ExploredCase) -> Measured:
+        """Return the critical value."""
+        if not self._is_there(case, self.hi):
+            return None
+        if self._is_there(case, self.lo):
+            raise InvalidInputError(
+                f"{self.setting} = {self.lo:g} is beyond the critical value already: choose a "
+                "smaller one"
+            )
+        return self._bisected(case)
+
+    def _bisected(self, case: ExploredCase) -> float:
+        lo, hi = self.lo, self.hi
+        while hi - lo > self.tolerance * (self.hi - self.lo):
+            middle = 0.5 * (lo + hi)
+            if not lo < middle < hi:
+                break
+            lo, hi = (lo, middle) if self._is_there(case, middle) else (middle, hi)
+        return hi
+
+    def _is_there(self, case: ExploredCase, value: float) -> bool:
+        return bool(self.begins(case.beside(**{self.setting: value})))
+
+
+def plain(value: Any) -> Measured:
+    """Return what a function measured as plain Python has it, the same in files and processes.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not a number, a text or a sequence of them.
+    """
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(map(plain, value))
+    if isinstance(value, float) and isnan(value):
+        raise InvalidInputError("it is nan; return None where there is nothing to measure")
+    if not (value is None or isinstance(value, bool | int | float | str)):
+        raise InvalidInputError(
+            f"it must be a number, a text, several of them, or None, got {short(repr(value))}"
+        )
+    return value

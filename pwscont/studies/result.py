@@ -1,0 +1,278 @@
+"""The result of a study: a table of rows, and what other programs take."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+from pwscont.basics.errors import InvalidInputError, MissingPackageError, UnknownNameError
+from pwscont.basics.looks import card, named
+from pwscont.graph import BranchGraph
+from pwscont.studies.case import StudyRow, graph_file
+from pwscont.studies.grid import FIXED, Grid, Setting
+from pwscont.studies.store import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INSTALL = "pip install {0}, or pip install '.[study]' in a checkout of pwscont"
+
+
+@final
+class StudyResult:
+    """The rows of a study, read from its store when they are asked for.
+
+    Parameters
+    ----------
+    store : Store
+    graphs : Path, optional
+        The directory of the graphs.
+    interrupted : bool
+        Whether Ctrl-C ended the study.
+
+    Attributes
+    ----------
+    over : dict of str to tuple
+        The values of each setting.
+    measures : list of str
+        The names of what was measured.
+    provenance : dict
+        The problem, the settings, the measures, and the versions of what computed them.
+    interrupted : bool
+        Whether Ctrl-C ended the study.
+    """
+
+    def __init__(self, store: Store, graphs: Path | None = None, interrupted: bool = False) -> None:
+        if store.about is None:
+            raise store.refusal("it holds no study")
+        self._store, self._graphs = store, graphs
+        self.provenance: dict[str, Any] = store.about
+        self._grid = Grid(self.provenance["over"])
+        self.over = self._grid.values
+        self.measures = list(self.provenance["measure"])
+        self.interrupted = interrupted
+
+    @classmethod
+    def open(cls, path: str | Path, graphs: str | Path | None = None) -> StudyResult:
+        """Read the store of a study, finished or not.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is none.
+        """
+        if not Path(path).exists():
+            raise InvalidInputError(f"there is no store {path}")
+        return cls(Store(path), None if graphs is None else Path(graphs))
+
+    def close(self) -> None:
+        """Close the store, so that other processes can use it."""
+        self._store.close()
+
+    def __len__(self) -> int:
+        """Return the number of rows, one for each finished case."""
+        return len(self._store)
+
+    def __iter__(self) -> Iterator[StudyRow]:
+        """Yield the rows in the order of their cases, one at a time."""
+        return iter(self._store)
+
+    @property
+    def total(self) -> int:
+        """The number of all cases."""
+        return len(self._grid)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether there is a row for every case."""
+        return len(self) == self.total
+
+    def failures(self) -> list[StudyRow]:
+        """Return the rows of which something failed."""
+        return [row for row in self if row.failure]
+
+    def __repr__(self) -> str:
+        return named(self, *(f"{name}: {words}" for name, words in self._told()))
+
+    def _repr_html_(self) -> str:
+        return card("StudyResult", self._told())
+
+    def _told(self) -> list[tuple[str, str]]:
+        rows = f"{len(self)} of {self.total}"
+        kinds = Counter("failed" if row.failure else row.proven for row in self)
+        told = [("rows", rows), ("failed", str(kinds["failed"])), ("unproven", str(kinds[False]))]
+        return [*told, ("over", ", ".join(self.over)), ("measure", ", ".join(self.measures))]
+
+    def column(self, name: str) -> Any:
+        """Return a column of the table over the settings.
+
+        Parameters
+        ----------
+        name : str
+            A measure, or ``proven``, ``guarantee``, ``seconds``, ``failure``.
+
+        Returns
+        -------
+        numpy.ma.MaskedArray
+            One axis for each setting, in the order of :attr:`over`; masked where there is no row
+            or no value. Of numbers, else of objects.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such column.
+        """
+        if name not in (known := [*self.measures, *FIXED[1:]]):
+            raise UnknownNameError(f"there is no column {name!r}; columns are {', '.join(known)}")
+        values = np.full(self.total, None, dtype=object)
+        for row in self:
+            values[row.case] = _cell(row, name)
+        masked = np.ma.masked_array(values, [value is None for value in values])
+        return _typed(masked).reshape(self._grid.shape)
+
+    def graph(self, **settings: Setting) -> BranchGraph:
+        """Return the graph of a case, where graphs were kept; it is without its system.
+
+        Raises
+        ------
+        InvalidInputError
+            If graphs were not kept, or there is no such case.
+        GraphFileError
+            If its file is missing or damaged.
+        """
+        if self._graphs is None:
+            raise InvalidInputError("no graphs were kept: run(graphs=directory) does")
+        for row in self:
+            if row.settings == settings:
+                return BranchGraph.load(graph_file(self._graphs, row.case))
+        raise InvalidInputError(f"no finished case has the settings {settings}")
+
+    def plot(self, name: str | None = None, figure: Figure | None = None) -> Figure:
+        """Draw a measure: a line over one setting, a map over two, several maps over three.
+
+        Parameters
+        ----------
+        name : str, optional
+            Default the first measure.
+        figure : matplotlib.figure.Figure, optional
+            Where to draw; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such measure.
+        InvalidInputError
+            If its values are no numbers, or more than three settings vary.
+        """
+        from pwscont.studies.pictures import draw_study  # noqa: PLC0415  only where asked for
+
+        return draw_study(name or self.measures[0], self.over, self.column, figure)
+
+    # -- for other programs --------------------------------------------------------------
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas data frame: one row a case, with settings, values and provenance.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        pandas = _imported("pandas", "to_dataframe")
+        return pandas.DataFrame(map(self._record, self), columns=self._columns())
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset over the settings.
+
+        Values that are missing are nan, as xarray has it; values that are no numbers are texts.
+
+        Raises
+        ------
+        MissingPackageError
+            If xarray is not installed.
+        """
+        xarray = _imported("xarray", "to_xarray")
+        names = [*self.measures, *FIXED[1:]]
+        variables = {name: (list(self.over), _filled(self.column(name))) for name in names}
+        coordinates = {name: list(values) for name, values in self.over.items()}
+        told = {name: json.dumps(what, ensure_ascii=False) for name, what in self._kept().items()}
+        return xarray.Dataset(variables, coordinates, told)
+
+    def write_netcdf(self, path: str | Path) -> None:
+        """Write the Dataset of :meth:`to_xarray` to a NetCDF file (version 3); errors as there."""
+        self.to_xarray().to_netcdf(path, engine="scipy")
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write one line a case; the file is there as a whole or not at all."""
+        unfinished = Path(f"{path}.unfinished")
+        with unfinished.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, self._columns())
+            writer.writeheader()
+            for row in self:
+                writer.writerow({k: _text(value) for k, value in self._record(row).items()})
+        os.replace(unfinished, path)
+
+    def _kept(self) -> Mapping[str, Any]:
+        return {name: what for name, what in self.provenance.items() if name != "over"}
+
+    def _columns(self) -> list[str]:
+        return [FIXED[0], *self.over, *self.measures, *FIXED[1:]]
+
+    def _record(self, row: StudyRow) -> dict[str, Any]:
+        told = {name: getattr(row, name) for name in FIXED}
+        return told | dict(row.settings) | dict(row.values)
+
+
+def _cell(row: StudyRow, name: str) -> Any:
+    return row.values[name] if name in row.values else getattr(row, name)
+
+
+def _typed(values: Any) -> Any:
+    """Return numbers as numbers, all other values as they are."""
+    kinds = {type(value) for value in values.compressed()}
+    kind = next((k for k in (bool, int, float) if kinds <= {k}), None)
+    if kind is None and kinds <= {int, float}:
+        kind = float
+    if kind is None or not kinds:
+        return values
+    empty = np.ma.masked_array(np.zeros(values.shape, dtype=kind), values.mask)
+    empty[~values.mask] = values.compressed().tolist()
+    return empty
+
+
+def _filled(values: Any) -> npt.NDArray[Any]:
+    """Return an array for xarray: nan where numbers are missing, all other values as texts."""
+    if values.dtype == object:
+        texts = [str(_text(value)) for value in values.filled(None).ravel()]
+        return np.array(texts).reshape(values.shape)
+    if not values.mask.any():
+        return np.asarray(values)
+    return np.asarray(values.astype(float).filled(np.nan))
+
+
+def _text(value: Any) -> Any:
+    """Return a value as it stands in a file: nothing for None, JSON for several numbers."""
+    if value is None:
+        return ""
+    return json.dumps(value) if isinstance(value, tuple) else value
+
+
+def _imported(package: str, what: str) -> Any:
+    try:
+        return import_module(package)
+    except ImportError as error:
+        words = f"{what} needs {package}: {INSTALL.format(package)}"
+        raise MissingPackageError(words) from error

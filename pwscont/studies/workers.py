@@ -1,0 +1,228 @@
+"""Cases on the cores of this machine: processes that each run one case at a time.
+
+Each process has a pipe of its own. So it is known which case ended a process, no other case has to
+be run again, and the other processes go on.
+
+Failure modes and answers
+-------------------------
+- A process dies, killed for its memory, say: it is replaced, and its case runs again. A case that
+  ends three processes becomes a failed row.
+- Processes die before their first case, as those of a script without ``__main__`` guard do, or
+  cannot import what they are to run: the study is refused with what to do.
+- Ctrl-C reaches all processes of a terminal: the workers ignore it, this process ends them.
+- This process is killed: the pipes close, and the workers end after the cases they are at.
+"""
+
+from __future__ import annotations
+
+import pickle
+import signal
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, final
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.linear.threads import one_thread_in_children
+from pwscont.studies.case import CaseRunner, StudyRow
+
+#: A case that ends so many processes fails.
+MOST_DEATHS = 3
+#: Processes begin as new interpreters, which is safe with threads and the same on all systems.
+SPAWN = get_context("spawn")
+GUARD = "in a script, the lines that run the study must stand under if __name__ == '__main__':"
+
+
+def serve(pipe: Connection) -> None:
+    """Do the work of a process: run the cases whose numbers come, until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        run = pickle.loads(pipe.recv_bytes())
+    except Exception as error:
+        pipe.send(f"{type(error).__name__}: {error}")
+        return
+    pipe.send("")
+    try:
+        while True:
+            pipe.send(run(pipe.recv()))
+    except (EOFError, BrokenPipeError):
+        return
+
+
+@contextmanager
+def _no_interrupts() -> Iterator[None]:
+    """Let processes that begin here not be interrupted before they can ignore it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@final
+class Worker:
+    """A process that runs cases.
+
+    Attributes
+    ----------
+    case : int or None
+        The case that it is at.
+    is_ready : bool
+        Whether it could load what it is to run.
+    """
+
+    def __init__(self, run: bytes) -> None:
+        self.case: int | None = None
+        self.is_ready = False
+        self._pipe, far = SPAWN.Pipe()
+        with one_thread_in_children(), _no_interrupts():
+            self._process = SPAWN.Process(target=serve, args=(far,), daemon=True)
+            self._process.start()
+        far.close()
+        self._say(self._pipe.send_bytes, run)
+
+    @property
+    def signs(self) -> tuple[Any, Any]:
+        """What :func:`multiprocessing.connection.wait` sees when it answers or ends."""
+        return self._pipe, self._process.sentinel
+
+    def begin(self, case: int) -> None:
+        """Send a case."""
+        self.case = case
+        self._say(self._pipe.send, case)
+
+    def _say(self, send: Any, what: Any) -> None:
+        with suppress(OSError):  # if it has ended, the next answer tells
+            send(what)
+
+    def answer(self) -> StudyRow | str | None:
+        """Return what it has sent, None if it has sent nothing.
+
+        Raises
+        ------
+        EOFError
+            If it has ended.
+        """
+        try:
+            if self._pipe.poll():
+                return self._pipe.recv()  # type: ignore[no-any-return]
+        except OSError as error:
+            raise EOFError from error
+        if self._process.is_alive():
+            return None
+        raise EOFError
+
+    def end(self) -> int | None:
+        """End the process; returns its exit code, negative for a signal."""
+        self._process.terminate()
+        self._process.join()
+        self._pipe.close()
+        return self._process.exitcode
+
+
+def on_workers(run: CaseRunner, numbers: Iterable[int], count: int) -> Iterator[StudyRow]:
+    """Yield the rows of some cases, as they are finished.
+
+    Parameters
+    ----------
+    run : CaseRunner
+    numbers : iterable of int
+    count : int
+        Number of processes.
+
+    Raises
+    ------
+    InvalidInputError
+        If the study cannot be sent to other processes.
+    """
+    crew = Crew(run, numbers, count)
+    try:
+        yield from crew.rows()
+    finally:
+        crew.end()
+
+
+@final
+class Crew:
+    """The processes that run the cases of a study."""
+
+    def __init__(self, run: CaseRunner, numbers: Iterable[int], count: int) -> None:
+        self._run, self._message = run, sendable(run)
+        self._numbers, self._again = iter(numbers), deque[int]()
+        self._deaths: Counter[int | None] = Counter()
+        self._workers: list[Worker] = []
+        for _ in range(count):
+            self._workers.append(Worker(self._message))
+
+    def end(self) -> None:
+        """End all processes."""
+        for worker in self._workers:
+            worker.end()
+
+    def rows(self) -> Iterator[StudyRow]:
+        """Yield rows until no case is left."""
+        while any(worker.case is not None or not worker.is_ready for worker in self._workers):
+            wait([sign for worker in self._workers for sign in worker.signs])
+            for place, worker in enumerate(self._workers):
+                yield from self._heard(place, worker)
+
+    def _heard(self, place: int, worker: Worker) -> Iterator[StudyRow]:
+        """Take the answer of a worker, and give it the next case."""
+        try:
+            answer = worker.answer()
+        except EOFError:
+            yield from self._replaced(place, worker)
+            return
+        if answer is None:
+            return
+        if isinstance(answer, StudyRow):
+            yield answer
+        elif answer:
+            raise InvalidInputError(f"workers cannot load the study: {answer}; {IMPORTABLE}")
+        worker.is_ready, worker.case = True, None
+        self._give(worker)
+
+    def _give(self, worker: Worker) -> None:
+        case = self._again.popleft() if self._again else next(self._numbers, None)
+        if case is not None:
+            worker.begin(case)
+
+    def _replaced(self, place: int, worker: Worker) -> Iterator[StudyRow]:
+        """Put a new worker in the place of one that has ended; its case runs again."""
+        code, case = worker.end(), worker.case
+        self._deaths[case] += 1
+        if self._deaths[case] < MOST_DEATHS:
+            self._again.extend([] if case is None else [case])
+        elif case is None:
+            raise InvalidInputError(
+                f"worker processes end before their first case (exit code {code}); {GUARD}"
+            )
+        else:
+            yield self._run.failed(
+                case, f"the case ended its process {MOST_DEATHS} times (exit code {code})"
+            )
+        self._workers[place] = Worker(self._message)
+
+
+IMPORTABLE = "functions must stand at the top of a module that can be imported, no lambdas"
+
+
+def sendable(run: CaseRunner) -> bytes:
+    """Return a study as bytes for other processes.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is something in it that cannot be sent, such as a lambda.
+    """
+    try:
+        return pickle.dumps(run)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInputError(
+            f"the study cannot be sent to other processes: {error}; {IMPORTABLE}"
+        ) from error

@@ -1,0 +1,253 @@
+"""What a user hears of a function with switches that does not do what it should."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+from pwscont import (
+    LCP,
+    AbsNormal,
+    Complementarity,
+    InvalidInputError,
+    InvalidSystemError,
+    Switched,
+    enumerate_solutions,
+    explore,
+    trace,
+)
+from pwscont.notation.derivatives import derivatives_of
+
+WRONG = {
+    "shape (3,)": lambda z, t, sw: np.zeros(3),
+    "shape \\(1, 2\\)": lambda z, t, sw: np.zeros((1, 2)),
+    "NoneType": lambda z, t, sw: None,
+    "complex": lambda z, t, sw: z + 1j,
+    "KeyError: 'gap'": lambda z, t, sw: {}["gap"],
+    "finite at none": lambda z, t, sw: z * np.nan,
+    "write sw.abs instead": lambda z, t, sw: np.abs(z) - t,
+    "write sw.max instead": lambda z, t, sw: np.maximum(z, 0.0) - t,
+    "write sw.clip instead": lambda z, t, sw: z.clip(0.0, 1.0) - t,
+    "write sw.where instead": lambda z, t, sw: np.where(z > 0, z, 2.0 * z) - t,
+    "no switch announces": lambda z, t, sw: np.sort(z) - t,
+    "arguments of sw.max": lambda z, t, sw: sw.max(z, np.zeros(3)) - t,
+    "arguments of sw.abs must be real": lambda z, t, sw: sw.abs(z + 1j) - t,
+    "lower is larger": lambda z, t, sw: z - sw.clip(z, 1.0, 0.0) - t,
+    "infinite": lambda z, t, sw: z - sw.max(z, -np.inf) - t,
+}
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("words", WRONG)
+def test_a_wrong_function_is_refused_at_once(words, linear):
+    with pytest.raises(InvalidSystemError, match=words.replace("(3,)", "\\(3,\\)")):
+        Switched(2, WRONG[words], linear=linear)
+
+
+@pytest.mark.parametrize(
+    ("f", "words"),
+    [
+        (lambda z, t, sw: z * z - t, "entry 0 of the function is not affine"),
+        (lambda z, t, sw: z - t**3, "entry 0 of the function"),
+        (lambda z, t, sw: z - sw.relu(z[0] * z[1]) - t, "call 1 of sw, sw.relu"),
+        (lambda z, t, sw: z - z[0] * sw.relu(z) - t, "entry 0 of the function"),
+        (lambda z, t, sw: z + 1e-3 * np.sin(z) - t, "not affine"),
+    ],
+)
+def test_a_curved_function_is_not_linear(f, words):
+    with pytest.raises(InvalidSystemError, match=words):
+        Switched(2, f, linear=True)
+
+
+def test_switches_must_not_depend_on_values():
+    def f(z, t, sw):  # floats go unseen by what carries derivatives
+        return [sw.relu(z[0]) - t if float(z[0]) > 5.0 else z[0] - t]
+
+    system = Switched(1, f)
+    with pytest.raises(InvalidSystemError, match="the switches of the function change"):
+        system.test_functions(np.array([6.0]), 0.0)
+
+    def other(z, t, sw):
+        first, second = (sw.relu, sw.abs) if float(z[0]) > 5.0 else (sw.abs, sw.relu)
+        return [first(z[0]) + second(z[0] - 1.0) - t]
+
+    with pytest.raises(
+        InvalidSystemError, match=r"sw.relu is number 1 .* before \(sw.abs, sw.relu"
+    ):
+        Switched(1, other).test_functions(np.array([6.0]), 0.0)
+
+
+def test_arguments_are_checked():
+    def line(z, t, sw):
+        return z - sw.relu(z - t)
+
+    with pytest.raises(InvalidInputError, match="n must be"):
+        Switched(0, line)
+    with pytest.raises(InvalidInputError, match="f must be a function"):
+        Switched(1, 3.0)
+    with pytest.raises(InvalidInputError, match="names must be 1 texts, got 2"):
+        Switched(1, line, names=["a", "b"])
+    with pytest.raises(InvalidInputError, match="switches must be 1 names"):
+        Switched(1, line, switches=["a", "b"])
+    with pytest.raises(InvalidInputError, match="M must be square"):
+        LCP(np.ones((2, 3)), [0, 0], [0, 0])
+    with pytest.raises(InvalidInputError, match="strictly lower triangular"):
+        AbsNormal([[1]], [[1]], [[1]], [[1]], [0], [0])
+    with pytest.raises(InvalidInputError, match="J has shape"):
+        AbsNormal([[1]], [[0]], [[1, 2]], [[1]], [0], [0])
+    with pytest.raises(InvalidInputError, match="how many unknowns"):
+        Complementarity(lambda z, t: z - t)
+    with pytest.raises(InvalidInputError, match="z of the start has shape"):
+        trace(Switched(1, line), ([0.0, 1.0], 0.0), (-1.0, 1.0))
+
+
+def test_bounds_that_cross_end_the_domain():
+    lasso = Switched(1, lambda z, t, sw: z - 1.0 + sw.clip(z, -t, t), linear=True)
+    with pytest.raises(InvalidInputError, match="domain"):
+        explore(lasso, (-1.0, 1.0))
+
+
+# -- what must work ------------------------------------------------------------------------------
+
+
+def test_no_switch_at_all():
+    system = Switched(2, lambda z, t, sw: z - t, linear=True)
+    (solution,) = enumerate_solutions(system, 0.5)
+    assert solution.z == pytest.approx([0.5, 0.5])
+    assert explore(system, (0.0, 1.0)).guarantee == "complete"
+    circle = Switched(2, lambda z, t, sw: [z[0] ** 2 + z[1] ** 2 - 1.0, z[0] - t])
+    graph = trace(circle, ([0.0, 1.0], 0.0), (-2.0, 2.0))
+    assert sorted(p.alpha for p in graph.special_points("fold")) == pytest.approx([-1.0, 1.0])
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda z, t, sw: z[0] - sw.max(t, 0.0),
+        lambda z, t, sw: [z[0] - sw.max(t, 0)],
+        lambda z, t, sw: z - sw.max([t], 0),
+        lambda z, t, sw: z - sw.relu(np.array([t])),
+        lambda z, t, sw: z - sum(sw.relu(each * t) for each in (0.25, 0.5, 0.25)),
+        lambda z, t, sw: z - 0.5 * (t + sw.abs(t)),
+        lambda z, t, sw: z - sw.where(t, t, 0.0),
+        lambda z, t, sw: z - sw.clip(t, 0.0, np.inf),
+        lambda z, t, sw: z + sw.min(-t, 0.0),
+        lambda z, t, sw: z - sum(2 * [sw.relu(0.5 * t)]),
+    ],
+)
+def test_the_same_kink_in_many_words(f, linear):
+    system = Switched(1, f, linear=linear)
+    graph = trace(system, ([0.0], -1.0), (-1.0, 1.0))
+    for t in (-0.5, 0.25, 0.75):
+        (solution,) = graph.solutions(t)
+        assert solution.z[0] == pytest.approx(max(t, 0.0), abs=1e-12)
+
+
+def test_a_switch_that_is_called_twice_is_one():
+    def f(z, t, sw):
+        return 3.0 * z - sw.relu(z - t) - sw.relu(z - t) + sw.relu(z + t) - 1.0
+
+    system = Switched(1, f, linear=True)
+    assert system.switches == ("relu 1", "relu 2")
+    assert {point.kind for point in explore(system, (-1.0, 2.0)).special_points()} <= {
+        *("start", "end", "transition")
+    }
+
+
+def smooth(z, t, sw):
+    return np.array([z[0] - math.exp(-t * z[1]), z[1] + sw.relu(z[0] - 0.7) - t])
+
+
+def filled(z, t, sw):
+    value = np.zeros(2)
+    value[0] = z[0] - np.exp(-t * z[1])
+    value[1] = z[1] + sw.relu(z[0] - 0.7) - t
+    return value
+
+
+def looked_up(z, t, sw):
+    load = np.interp(float(t), [-9.0, 9.0], [-9.0, 9.0])
+    return np.array([z[0] - np.exp(-load * z[1]), z[1] + sw.relu(z[0] - 0.7) - load])
+
+
+def traced(z, t, sw):
+    return np.array([z[0] - np.exp(-t * z[1]), z[1] + sw.relu(z[0] - 0.7) - t])
+
+
+@pytest.mark.parametrize("f", [smooth, filled, looked_up])
+def test_functions_that_cannot_be_traced_are_followed_all_the_same(f):
+    interval, start = (0.1, 1.5), ([1.0, 0.1], 0.1)
+    graph, true = (trace(Switched(2, each), start, interval) for each in (f, traced))
+    (kink,), (same,) = (each.special_points("transition") for each in (graph, true))
+    assert kink.alpha == pytest.approx(same.alpha, rel=1e-9)
+    for t in (0.2, 1.0):
+        (one,), (other,) = graph.solutions(t), true.solutions(t)
+        assert one.z == pytest.approx(other.z, rel=1e-9)
+
+
+def test_derivatives_are_exact_where_a_function_can_be_traced():
+    z, t = np.array([0.8, 0.3]), 0.4
+    system = Switched(2, traced)
+    character = system.character(z, t)
+    e = np.exp(-t * z[1])
+    exact = np.array([[1.0, t * e, z[1] * e], [1.0, 1.0, -1.0]])
+    assert system.jacobian(z, t, character) == pytest.approx(exact, rel=1e-15)
+    assert system.test_jacobian(z, t) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), rel=1e-15)
+
+
+def test_own_derivatives_are_used():
+    calls = []
+
+    def jacobian(z, t):
+        calls.append(t)
+        return np.array([[math.exp(z[0]), -1.0]])
+
+    system = Complementarity(lambda z, t: [math.exp(z[0]) - t], n=1, jacobian=jacobian)
+    graph = trace(system, ([1.0], 3.0), (0.5, 4.0))
+    (kink,) = graph.special_points("transition")
+    assert kink.alpha == pytest.approx(1.0, rel=1e-14)
+    assert calls
+
+
+def test_a_linear_function_that_cannot_be_traced_is_read_off_in_numbers():
+    def f(z, t, sw):
+        value = np.zeros(2)
+        for i in range(2):
+            value[i] = 2.0 * z[i] - sw.relu(z[1 - i] + float(t))
+        return value
+
+    (solution,) = enumerate_solutions(Switched(2, f, linear=True), 0.5)
+    assert solution.z == pytest.approx([0.5, 0.5], rel=1e-14)
+
+
+def test_numbers_of_any_size_keep_their_digits():
+    """Coefficients come from derivatives: none is the small difference of large numbers."""
+    system = Switched(1, lambda z, t, sw: 1e10 - 1e-3 * z - sw.relu(z) * 1e-3 - t, linear=True)
+    (solution,) = enumerate_solutions(system, 0.0)
+    assert solution.z[0] == pytest.approx(5e12, rel=1e-14)
+
+
+def test_no_warning_leaves_a_function_at_places_that_nobody_asked_for():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        system = Switched(1, lambda z, t, sw: np.log(z) + sw.relu(z - 1.0) - t, bounds=(0.0, 9.0))
+        graph = trace(system, ([0.5], -0.5), (-0.5, 1.0))
+    (kink,) = graph.special_points("transition")
+    assert kink.alpha == pytest.approx(0.0, abs=1e-12)
+
+
+def test_jax_differentiates_what_is_written_with_it():
+    jax = pytest.importorskip("jax")
+
+    def f(z, t, sw):
+        first = z[0] - jax.numpy.exp(-t * z[1])
+        return jax.numpy.stack([first, z[1] + sw.relu(z[0] - 0.7) - t])
+
+    system, same = Switched(2, f), Switched(2, traced)
+    assert derivatives_of(system._lifted, []) is not None
+    z, t = np.array([0.8, 0.3]), 0.4
+    character = system.character(z, t)
+    exact = same.jacobian(z, t, character)
+    assert system.jacobian(z, t, character) == pytest.approx(exact, rel=1e-14)
