@@ -25,6 +25,8 @@ default_role = "literal"
 html_theme = "furo"
 html_title = f"pwscont {release}"
 html_show_sphinx = False
+html_static_path = ["static"]
+html_css_files = ["scenes.css"]
 
 autosummary_generate = True
 autodoc_default_options = {"members": True, "show-inheritance": True}
@@ -58,12 +60,17 @@ def _keep_bars(app, what, name, obj, options, lines):
 
 
 def _draw(app):
-    """Draw the pictures that no tutorial draws."""
+    """Draw the pictures that no tutorial draws, and write the page of scenes."""
     sys.path.insert(0, str(app.srcdir))
     from pictures import draw_all  # noqa: PLC0415  it takes seconds
+    from scenes_page import draw_scenes, scenes_page  # noqa: PLC0415
 
     logging.getLogger("skfem").setLevel(logging.WARNING)
-    draw_all(Path(app.srcdir) / "images" / "built")
+    built = Path(app.srcdir) / "images" / "built"
+    draw_all(built)
+    draw_scenes(built)
+    page = Path(app.srcdir) / "scenes.rst"
+    page.write_text(scenes_page("images/built"), encoding="utf-8")
 
 
 def setup(app):

@@ -365,3 +365,13 @@ def test_picture_of_the_readme_is_small():
     picture = (ROOT / "docs/images/example3.png").read_bytes()
     assert picture.startswith(PNG)
     assert len(picture) < 80_000
+
+
+def test_page_of_scenes_shows_each_once_and_leads_to_tutorials():
+    page = runpy.run_path(str(ROOT / "docs" / "scenes_page.py"))["scenes_page"]("built")
+    shown = re.findall(r"^ +\.\. figure:: built/scene-(.*)\.png$", page, re.MULTILINE)
+    assert sorted(shown) == sorted(scene_names())
+    docs = ROOT / "docs"
+    for name in set(re.findall(r":doc:`(.*?)`", page)):
+        source = docs / name.replace("gallery/", "examples/")
+        assert source.with_suffix(".py").exists() or source.with_suffix(".rst").exists()
