@@ -14,6 +14,7 @@ from pwscont_coulomb.scenes import example1, example3, fig7, fig10, fig13
 
 from pwscont import (
     ExactLinear,
+    NaturalParameter,
     PiecewiseLinearSystem,
     PseudoArclength,
     StepSize,
@@ -52,6 +53,16 @@ def test_calls_by_kind(scene, stepper):
     found, _ = counts(made.system, made.interval, stepper())
     dearer = {kind: found[kind] for kind in KINDS if found[kind] > calls[kind]}
     assert not dearer, f"more than {calls}"
+
+
+def test_natural_parameter_on_a_steep_piece_tries_each_step_about_once():
+    scene = example3()
+    start = next(s for s in scene.run().solutions(14.0) if "slip" in s.label)
+    with counted(scene.system) as calls:
+        graph = trace(scene.system, (start.z, 14.0), scene.interval, stepper=NaturalParameter())
+    points = sum(len(piece.alpha) for piece in graph.pieces)
+    assert points > 40
+    assert calls["jacobian"] <= 3 * points
 
 
 def random_path(p=8, seed=1):

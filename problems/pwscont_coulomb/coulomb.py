@@ -57,13 +57,8 @@ from pwscont_coulomb.rows import (
     SparseGradients,
     by_node,
     rows_of_tests,
-    scaled,
-    without_contact,
 )
-
-IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
-STICKS = np.array([0.0, 1.0, 0.0, 0.0])
-SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
+from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates
 
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
@@ -105,8 +100,9 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self._scale: tuple[tuple[float, float], Array] | None = None
 
     @cached_property
-    def _free(self) -> Matrix:
-        return without_contact(self.body)
+    def _states(self) -> SparseStates | DenseStates:
+        kind = SparseStates if self.body.is_sparse else DenseStates
+        return kind(self.body, self._kappa1_rows, self._x_rows)
 
     @cached_property
     def _free_unknowns(self) -> FreeUnknowns:
@@ -303,21 +299,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _state_matrix(self, mode: Indices, friction: Array) -> Matrix:
         if self.algebra is not None:
             return ContactMatrix(self.algebra, mode, friction)
-        normal = scaled(IN_CONTACT[mode], self._kappa1_rows)
-        slip = scaled(SLIPS[mode] * friction, self._kappa1_rows)
-        tangential = scaled(STICKS[mode], self._x_rows) - slip
-        return self._less_contact(normal, tangential)
-
-    def _less_contact(self, normal: Matrix, tangential: Matrix) -> Matrix:
-        """Return the matrix without contact minus these rows at the rows of the contact nodes."""
-        n, p = self.body.n, self.body.p
-        if self.body.is_sparse:
-            nothing = sp.csr_matrix((n, self.size))
-            return (self._free - sp.vstack([nothing, normal, tangential])).tocsr()
-        matrix = self._free.copy()
-        matrix[n : n + p] -= normal
-        matrix[n + p :] -= tangential
-        return matrix
+        return self._states.at(mode, friction)
 
     def test_gradients(self, friction: Array, by_alpha: Array) -> Matrix:
         """Return the gradients of all tests, shape (3 p, n + 2 p + 1).
@@ -336,7 +318,9 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
             return self._contact_jacobian(matrix, column)
         if self.body.is_sparse:
             return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
-        return np.column_stack([matrix, column])
+        jacobian = np.empty((self.size, self.size + 1))
+        jacobian[:, :-1], jacobian[:, -1] = matrix, column
+        return jacobian
 
     def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
         """Return [dH/dz | column]; the last one is kept, with its factorisations.

@@ -10,9 +10,10 @@ from pwscont import Character, Search
 from pwscont.extending import Array, Indices, Matrix, finite_array
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import SLIPS, Coulomb
+from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.per_node import not_negative
+from pwscont_coulomb.states import SLIPS
 
 
 @final

@@ -112,12 +112,16 @@ class DenseGradients:
     """What :class:`SparseGradients` is, with dense rows."""
 
     def __init__(self, kappa1: Array, x: Array) -> None:
-        self._kappa1, self._x = kappa1, x
+        self._kappa1 = kappa1
+        self._fixed = np.column_stack([by_node(kappa1, x, x), np.zeros(3 * len(x))])
 
     def at(self, friction: Array, by_alpha: Array) -> Array:
         """Return the gradients, shape (3 p, n + 2 p + 1), node by node."""
-        kappa1, bound = self._kappa1, scaled(friction, self._kappa1)
-        return np.column_stack([by_node(kappa1, self._x - bound, self._x + bound), by_alpha])
+        rows, bound = self._fixed.copy(), friction[:, np.newaxis] * self._kappa1
+        rows[1::3, :-1] -= bound
+        rows[2::3, :-1] += bound
+        rows[:, -1] = by_alpha
+        return rows
 
 
 def by_node(first: Array, second: Array, third: Array) -> Array:
@@ -125,8 +129,3 @@ def by_node(first: Array, second: Array, third: Array) -> Array:
     mixed = np.empty((3 * len(first), *first.shape[1:]))
     mixed[0::3], mixed[1::3], mixed[2::3] = first, second, third
     return mixed
-
-
-def scaled(factors: Array, rows: Matrix) -> Matrix:
-    """Return each row multiplied by its factor."""
-    return sp.diags(factors) @ rows if sp.issparse(rows) else factors[:, np.newaxis] * rows

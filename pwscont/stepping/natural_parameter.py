@@ -25,7 +25,7 @@ class NaturalParameter(Stepper):
     Attributes
     ----------
     step_size : StepSize
-        Lengths as fractions of the interval.
+        Lengths along the tangent, in the metric, in which the interval of alpha has length one.
     """
 
     step_size: StepSize = field(default_factory=StepSize)
@@ -46,9 +46,8 @@ class NaturalParameter(Stepper):
         length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
         length = min(length, longest)
         lo, hi = interval
-        sign = 1.0 if state.tangent[-1] > 0.0 else -1.0
         while length >= self.step_size.smallest:
-            alpha = min(max(state.alpha + sign * length * (hi - lo), lo), hi)
+            alpha = min(max(state.alpha + length * state.tangent[-1], lo), hi)
             segment = land_on(curve, state, state.tangent, alpha, self.step_size)
             if not isinstance(segment, Failure):
                 return segment
