@@ -77,5 +77,6 @@ def refuse_kink(name: str) -> InvalidSystemError:
     advice = f"write {better} instead" if better else "write it with the switches of sw"
     return InvalidSystemError(
         f"the function decides by numpy's {name!r} of something that depends on (z, alpha), a kink "
-        f"that no switch announces: {advice}; if it is smooth all the same, give jacobian=..."
+        f"that no switch announces: {advice}; if it is smooth all the same, Complementarity takes "
+        "its derivatives as jacobian=..., and a PiecewiseSystem any function"
     )
