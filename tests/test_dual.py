@@ -36,6 +36,17 @@ def kept(z):
     return out + z
 
 
+def summed(z):
+    """Change numbers and single entries in place, as loops do."""
+    out, total = 2.0 * z, 0.0
+    for i in range(len(z)):
+        total += z[i] * z[i]
+        out[i] += z[0]
+    first = z[0]
+    first *= z[1]
+    return out + total + first
+
+
 FUNCTIONS = [
     lambda z: A @ z - z @ A + S @ z + S.T @ z,
     lambda z: B @ z + 1,
@@ -54,13 +65,16 @@ FUNCTIONS = [
     lambda z: z**3 + 2**z + z**z + z**0 + z**-1.5,
     lambda z: np.where(MASK, z, 2 * z) + np.where(MASK, 1.0, z),
     lambda z: np.diag(z) @ z + np.tril(A) @ z,
-    lambda z: np.pad(z, 1),
+    lambda z: np.pad(z, 1) + np.pad(z, 1, mode="edge") + np.pad(z, (2, 0), constant_values=0.0),
+    lambda z: np.where([True, False, True, True], z, 2 * z),
+    lambda z: np.inner(A, np.outer(z, z[::-1] ** 2)) + np.vdot(z.reshape(2, 2), A[:2, :2]),
     lambda z: np.array([z[0], z[1]]) * np.array([z[2], 2.0]),
     lambda z: np.sin(np.array([z[0], z[1]])) + np.float64(3.0) * z[0],
     lambda z: np.arctan2(z, z[::-1]) + np.hypot(z, 1.0),
     filled,
     updated,
     kept,
+    summed,
 ]
 
 

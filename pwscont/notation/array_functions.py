@@ -41,7 +41,6 @@ MOVING = tuple(
         "flipud",
         "hstack",
         "moveaxis",
-        "pad",
         "ravel",
         "repeat",
         "reshape",
@@ -63,18 +62,23 @@ MOVING = tuple(
 )
 
 
+#: Ways of np.pad to put entries, or zeros, at the ends.
+PADS = frozenset({"constant", "edge", "reflect", "symmetric", "wrap"})
+
+
 def gathered(function: Any, *args: Any, **kwargs: Any) -> Any:
     """Return what a function does that moves entries around: it is shown their numbers.
 
     Number zero is the entry zero, for functions that put zeros between.
     """
-    seen: list[Any] = [np.zeros(1)]
+    seen, total = [np.zeros(1)], 1
 
     def numbered(thing: Any) -> Any:
+        nonlocal total
         if isinstance(thing, list | tuple) and not _is_plain(thing):
             return [numbered(each) for each in thing]
         operand = as_operand(thing)
-        first = sum(each.size for each in seen)
+        first, total = total, total + operand.size
         seen.append(operand)
         return first + np.arange(operand.size).reshape(operand.shape)
 
@@ -113,16 +117,23 @@ def _zeros_like(thing: Dual, dtype: Any = None, **options: Any) -> Dual:
     return as_dual(np.zeros(thing.shape), thing.rows.shape[1])
 
 
+def _pad(thing: Dual, width: Any, mode: str = "constant", constant_values: Any = 0.0) -> Dual:
+    if mode not in PADS or np.any(constant_values):
+        raise UntraceableError(f"pad with {mode} values")
+    padded: Dual = gathered(np.pad, thing, width, mode)
+    return padded
+
+
 def _where(condition: Any, *branches: Any) -> Any:
     if isinstance(condition, Dual):
         raise refuse_kink("where")
     if len(branches) != 2:
         raise UntraceableError("where")
-    parts = [as_operand(each) for each in branches]
-    if _are_alike(parts[0], parts[1], np.shape(condition)):
+    condition, parts = np.asarray(condition), [as_operand(each) for each in branches]
+    if _are_alike(parts[0], parts[1], condition.shape):
         rows = np.where(condition.reshape(-1, 1), parts[0].rows, parts[1].rows)
         return Dual.made(np.where(condition, parts[0].value, parts[1].value), rows)
-    shape = np.broadcast_shapes(np.shape(condition), *(part.shape for part in parts))
+    shape = np.broadcast_shapes(condition.shape, *(part.shape for part in parts))
     variables = _variables(parts)
     one, other = (as_dual(spread(part, shape), variables) for part in parts)
     chosen = np.broadcast_to(condition, shape)
@@ -160,10 +171,11 @@ FUNCTIONS.update(
         "sum": lambda thing, axis=None, **options: as_operand(thing).sum(axis, **options),
         "mean": lambda thing, axis=None, **options: as_operand(thing).mean(axis, **options),
         "dot": product,
-        "inner": product,
-        "vdot": product,
+        "inner": lambda one, other: product(one, np.transpose(other)),
+        "vdot": lambda one, other: product(np.ravel(one), np.ravel(other)),
         "outer": lambda one, other: np.reshape(one, (-1, 1)) * np.reshape(other, (1, -1)),
         "diff": _diff,
+        "pad": _pad,
         "where": _where,
         "zeros_like": _zeros_like,
         "empty_like": _zeros_like,

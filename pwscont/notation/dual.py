@@ -191,7 +191,7 @@ class Dual(Arithmetic):
         if method != "__call__" or options or not isinstance(out, Dual | None):
             raise UntraceableError(f"{ufunc.__name__}.{method}")
         found = applied(ufunc, *inputs)
-        if out is None:
+        if out is None or not out.ndim:  # numbers are replaced, not changed: s = z[0]; s += z[1]
             return found
         out[...] = found
         return out

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -142,10 +141,6 @@ class Notated(PiecewiseSystem, HidesUnknowns):
             for i in np.flatnonzero(old != new)
         ]
         return ", ".join(words)
-
-    @cached_property
-    def _counted(self) -> str:
-        return f"{counted(self.shown, 'unknown')}, {counted(self._layout.count, 'switch')}"
 
     def __repr__(self) -> str:
         switches = "switch" if self._layout.count == 1 else "switches"
