@@ -98,16 +98,16 @@ class Lift:
     def place(self, place: Place) -> Place:
         """Return a place with the user's unknowns."""
         whole = Lifted(place, self.reduction, self.system.size) if self.reduction else place
-        return (
-            WithoutHidden(whole, self.system) if isinstance(self.system, HidesUnknowns) else whole
-        )
+        hides = isinstance(self.system, HidesUnknowns)
+        return WithoutHidden(whole, self.system) if hides else whole
 
     def track(self, track: Track) -> Track:
         """Return the points of a piece with the user's unknowns."""
         if self.reduction is None and not isinstance(self.system, HidesUnknowns):
             return track
-        inner, size = track.inner, self.system.size
-        inner = self.reduction.points(inner, size) if self.reduction else inner
+        inner = track.inner
+        if self.reduction is not None:
+            inner = self.reduction.points(inner, self.system.size)
         inner = shown_points(self.system, inner)
         return Track(self.place(track.start), inner, self.place(track.end))
 

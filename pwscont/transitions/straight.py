@@ -96,10 +96,8 @@ class StraightTests(TransitionDetector):
         tests = system.test_functions(x[:-1], float(x[-1]))
         if len(self._near_zero(curve, x, magnitude(x, start.error), tests, test)):
             return None
-        cell, gradient = (
-            self._cell_of(curve, start),
-            self._rows(system, x).some(np.array([test]))[0],
-        )
+        cell = self._cell_of(curve, start)
+        gradient = self._rows(system, x).some(np.array([test]))[0]
         if cell is None or not _is_crossed(gradient, start.tangent):
             return None
         sign = not curve.selection.character.array[test]

@@ -31,8 +31,8 @@ from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
+from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.linear.inner import column
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem
 
@@ -169,8 +169,8 @@ def _problem(
     other = Selection(system, _with_modes(base, found, [True] * len(found))).jacobian(x)
     right = np.zeros((len(found) + 1, len(x)))
     for c, gradient, switch in zip(right, g, found, strict=False):
-        j, rows = int(np.abs(gradient * metric.scale).argmax()), list(switch.block.rows)
-        c[rows] = (column(other, j) - column(jacobian, j))[rows] / gradient[j]
+        rows = list(switch.block.rows)
+        c[rows] = by_columns(jacobian, other, gradient, metric.scale)[rows]
     right[-1] = last_unit(len(x))
     solved = factor.solve_all(right)
     w, along = solved[:-1], solved[-1]

@@ -30,8 +30,8 @@ from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
+from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.linear.inner import column
 from pwscont.linear.product_form import ProductForm
 from pwscont.linear.rows import Rows
 from pwscont.system.selection import Selection
@@ -131,10 +131,11 @@ class PerturbedCone:
                 return cell.character, cell.tangent
             k, s = first
             d = d + s * cell.tangent
+            gradient = self._gradients.some(np.array([k]))[0]
             signs = self._signs(d, cell.tangent)
-            signs[k] = float(self._gradients.some(np.array([k]))[0].dot(cell.tangent)) > 0.0
+            signs[k] = float(gradient.dot(cell.tangent)) > 0.0
             self.crossings += 1
-            if not cell.cross(self._character(signs), self._gradients.some(np.array([k]))[0]):
+            if not cell.cross(self._character(signs), gradient):
                 return None
         return None
 
@@ -182,11 +183,10 @@ class _Cell:
 
     def cross(self, character: Character, gradient: Array) -> bool:
         """Enter the cell beyond an interface; tell whether the path goes on there."""
-        steepest = int(np.abs(gradient * self._cone.metric.scale).argmax())
-        before, ahead = column(self._jacobian, steepest), float(gradient.dot(self.tangent))
+        before, ahead = self._jacobian, float(gradient.dot(self.tangent))
         self.selection = Selection(self._cone.system, character)
         self._jacobian = self.selection.jacobian(self._cone.x)
-        jump = (column(self._jacobian, steepest) - before) / gradient[steepest]
+        jump = by_columns(before, self._jacobian, gradient, self._cone.metric.scale)
         if not (self._update(jump, gradient) or self._factorise()):
             return False
         self.head(ahead * gradient)

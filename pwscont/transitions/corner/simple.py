@@ -53,10 +53,9 @@ def simple_corner(
         return None
     here = Character.of(system.test_functions(x[:-1], float(x[-1])))
     if not names_its_cells(system):
-        few = len(zero) <= MANY_TESTS
-        return (
-            _cell_by_cell(system, metric, x, zero, all_cells(system, here, zero)) if few else None
-        )
+        if len(zero) > MANY_TESTS:
+            return None
+        return _cell_by_cell(system, metric, x, zero, all_cells(system, here, zero))
     blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
     choices = [
         [mode for mode in block.modes if Admits(system, block, list(here.signs), zero)(mode)]
