@@ -90,6 +90,22 @@ def test_ranges_that_are_none_are_refused_in_words(capsys, over, words):
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ("0:49:50", list(range(50))),  # whole numbers stay whole
+        ("0.77:6.69:2", [0.77, 6.69]),  # and ends are what was asked for
+        ("2:5:1", [2.0]),
+        ("5:2:3", [5.0, 3.5, 2.0]),
+    ],
+)
+def test_ranges_are_evenly_spaced(monkeypatch, values, expected):
+    seen = []
+    monkeypatch.setattr("pwscont.commands.sweep.run", lambda options: seen.append(options) or 0)
+    assert main(["sweep", "fig7", "--over", f"friction={values}"]) == 0
+    assert seen[0].over == [("friction", expected)]
+
+
 def test_progress_of_cases_has_rate_and_time_left():
     clock, stream = Clock(), Terminal()
     progress = CaseProgress(stream, clock)

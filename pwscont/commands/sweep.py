@@ -21,8 +21,8 @@ from pwscont.studies.study import Study
 DEFAULT_MEASURE = "max-count"
 #: More rows are summed up instead of printed.
 MOST_ROWS = 24
-#: More failures are counted.
-MOST_FAILURES = 5
+#: More failures, and more values of one measure, are not listed.
+MOST_LISTED = 5
 
 
 def run(options: argparse.Namespace) -> int:
@@ -96,7 +96,7 @@ def _as_text(study: Study, result: StudyResult) -> str:
     kinds = Counter("failed" if row.failure else row.proven for row in result)
     lines.append(f"  proven {kinds[True]}, not proven {kinds[False]}, failed {kinds['failed']}")
     failed = (f"  case {row.case} failed: {row.failure}" for row in result if row.failure)
-    return "\n".join([*lines, *islice(failed, MOST_FAILURES)])
+    return "\n".join([*lines, *islice(failed, MOST_LISTED)])
 
 
 def _table(result: StudyResult, rows: list[Any]) -> list[str]:
@@ -122,9 +122,9 @@ def _summary(result: StudyResult, name: str) -> str:
     values, missing = column.compressed().tolist(), int(column.mask.sum())
     nothing = f"; nothing in {missing}" if missing else ""
     numbers = Counter(values)
-    if len(numbers) <= MOST_FAILURES or not all(isinstance(value, int | float) for value in values):
+    if len(numbers) <= MOST_LISTED or not all(isinstance(value, int | float) for value in values):
         often = [f"{_word(value)} in {numbers[value]}" for value in sorted(numbers, key=str)]
-        return f"  {name}: {', '.join(often[:MOST_FAILURES])}{nothing}"
+        return f"  {name}: {', '.join(often[:MOST_LISTED])}{nothing}"
     return f"  {name}: from {_word(min(values))} to {_word(max(values))}{nothing}"
 
 

@@ -70,8 +70,8 @@ def _between(lo: float, hi: float, count: int) -> list[float]:
         raise argparse.ArgumentTypeError(f"COUNT must be at least 1, got {count}")
     if not (isfinite(lo) and isfinite(hi)):
         raise argparse.ArgumentTypeError(f"LO and HI must be finite, got {lo}:{hi}")
-    steps = max(count - 1, 1)
-    return [lo + (hi - lo) * (step / steps) for step in range(count)]
+    inner = [lo + (hi - lo) * step / (count - 1) for step in range(1, count - 1)]
+    return [lo, *inner, hi][:count]
 
 
 def _value(word: str) -> int | float | str:
