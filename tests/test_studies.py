@@ -304,6 +304,14 @@ def test_the_store_of_another_study_is_refused(tmp_path, study, words):
         study.run(store=path, resume=True)
 
 
+def test_settings_in_another_order_number_other_cases(tmp_path):
+    path, over = tmp_path / "study.db", {"friction": [1.0, 4.0], "f_nu": [0.25, 0.5]}
+    Study(one_node, over, ["max-count"]).run(store=path).close()
+    turned = Study(one_node, {name: over[name] for name in reversed(over)}, ["max-count"])
+    with pytest.raises(InvalidInputError, match=r"over: .* when it was begun"):
+        turned.run(store=path, resume=True)
+
+
 def test_a_function_that_has_changed_is_noticed(tmp_path):
     path, count = tmp_path / "study.db", {"value": 3}
 

@@ -139,7 +139,7 @@ class Store:
         different = [
             f"{name}: {_short(known.get(name))} when it was begun, {_short(now)} now"
             for name, now in given.items()
-            if known.get(name) != now
+            if _differ(known.get(name), now)
         ]
         if different:
             raise self.refusal(f"it is of another study: {'; '.join(different)}; {ADVICE}")
@@ -181,6 +181,11 @@ class Store:
 
 def _checksum(number: int, text: str) -> str:
     return blake2b(f"{number} {text}".encode(), digest_size=16).hexdigest()
+
+
+def _differ(known: Any, now: Any) -> bool:
+    """Tell whether two values differ, or their parts in their order, which numbers the cases."""
+    return known != now or list(known) != list(now)
 
 
 def _short(value: Any) -> str:
