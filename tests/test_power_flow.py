@@ -457,6 +457,21 @@ def test_mistakes_are_said_in_words(change, words):
         PowerFlow(from_matpower(case))
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"mpc.baseMVA = hundred;", "a line of 'baseMVA' that is not numbers: 'hundred'"),
+        (b"mpc.bus = [1 3 x];", "a line of 'bus' that is not numbers: '1 3 x'"),
+        ("% Zürich".encode("latin-1"), "the case cannot be read"),
+    ],
+)
+def test_files_that_are_no_cases_are_refused_in_words(tmp_path, text, words):
+    file = tmp_path / "case.m"
+    file.write_bytes(text)
+    with pytest.raises(InvalidInputError, match=re.escape(words)):
+        from_matpower(file)
+
+
 def test_more_mistakes():
     network = three_bus_network()
     for wrong in (

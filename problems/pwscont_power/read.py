@@ -163,7 +163,7 @@ def _read(file: Path) -> dict[str, Any]:
     """Return the tables of a case file."""
     try:
         text = re.sub(r"%.*", "", file.read_text(encoding="utf-8"))
-    except OSError as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise InvalidInputError(f"the case cannot be read: {error}") from error
     tables: dict[str, Any] = {}
     for name, body in re.findall(r"mpc\.(\w+)\s*=\s*\[(.*?)\]", text, re.DOTALL):
@@ -171,7 +171,7 @@ def _read(file: Path) -> dict[str, Any]:
             lines = filter(None, map(str.strip, re.split(r"[;\n]", body)))
             tables[name] = [_numbers(line, name) for line in lines]
     if found := re.search(r"mpc\.baseMVA\s*=\s*([^;\s]+)", text):
-        tables["baseMVA"] = float(found[1])
+        (tables["baseMVA"],) = _numbers(found[1], "baseMVA")
     return tables
 
 
@@ -180,5 +180,5 @@ def _numbers(line: str, name: str) -> list[float]:
         return [float(word) for word in re.split(r"[\s,]+", line)]
     except ValueError as error:
         raise InvalidInputError(
-            f"the table {name!r} has a line that is not numbers: {line!r}"
+            f"the case has a line of {name!r} that is not numbers: {line!r}"
         ) from error
