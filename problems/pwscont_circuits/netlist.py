@@ -121,7 +121,7 @@ def parse_netlist(text: str) -> Netlist:
         for number, words in lines:
             if (words[0].lower() == ".model") == cards:
                 _at_line(number, reader.read, words)
-    return Netlist(title.strip(), Circuit(reader.elements), reader.sweep)
+    return Netlist(title.strip(), Circuit(reader.elements.values()), reader.sweep)
 
 
 def _lines(rest: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
@@ -159,11 +159,10 @@ class _Reader:
     """The elements and models read so far."""
 
     def __init__(self) -> None:
-        self.elements: list[Element] = []
+        self.elements: dict[str, Element] = {}
         self.sweep: tuple[str, float, float] | None = None
         self._models: dict[str, tuple[str, Callable[..., Element]]] = {}
         self._spelling: dict[str, str] = {"gnd": GROUND}
-        self._lines: dict[str, None] = {}
 
     def read(self, words: list[str]) -> None:
         """Read a line."""
@@ -175,7 +174,8 @@ class _Reader:
         elif first[0] == ".":
             raise InvalidInputError(f"{words[0]} is not read here; .model, .dc and .end are")
         elif first[0] in ENDS:
-            self.elements.append(self._element(first[0], words))
+            element = self._element(first[0], words)
+            self.elements[element.name] = element
         else:
             raise InvalidInputError(
                 f"no element begins with {words[0][0]!r}; there are {', '.join(ENDS).upper()}"
@@ -190,11 +190,12 @@ class _Reader:
             raise InvalidInputError(
                 f"{name} needs {ENDS[letter]} nodes and {what}, got {words[1:]}"
             )
-        if any(element.name == self._spelled(name) for element in self.elements):
+        spelled = self._spelled(name)
+        if spelled in self.elements:
             raise InvalidInputError(f"the name {name} is used a second time")
         if letter in VALUED:
-            return VALUED[letter](self._spelled(name), *ends, number_of(rest[0]))
-        return self._modelled(letter, rest[0])(self._spelled(name), *ends)
+            return VALUED[letter](spelled, *ends, number_of(rest[0]))
+        return self._modelled(letter, rest[0])(spelled, *ends)
 
     def _spelled(self, word: str) -> str:
         """Return a name as it was first written."""

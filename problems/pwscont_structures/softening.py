@@ -17,6 +17,15 @@ from pwscont.extending import Array, finite_array
 
 #: Modes of an element, by the signs of (e - e_peak, e - e_ultimate).
 MODES = {(False, False): "elastic", (True, False): "softening", (True, True): "broken"}
+#: What a user reads of an element that changes its mode.
+EVENTS = {
+    ("elastic", "softening"): "reaches its strength",
+    ("softening", "elastic"): "goes back to elastic",
+    ("softening", "broken"): "breaks",
+    ("broken", "softening"): "heals",
+    ("elastic", "broken"): "breaks at once",
+    ("broken", "elastic"): "heals at once",
+}
 
 
 @final
@@ -55,7 +64,8 @@ class SofteningBar(PiecewiseLinearSystem):
         remaining: float = 0.0,
     ) -> None:
         self.strength, self.modulus, self.softening = _alike(strength, modulus, softening)
-        self.size, self.spring = len(self.strength), float(_alike(spring)[0][0])
+        self.size = len(self.strength)
+        self.spring = float(_alike(finite_array("spring", spring, ()))[0][0])
         self.remaining = float(finite_array("remaining", remaining, ()))
         self._refuse_remaining()
         self.peak = self.strength / self.modulus
@@ -147,14 +157,3 @@ def _alike(*numbers: float | Sequence[float]) -> list[Array]:
     if any(each.ndim != 1 or (each <= 0.0).any() for each in checked):
         raise InvalidInputError("spring, strength, modulus and softening must be positive")
     return checked
-
-
-#: What a user reads of an element that changes its mode.
-EVENTS = {
-    ("elastic", "softening"): "reaches its strength",
-    ("softening", "elastic"): "goes back to elastic",
-    ("softening", "broken"): "breaks",
-    ("broken", "softening"): "heals",
-    ("elastic", "broken"): "breaks at once",
-    ("broken", "elastic"): "heals at once",
-}

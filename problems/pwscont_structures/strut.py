@@ -20,6 +20,8 @@ from pwscont_structures.rod import Rod
 
 #: Beyond this angle of an end the ends of a free elastica have passed each other.
 LARGEST_ANGLE = np.radians(150.0)
+#: The midspan force that bends a hinged rod by one unit of length, after the linear theory.
+REACTION = 48.0
 
 
 @final
@@ -209,10 +211,6 @@ class Strut(PiecewiseSystem):
             for i, (was, now) in enumerate(zip(before.signs, after.signs, strict=True))
             if was != now
         )
-
-
-#: The midspan force that bends a hinged rod by one unit of length, after the linear theory.
-REACTION = 48.0
 
 
 def _ends_of_elements(supports: Sequence[Support], elements: int) -> Array:
