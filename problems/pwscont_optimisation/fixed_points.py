@@ -9,6 +9,7 @@ import numpy as np
 
 from pwscont import Complementarity, InvalidInputError, PiecewiseSystem, Switched
 from pwscont.extending import Array, finite_array
+from pwscont_optimisation.numbered import numbered
 
 
 def BestReplies(  # noqa: N802  used like a class
@@ -49,7 +50,7 @@ def BestReplies(  # noqa: N802  used like a class
     InvalidSystemError
         If a lower bound is above the upper one.
     """
-    matrix, a, c = _affine("B", B, a, c)
+    matrix, a, c = _affine(B=B, a=a, c=c)
     n = len(a)
     low, high = _bounds(lower, upper, n)
 
@@ -122,7 +123,7 @@ def ReluLayer(  # noqa: N802  used like a class
     InvalidInputError
         If shapes do not fit.
     """
-    matrix, b, c = _affine("W", W, b, c)
+    matrix, b, c = _affine(W=W, b=b, c=c)
 
     def f(z: Any, alpha: Any, sw: Any) -> Any:
         return z - sw.relu(matrix @ z + b + alpha * c)
@@ -130,13 +131,15 @@ def ReluLayer(  # noqa: N802  used like a class
     return Switched(len(b), f, linear=True, **_named("unit", units, "z", len(b)) | given)
 
 
-def _affine(name: str, matrix: Any, constant: Any, slope: Any) -> tuple[Array, Array, Array]:
-    constant = finite_array("b" if name == "W" else "a", constant)
-    n = constant.size
+def _affine(**terms: Any) -> tuple[Array, Array, Array]:
+    """Return matrix, constant and slope of an affine map, given by their names in this order."""
+    matrix, constant, slope = terms
+    constants = finite_array(constant, terms[constant]).ravel()
+    n = len(constants)
     return (
-        finite_array(name, matrix, (n, n)),
-        constant.reshape(n),
-        finite_array("c", slope, (n,)),
+        finite_array(matrix, terms[matrix], (n, n)),
+        constants,
+        finite_array(slope, terms[slope], (n,)),
     )
 
 
@@ -152,7 +155,5 @@ def _bounds(lower: Any, upper: Any, n: int) -> tuple[Array, Array]:
 
 def _named(word: str, given: Sequence[str] | None, letter: str, n: int) -> dict[str, Any]:
     """Return the names of the switches and of the unknowns."""
-    switches = tuple(given) if given is not None else [f"{word} {i + 1}" for i in range(n)]
-    if len(switches) != n:
-        raise InvalidInputError(f"{word}s must be {n} texts, got {len(switches)}")
-    return {"switches": switches, "names": [f"{letter}{i + 1}" for i in range(n)]}
+    switches = numbered(f"{word}s", given, f"{word} ", n)
+    return {"switches": switches, "names": numbered("names", None, letter, n)}

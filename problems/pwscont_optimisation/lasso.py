@@ -10,6 +10,7 @@ import numpy as np
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, finite_array
 from pwscont_optimisation.active_sets import ActiveSets
+from pwscont_optimisation.numbered import numbered
 
 
 @final
@@ -74,10 +75,7 @@ class Lasso(ActiveSets):
     def _set_up(
         self, gram: Array, products: Array, names: Sequence[str] | None, unique: bool | None
     ) -> None:
-        p = len(products)
-        self._names = tuple(names) if names is not None else tuple(f"b{j + 1}" for j in range(p))
-        if len(self._names) != p:
-            raise InvalidInputError(f"names must be {p} texts, got {len(self._names)}")
+        self._names = numbered("names", names, "b", len(products))
         squares = np.diag(gram)
         if not (squares > 0.0).all():
             j = int(np.argmin(squares > 0.0))

@@ -10,6 +10,7 @@ import numpy as np
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, finite_array
 from pwscont_optimisation.active_sets import ActiveSets
+from pwscont_optimisation.numbered import numbered
 
 
 @final
@@ -71,8 +72,8 @@ class QuadraticProgram(ActiveSets):
         Q, A = finite_array("Q", Q, (n, n)), finite_array("A", A, (m, n))
         d = np.zeros(n) if d is None else finite_array("d", d, (n,))
         e = np.zeros(m) if e is None else finite_array("e", e, (m,))
-        parts = _named("constraints", constraints, "g", m)
-        self._names = (*_named("names", names, "x", n), *(f"mu_{part}" for part in parts))
+        parts = numbered("constraints", constraints, "g", m)
+        self._names = (*numbered("names", names, "x", n), *(f"mu_{part}" for part in parts))
         _check(Q, A, parts)
         self.unique = _is_unique(Q, A) if unique is None else unique
         super().__init__(parts, *_conditions(Q, q, d, A, b, e))
@@ -80,13 +81,6 @@ class QuadraticProgram(ActiveSets):
     def names(self) -> tuple[str, ...]:
         """Return the names of the variables and of the multipliers."""
         return self._names
-
-
-def _named(what: str, given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:
-    names = tuple(given) if given is not None else tuple(f"{letter}{i + 1}" for i in range(count))
-    if len(names) != count:
-        raise InvalidInputError(f"{what} must be {count} texts, got {len(names)}")
-    return names
 
 
 def _is_unique(Q: Array, A: Array) -> bool:
