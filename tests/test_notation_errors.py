@@ -13,6 +13,7 @@ from pwscont import (
     InvalidInputError,
     InvalidSystemError,
     Switched,
+    check_system,
     enumerate_solutions,
     explore,
     trace,
@@ -90,8 +91,15 @@ def test_arguments_are_checked():
         Switched(1, line, names=["a", "b"])
     with pytest.raises(InvalidInputError, match="switches must be 1 names"):
         Switched(1, line, switches=["a", "b"])
-    with pytest.raises(InvalidInputError, match="M must be square"):
-        LCP(np.ones((2, 3)), [0, 0], [0, 0])
+    with pytest.raises(InvalidInputError, match="names must be a list of texts, got 5"):
+        Switched(1, line, names=5)
+    with pytest.raises(InvalidInputError, match=r"bounds must be a pair \(lower, upper\), got 5"):
+        Switched(1, line, bounds=5)
+    for M in (np.ones((2, 3)), np.ones(2), 2.0):
+        with pytest.raises(InvalidInputError, match="M must be square"):
+            LCP(M, [0, 0], [0, 0])
+    with pytest.raises(InvalidInputError, match=r"Z has shape \(\), expected \(1, 1\)"):
+        AbsNormal(1.0, 0.0, 1.0, 1.0, [0], [0])
     with pytest.raises(InvalidInputError, match="strictly lower triangular"):
         AbsNormal([[1]], [[1]], [[1]], [[1]], [0], [0])
     with pytest.raises(InvalidInputError, match="J has shape"):
@@ -100,6 +108,33 @@ def test_arguments_are_checked():
         Complementarity(lambda z, t: z - t)
     with pytest.raises(InvalidInputError, match="z of the start has shape"):
         trace(Switched(1, line), ([0.0, 1.0], 0.0), (-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("f", "bounds", "points"),
+    [
+        # relu(-z) is zero where the function is tried first, and so are its products
+        (lambda z, t, sw: z - sw.max(sw.relu(-z) * sw.relu(z + 3.0), t), None, [[-3.0], [0.0]]),
+        (lambda z, t, sw: z - sw.max(sw.relu(-z) ** 2 - 0.5, t), None, [[0.0]]),
+        # and here an unknown at its bound
+        (
+            lambda z, t, sw: np.array([z[0] - t, z[1] - sw.max(z[1] * sw.relu(z[0] - 0.3), 1.0)]),
+            (0.0, np.inf),
+            [[0.3, 1.0]],
+        ),
+    ],
+)
+def test_switches_within_switches_are_seen_wherever_the_function_is_tried(f, bounds, points):
+    system = Switched(len(points[0]), f, bounds=bounds)
+    report = check_system(system, [(z, t) for z in points for t in (-1.0, 0.5)])
+    assert not report.defects, report
+
+
+def test_bounds_may_be_an_array():
+    bounds = np.array([[0.0, -1.0], [9.0, 1.0]])
+    system = Switched(2, lambda z, t, sw: sw.relu(z) - t, bounds=bounds)
+    for found, given in zip(system.bounds(), bounds, strict=True):
+        np.testing.assert_array_equal(found, given)
 
 
 def test_bounds_that_cross_end_the_domain():

@@ -147,7 +147,7 @@ class SofteningBar(PiecewiseLinearSystem):
         return f"element {i + 1} " if self.size > 1 else ""
 
 
-def _alike(*numbers: float | Sequence[float]) -> list[Array]:
+def _alike(*numbers: float | Sequence[float] | Array) -> list[Array]:
     """Return positive numbers in their common shape, (n,)."""
     try:
         given = np.broadcast_arrays(np.ones(1), *numbers)[1:]

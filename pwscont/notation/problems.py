@@ -91,9 +91,9 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
         If the shapes do not fit.
     """
     matrix = M if sp.issparse(M) else finite_array("M", M)
-    n = matrix.shape[0]
-    if matrix.shape != (n, n):
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise InvalidInputError(f"M must be square, got shape {matrix.shape}")
+    n = matrix.shape[0]
     q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
     return Complementarity(lambda z, t: matrix @ z + q + t * d, n=n, **{"linear": True} | given)
 
@@ -126,7 +126,7 @@ def AbsNormal(  # noqa: N802  the usual name
         If the shapes do not fit, or L is not strictly lower triangular.
     """
     Z, L, J, Y = (finite_array(name, A) for name, A in zip("ZLJY", (Z, L, J, Y), strict=True))
-    n, count = len(J), len(Z)
+    n, count = len(np.atleast_1d(J)), len(np.atleast_1d(Z))
     shapes = {"Z": (count, n), "L": (count, count), "J": (n, n), "Y": (n, count)}
     for A, (name, shape) in zip((Z, L, J, Y), shapes.items(), strict=True):
         if A.shape != shape:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.generic import generic
 from pwscont.notation.affine import coefficients
@@ -82,7 +82,7 @@ def Switched(  # noqa: N802  used like a class
         raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")
     if not callable(f):
         raise InvalidInputError(f"f must be a function of (z, alpha, sw), got {f!r}")
-    given = Given(_texts(names), _texts(switches), degree, unique, bounds, periods)
+    given = Given(_texts(names), _texts(switches), degree, unique, _pair(bounds), periods)
     function, size = UserFunction(f, int(n)), int(n)
     if linear:
         _, layout = _first_calls(function, list(_points(size, Given())))
@@ -96,15 +96,26 @@ def Switched(  # noqa: N802  used like a class
 def _texts(names: Any) -> tuple[str, ...] | None:
     if names is None:
         return None
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+    is_list = isinstance(names, Iterable) and not isinstance(names, str)
+    if not (is_list and all(isinstance(name, str) for name in names)):
         raise InvalidInputError(f"names must be a list of texts, got {names!r}")
     return tuple(names)
+
+
+def _pair(bounds: Any) -> tuple[Any, Any] | None:
+    if bounds is None:
+        return None
+    try:
+        lower, upper = bounds
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"bounds must be a pair (lower, upper), got {bounds!r}") from error
+    return lower, upper
 
 
 def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:
     points = list(_points(size, given))
     x, layout = _first_calls(function, points)
-    hidden, own_names = _dependence(function, size, layout, x)
+    hidden, own_names = _dependence(function, size, layout, x, points[1])
     lifted = LiftedFunction(function, size, layout, hidden)
     values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
     at = np.concatenate([x[:-1], values[hidden], x[-1:]])
@@ -165,16 +176,37 @@ def _undefined(failure: Exception | None, tried: int) -> InvalidSystemError:
 
 
 def _dependence(
-    function: UserFunction, size: int, layout: Layout, x: Array
+    function: UserFunction, size: int, layout: Layout, x: Array, other: Array
 ) -> tuple[Indices, dict[int, int]]:
-    """Return on which switches other switches depend, and which are one unknown each."""
+    """Return on which switches other switches depend, and which are one unknown each.
+
+    What depends is seen at x, where the function is finite, and at another point if it can be: at
+    one point a switch, or an unknown at its bound, may be zero and stand in a product.
+    """
     everything = LiftedFunction(function, size, layout, np.arange(layout.count))
     with np.errstate(all="ignore"):
         values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
         at = np.concatenate([x[:-1], values, x[-1:]])
         rows = sp.csr_array(_slopes(everything, at))
-    inner = np.flatnonzero(abs(rows[size:, size:-1]).sum(axis=0) != 0.0)
-    return inner, unknowns_bounded(rows[:size, :-1], size)
+        is_inner = _matter(rows, size) | _matter_elsewhere(everything, values, other, size)
+    return np.flatnonzero(is_inner), unknowns_bounded(rows[:size, :-1], size)
+
+
+def _matter(rows: Any, size: int) -> Signs:
+    """Tell on which switches tests or branches of others depend, by derivatives of all of them."""
+    matter: Signs = abs(rows[size:, size:-1]).sum(axis=0) != 0.0
+    return matter
+
+
+def _matter_elsewhere(everything: LiftedFunction, values: Array, other: Array, size: int) -> Signs:
+    """Tell the same at another point, with larger values of all switches; nothing if that fails."""
+    larger = values + (1.0 + np.abs(values)) * np.abs(generic(len(values)))
+    try:
+        rows = sp.csr_array(_slopes(everything, np.concatenate([other[:-1], larger, other[-1:]])))
+    except Exception:  # these values may mean nothing to the function
+        return np.zeros(len(values), dtype=bool)
+    rows.data[~np.isfinite(rows.data)] = 0.0
+    return _matter(rows, size)
 
 
 def unknowns_bounded(equations: Any, size: int) -> dict[int, int]:
