@@ -130,6 +130,27 @@ def test_switches_within_switches_are_seen_wherever_the_function_is_tried(f, bou
     assert not report.defects, report
 
 
+@pytest.mark.parametrize("bounds", [(2.0, 3.0), (2.0, np.inf), (-np.inf, 2.9), (2.79, 2.81)])
+def test_switches_of_unknowns_with_equal_bounds_are_not_taken_for_one(bounds):
+    def f(z, t, sw):
+        return np.array([z[0] - t + sw.relu(z[0] - 2.5), z[1] - 2.2 + sw.relu(z[1] - 2.5)])
+
+    system, z = Switched(2, f, bounds=bounds), np.array([2.8, 2.2])
+    found = system.residual(z, 2.9, system.character(z, 2.9))
+    assert found == pytest.approx([2.8 - 2.9 + 0.3, 0.0], abs=1e-15)
+
+
+def test_one_finite_point_is_not_enough_to_take_switches_for_one():
+    def f(z, t, sw):
+        rooted = np.sqrt(1e-4 - z**2)
+        return rooted - 1e-2 + np.array([sw.relu(z[0]), 2.0 * sw.relu(z[1])]) - t
+
+    system, z = Switched(2, f), np.array([1e-3, -1e-3])
+    found = system.residual(z, 0.0, system.character(z, 0.0))
+    rest = np.sqrt(1e-4 - 1e-6) - 1e-2
+    assert found == pytest.approx([rest + 1e-3, rest], abs=1e-15)
+
+
 def test_bounds_may_be_an_array():
     bounds = np.array([[0.0, -1.0], [9.0, 1.0]])
     system = Switched(2, lambda z, t, sw: sw.relu(z) - t, bounds=bounds)

@@ -123,12 +123,25 @@ def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:
 
 
 def _points(size: int, given: Given) -> Iterator[Array]:
-    """Yield points at which to try a function, within the bounds."""
-    lower, upper = given.bounds or (-np.inf, np.inf)
+    """Yield points at which to try a function, within the bounds; no two of them are alike."""
+    bounds = given.bounds or (-np.inf, np.inf)
     for shift, reach in enumerate(TRIED):
         x = reach * generic(size + 1, shift)
-        yield np.append(np.clip(x[:-1], lower, upper), x[-1])
-        yield np.append(np.clip(np.abs(x[:-1]), lower, upper), abs(x[-1]))
+        for point in (x, np.abs(x)) if reach else (x,):
+            yield np.append(_within(point[:-1], generic(size, shift), *bounds), point[-1])
+
+
+@np.errstate(invalid="ignore")
+def _within(z: Array, generic: Array, lower: Any, upper: Any) -> Array:
+    """Return generic numbers within bounds: mirrored there, or spread where bounds are narrow.
+
+    Were they put on the bounds, unknowns that differ would be taken for equal.
+    """
+    mirrored = np.where(z < lower, 2.0 * np.asarray(lower) - z, z)
+    mirrored = np.where(mirrored > upper, 2.0 * np.asarray(upper) - mirrored, mirrored)
+    spread = lower + (np.asarray(upper) - lower) * (0.5 + 0.5 * generic)
+    inside: Array = np.where(mirrored < lower, spread, mirrored)
+    return inside
 
 
 def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array, Layout]:
