@@ -140,6 +140,16 @@ def test_switches_of_unknowns_with_equal_bounds_are_not_taken_for_one(bounds):
     assert found == pytest.approx([2.8 - 2.9 + 0.3, 0.0], abs=1e-15)
 
 
+@pytest.mark.parametrize("steepness", [30.0, 1e3])
+def test_switches_of_saturated_arguments_are_not_taken_for_one(steepness):
+    def f(z, t, sw):
+        return z - t + np.stack([sw.relu(np.tanh(steepness * each)) for each in z])
+
+    system, z = Switched(6, f), np.array([0.3, -0.3, 0.3, -0.3, -0.3, 0.3])
+    found = system.residual(z, 0.0, system.character(z, 0.0))
+    assert found == pytest.approx(z + np.maximum(0.0, np.tanh(steepness * z)), abs=1e-15)
+
+
 def test_one_finite_point_is_not_enough_to_take_switches_for_one():
     def f(z, t, sw):
         rooted = np.sqrt(1e-4 - z**2)

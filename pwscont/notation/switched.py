@@ -22,9 +22,10 @@ from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
 
-#: Points at which the function must be finite, and sizes of those that are tried.
+#: Points at which the function must be finite, and sizes of those that are tried: a large and a
+#: small one at first, for tanh(100 z) is 1 at any large z, whatever unknown z is.
 SURVEYED = 3
-TRIED = (1.0, 0.5, 0.1, 2.0, 10.0, 0.0)
+TRIED = (1.0, 1e-3, 0.5, 0.1, 2.0, 10.0, 0.0)
 
 
 def Switched(  # noqa: N802  used like a class
