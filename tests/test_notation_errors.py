@@ -150,6 +150,15 @@ def test_switches_of_saturated_arguments_are_not_taken_for_one(steepness):
     assert found == pytest.approx(z + np.maximum(0.0, np.tanh(steepness * z)), abs=1e-15)
 
 
+def test_functions_of_the_math_module_are_not_called_outside_their_domain():
+    def f(z, t, sw):
+        return np.array([math.asin(z[0]) - t + sw.relu(sw.relu(z[0]) - 0.1)])
+
+    graph = trace(Switched(1, f), ([0.0], 0.0), (-0.5, 0.5))
+    (solution,) = graph.solutions(0.4)
+    assert math.asin(solution.z[0]) + solution.z[0] - 0.1 == pytest.approx(0.4, abs=1e-12)
+
+
 def test_one_finite_point_is_not_enough_to_take_switches_for_one():
     def f(z, t, sw):
         rooted = np.sqrt(1e-4 - z**2)

@@ -27,6 +27,9 @@ from pwscont.notation.switches import common_form
 SURVEYED = 3
 TRIED = (1.0, 1e-3, 0.5, 0.1, 2.0, 10.0, 0.0)
 
+#: By how much an argument is changed to see what depends on it: functions may have narrow domains.
+SMALL = 1e-4
+
 
 def Switched(  # noqa: N802  used like a class
     n: int,
@@ -255,5 +258,5 @@ def _slopes(lifted: LiftedFunction, x: Array) -> Any:
         raise
     except Exception:  # it does what Duals do not know; numbers it can do
         here = lifted.outcome(x, float(x[-1]), None).all()
-        moved = x + np.diag(np.abs(generic(len(x))))
+        moved = x + SMALL * np.diag(np.abs(generic(len(x))))
         return np.stack([lifted.outcome(y, float(y[-1]), None).all() - here for y in moved], axis=1)
