@@ -26,7 +26,6 @@ from pwscont.notation.switches import common_form
 #: small one at first, for tanh(100 z) is 1 at any large z, whatever unknown z is.
 SURVEYED = 3
 TRIED = (1.0, 1e-3, 0.5, 0.1, 2.0, 10.0, 0.0)
-
 #: By how much an argument is changed to see what depends on it: functions may have narrow domains.
 SMALL = 1e-4
 
