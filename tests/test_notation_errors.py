@@ -116,7 +116,9 @@ def test_arguments_are_checked():
         # relu(-z) is zero where the function is tried first, and so are its products
         (lambda z, t, sw: z - sw.max(sw.relu(-z) * sw.relu(z + 3.0), t), None, [[-3.0], [0.0]]),
         (lambda z, t, sw: z - sw.max(sw.relu(-z) ** 2 - 0.5, t), None, [[0.0]]),
-        # and here an unknown at its bound
+        # and exp(-40 y) where relu(40 z) is not
+        (lambda z, t, sw: z + sw.max(np.exp(-40.0 * sw.relu(40.0 * z)), 0.1) - t, None, [[0.0]]),
+        # and here an unknown could be at its bound
         (
             lambda z, t, sw: np.array([z[0] - t, z[1] - sw.max(z[1] * sw.relu(z[0] - 0.3), 1.0)]),
             (0.0, np.inf),

@@ -22,10 +22,13 @@ from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
 
-#: Points at which the function must be finite, and sizes of those that are tried: a large and a
-#: small one at first, for tanh(100 z) is 1 at any large z, whatever unknown z is.
+#: Points at which the function must be finite.
 SURVEYED = 3
+#: Sizes of those that are tried: a large and a small one at first, for tanh(100 z) is 1 at any
+#: large z, whatever unknown z is.
 TRIED = (1.0, 1e-3, 0.5, 0.1, 2.0, 10.0, 0.0)
+#: At how many others it is seen which switches depend on each other: a large and a small one.
+ELSEWHERE = 2
 #: By how much an argument is changed to see what depends on it: functions may have narrow domains.
 SMALL = 1e-4
 
@@ -118,7 +121,7 @@ def _pair(bounds: Any) -> tuple[Any, Any] | None:
 def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:
     points = list(_points(size, given))
     x, layout = _first_calls(function, points)
-    hidden, own_names = _dependence(function, size, layout, x, points[1])
+    hidden, own_names = _dependence(function, size, layout, x, points[1 : 1 + ELSEWHERE])
     lifted = LiftedFunction(function, size, layout, hidden)
     values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
     at = np.concatenate([x[:-1], values[hidden], x[-1:]])
@@ -192,19 +195,21 @@ def _undefined(failure: Exception | None, tried: int) -> InvalidSystemError:
 
 
 def _dependence(
-    function: UserFunction, size: int, layout: Layout, x: Array, other: Array
+    function: UserFunction, size: int, layout: Layout, x: Array, others: Sequence[Array]
 ) -> tuple[Indices, dict[int, int]]:
     """Return on which switches other switches depend, and which are one unknown each.
 
-    What depends is seen at x, where the function is finite, and at another point if it can be: at
-    one point a switch, or an unknown at its bound, may be zero and stand in a product.
+    What depends is seen at x, where the function is finite, and at other points if it can be: at
+    one point a switch may be zero and stand in a product, or be so large that exp(-y) is zero.
     """
     everything = LiftedFunction(function, size, layout, np.arange(layout.count))
     with np.errstate(all="ignore"):
         values = function.outcome(x[:-1], float(x[-1]), layout).values(layout)
         at = np.concatenate([x[:-1], values, x[-1:]])
         rows = sp.csr_array(_slopes(everything, at))
-        is_inner = _matter(rows, size) | _matter_elsewhere(everything, values, other, size)
+        is_inner = _matter(rows, size)
+        for other in others:
+            is_inner |= _matter_elsewhere(everything, other, size)
     return np.flatnonzero(is_inner), unknowns_bounded(rows[:size, :-1], size)
 
 
@@ -214,13 +219,14 @@ def _matter(rows: Any, size: int) -> Signs:
     return matter
 
 
-def _matter_elsewhere(everything: LiftedFunction, values: Array, other: Array, size: int) -> Signs:
-    """Tell the same at another point, with larger values of all switches; nothing if that fails."""
-    larger = values + (1.0 + np.abs(values)) * np.abs(generic(len(values)))
+def _matter_elsewhere(everything: LiftedFunction, x: Array, size: int) -> Signs:
+    """Tell the same at another point, with other values of all switches; nothing if that fails."""
+    count = everything.layout.count
+    values = np.abs(x).max() * np.abs(generic(count))
     try:
-        rows = sp.csr_array(_slopes(everything, np.concatenate([other[:-1], larger, other[-1:]])))
+        rows = sp.csr_array(_slopes(everything, np.concatenate([x[:-1], values, x[-1:]])))
     except Exception:  # these values may mean nothing to the function
-        return np.zeros(len(values), dtype=bool)
+        return np.zeros(count, dtype=bool)
     rows.data[~np.isfinite(rows.data)] = 0.0
     return _matter(rows, size)
 
