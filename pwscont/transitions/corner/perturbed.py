@@ -15,6 +15,7 @@ Failure modes and answers
 - Tests with parallel gradients vanish together wherever the path is: they change sign together.
 - A generic number is not generic enough, or rounding leads the path astray: directions are checked
   against the matrix of each cell, and whoever asks verifies the ray at the end on its own.
+- A path that does not begin at a ray may be closed: it ends where it comes back to its first cell.
 - The path is as long as the number of cells, which happens in examples made for it: it is given up.
 """
 
@@ -120,7 +121,7 @@ class PerturbedCone:
         self, character: Character, d: Array, towards: Array
     ) -> tuple[Character, Array] | None:
         """Follow the path through d in a cell, in the direction nearest to ``towards``."""
-        cell = _Cell.at(self, character)
+        cell, begun = _Cell.at(self, character), self.system.cell(character)
         if cell is None:
             return None
         cell.head(self.metric.covector(towards))
@@ -135,7 +136,8 @@ class PerturbedCone:
             signs = self._signs(d, cell.tangent)
             signs[k] = float(gradient.dot(cell.tangent)) > 0.0
             self.crossings += 1
-            if not cell.cross(self._character(signs), gradient):
+            ahead = self._character(signs)
+            if self.system.cell(ahead) == begun or not cell.cross(ahead, gradient):
                 return None
         return None
 
