@@ -453,7 +453,7 @@ def test_the_rate_is_that_of_the_last_seconds():
     assert stream.getvalue().rstrip().endswith(", 1 pieces/s")  # 10 since 102
 
 
-@pytest.mark.parametrize("name", ["fig7", "fig5"])
+@pytest.mark.parametrize("name", ["fig7", "example1-critical-friction"])
 def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
     clock = Clock()
 
