@@ -33,7 +33,6 @@ from pwscont.two_parameters.affine import AffineFamily
 from pwscont.two_parameters.half_planes import clipped
 from pwscont.two_parameters.strips import Strip, strip_of
 
-
 #: A cell that is left has its polygon cut, which takes longer than a point.
 PRICES = Prices(1024, 1)
 

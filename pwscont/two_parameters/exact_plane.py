@@ -23,10 +23,10 @@ from pwscont.system.hidden import shown_size
 from pwscont.two_parameters.affine import AffineFamily
 from pwscont.two_parameters.arrangement import Arrangement, Patch, arrange
 from pwscont.two_parameters.cells import cells_of
-from pwscont.two_parameters.joints import Joints, Solved, joints
 from pwscont.two_parameters.edges import edges
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.half_planes import width_of
+from pwscont.two_parameters.joints import Joints, Solved, joints
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
 from pwscont.two_parameters.regions import Region
