@@ -117,6 +117,10 @@ class ExactPlane(Plane):
             return f"complete, but for {counted(self._narrow, 'region')} narrower than rounding"
         return "complete"
 
+    def proof(self, region: Region) -> str:
+        """Return that all solutions are known, unless the map is not certain."""
+        return "not certain" if self._doubts else "proven"
+
     def groups(self) -> Iterator[Group]:
         """Yield folds, transitions and vertical edges."""
         for some in self.parts:

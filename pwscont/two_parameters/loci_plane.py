@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -13,13 +13,15 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
 from pwscont.continuation.plan import Report, silent
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import solve_slice
 from pwscont.graph.presentation import number
+from pwscont.search.enumeration import solve_surely
 from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.loci import Locus, follow_transitions, parts_of
 from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
 from pwscont.two_parameters.regions import Region, regions
 
+#: mu -> a system whose solutions at one alpha can be enumerated.
+MakeLinear: TypeAlias = Callable[[float], SlicewiseLinearSystem]
 #: Kinds of special points of loci that get no mark.
 UNMARKED = (Kind.START,)
 
@@ -38,18 +40,24 @@ class LociPlane(Plane):
     mixed : tuple of ndarray, shape (2,)
         Points (alpha, mu) whose solutions lie in other cells than those of the region around them:
         a locus that was not found passes there. Without such points the loci need not be complete:
-        three points of each region are tried.
+        a few points of each region are tried.
     levels : tuple of float
         Values of mu at which loci were looked for.
+    proven : tuple of int
+        For each region, in the order of the sectors, at how many points enumeration proves its
+        number of solutions: in its middle, its lowest and highest part, and beside its left and
+        right edges. 0 where it does not at each of them. It proves the number at these points; a
+        region can still be crossed by a locus that passes between them and meets no level.
     """
 
     levels: tuple[float, ...] = ()
+    proven: tuple[int, ...] = ()
 
     @property
     def searched(self) -> str:
         """The values of mu at which loci were looked for, in words."""
         levels = ", ".join(map(number, sorted(self.levels)))
-        return f"loci of all transitions at {levels}; solutions at three points of each region"
+        return f"loci of all transitions at {levels}; solutions in each region and along its edges"
 
     @property
     def guarantee(self) -> str:
@@ -58,7 +66,17 @@ class LociPlane(Plane):
             return f"a locus is missing near {len(self.mixed)} of the points tried"
         if len(set(self.balances())) > 1:
             return "not balanced: a locus is missing"
-        return "balanced; loci that meet none of the values searched may be missing"
+        number = sum(map(bool, self.proven))
+        return (
+            f"balanced; {number} of {len(self.proven)} regions proven at the points tried; "
+            "loci that meet none of the values searched may be missing"
+        )
+
+    def proof(self, region: Region) -> str:
+        """Return what enumeration proves about a region, in words."""
+        regions = [known for sector in self.sectors for known in sector.regions]
+        points = next(n for known, n in zip(regions, self.proven, strict=True) if known is region)
+        return f"proven at {points} points" if points else "not proven"
 
     def groups(self) -> Iterator[Group]:
         """Yield the parts of each locus, and why it ends where it does."""
@@ -82,7 +100,7 @@ class LociPlane(Plane):
     @classmethod
     def between(
         cls,
-        family: Callable[[float], SlicewiseLinearSystem],
+        family: MakeLinear,
         alphas: tuple[float, float],
         mus: tuple[float, float],
         levels: Sequence[float],
@@ -112,7 +130,7 @@ class LociPlane(Plane):
     @classmethod
     def _cut(
         cls,
-        family: Callable[[float], SlicewiseLinearSystem],
+        family: MakeLinear,
         alphas: tuple[float, float],
         mus: tuple[float, float],
         loci: Sequence[Locus],
@@ -121,41 +139,65 @@ class LociPlane(Plane):
         parts = tuple(tuple(parts_of(locus)) for locus in loci)
         curves = [part.plane for some in parts for part in some]
         found = regions(curves, alphas, mus)
-        sectors = gathered(_sector(family, alphas, region) for region in found)
-        mixed = tuple(_mixed(family, alphas, sectors))
-        return cls(alphas, mus, parts, sectors, tuple(loci), mixed)
+        tried = [_Tried.of(family, region) for region in found]
+        sectors = gathered(one.sector for one in tried)
+        mixed = tuple(point for one in tried for point in one.mixed)
+        proven = {id(one.sector.regions[0]): one.points for one in tried}
+        points = tuple(proven[id(r)] for s in sectors for r in s.regions)
+        return cls(alphas, mus, parts, sectors, tuple(loci), mixed, proven=points)
 
 
-def _sector(
-    family: Callable[[float], SlicewiseLinearSystem], alphas: tuple[float, float], region: Region
-) -> Sector:
-    """Return one region with the solutions in its middle."""
-    solutions, faces = _solutions(family, alphas, region.inside)
-    return Sector((region,), solutions, math.inf if faces else len(solutions))
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tried:
+    """A region with what enumeration found at its points.
+
+    Attributes
+    ----------
+    sector : Sector
+        The region with the solutions in its middle.
+    mixed : tuple of ndarray, shape (2,)
+        The points with solutions in other cells than those in the middle.
+    points : int
+        At how many points the number of solutions is proven; 0 unless it is at all of them.
+    """
+
+    sector: Sector
+    mixed: tuple[Array, ...]
+    points: int
+
+    @classmethod
+    def of(cls, family: MakeLinear, region: Region) -> _Tried:
+        """Enumerate the solutions at all points of a region."""
+        here, surely = _solutions(family, region.inside)
+        sector = Sector((region,), here.points, math.inf if here.faces else len(here.points))
+        labels, mixed = set(sector.labels), []
+        for point in region.others:
+            there, sure = _solutions(family, point)
+            surely &= sure
+            if {found.label for found in there.points} != labels:
+                mixed.append(point)
+        points = 1 + len(region.others)
+        return cls(sector, tuple(mixed), points if surely and not mixed else 0)
 
 
-def _mixed(
-    family: Callable[[float], SlicewiseLinearSystem],
-    alphas: tuple[float, float],
-    sectors: Sequence[Sector],
-) -> Iterator[Array]:
-    """Yield points of regions with other solutions than those in their middle."""
-    for sector in sectors:
-        for point in (point for region in sector.regions for point in region.others):
-            solutions, _ = _solutions(family, alphas, point)
-            if {found.label for found in solutions} != set(sector.labels):
-                yield point
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """Isolated solutions at a point of the plane, and whether whole faces are solutions."""
+
+    points: tuple[Found, ...]
+    faces: bool
 
 
-def _solutions(
-    family: Callable[[float], SlicewiseLinearSystem], alphas: tuple[float, float], point: Array
-) -> tuple[tuple[Found, ...], bool]:
-    """Return the isolated solutions at (alpha, mu), and whether whole faces are solutions."""
+def _solutions(family: MakeLinear, point: Array) -> tuple[_Here, bool]:
+    """Return the solutions at (alpha, mu), and whether enumeration proves that these are all."""
     alpha, mu = map(float, point)
     system = family(mu)
-    found = solve_slice(system, Metric.of(system, alphas), alpha)
+    found = solve_surely(system, Metric.at(system, alpha), alpha)
     isolated = tuple(
-        Found(point.x[:-1], system.label(point.characters[0]), point.det_sign)
-        for point in found.points
+        Found(one.x[:-1], system.label(one.characters[0]), one.det_sign) for one in found.points
     )
-    return isolated, bool(found.faces)
+    balance = sum(one.det_sign for one in isolated)
+    sure = (found.exact or not found.undecided) and system.degree in (None, balance)
+    return _Here(isolated, bool(found.faces)), sure and not found.faces

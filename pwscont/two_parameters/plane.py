@@ -139,6 +139,10 @@ class Plane(ABC):
         """What is known about the completeness of regions and solutions, in words."""
 
     @abstractmethod
+    def proof(self, region: Region) -> str:
+        """Return what is proven about the solutions in a region, in words."""
+
+    @abstractmethod
     def groups(self) -> Iterator[Group]:
         """Yield the parts under their headings."""
 

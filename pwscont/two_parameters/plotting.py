@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
 from pwscont.basics.arrays import Array
@@ -21,7 +22,7 @@ from pwscont.scenes.symbols import symbol
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing
 from pwscont.two_parameters.plane import Meeting, Plane, Sector
-from pwscont.two_parameters.regions import area_and_centre
+from pwscont.two_parameters.regions import Region, area_and_centre
 from pwscont.two_parameters.table import how_many
 
 SHADES = {0: "#f4e3d7", 1: "#ffffff", 2: "#e6eef5", 3: "#cfe0ee", 4: "#b5d0e6", 5: "#94bcdb"}
@@ -69,7 +70,7 @@ def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
     _write_names(ax, scene, plane, window)
     _mark_lowest_fold(ax, scene, plane)
     _set_axes(ax, scene, window)
-    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small")
+    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small", wrap=True)
     figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
     handles = _legend(plane)
     columns = len(handles) if len(handles) < 5 else -(-len(handles) // 2)
@@ -115,7 +116,8 @@ def _write_names(
         sizes = [area_and_centre(polygon) for polygon in polygons]
         if max(area for area, _ in sizes) < ROOM * width * height:
             continue
-        at = _centre(sizes) if scene.sectors else _inside(sector, window[0])
+        largest = int(np.argmax([area for area, _ in sizes]))
+        at = _centre(sizes) if scene.sectors else _within(sector.regions[largest], sizes[largest])
         narrow = scene.sectors and sum(area for area, _ in sizes) < NARROW * width * height
         _write(ax, _caption(scene, sector), at, ASIDE * width if narrow else 0.0)
 
@@ -140,10 +142,11 @@ def _clipped(polygon: Array, alphas: tuple[float, float]) -> Array:
     return np.column_stack([polygon[:, 0].clip(*alphas), polygon[:, 1]])
 
 
-def _inside(sector: Sector, alphas: tuple[float, float]) -> Array:
-    """Return a point in the widest part of the largest region, pushed into the view."""
-    alpha, mu = sector.regions[0].inside
-    return np.array([np.clip(alpha, *alphas), mu])
+def _within(region: Region, size: tuple[float, Array]) -> Array:
+    """Return the centre of a region, or a point in its widest part where it bends around that."""
+    _, centre = size
+    contains = Path(region.polygon).contains_points(centre[np.newaxis])[0]
+    return centre if contains else region.inside
 
 
 def _centre(sizes: list[tuple[float, Array]]) -> Array:

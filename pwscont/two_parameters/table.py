@@ -65,7 +65,8 @@ def _sectors(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     for sector in plane.sectors:
         name = scene.sector_name(sector)
         heading = f"{name}, {how_many(sector)}" if name else how_many(sector)
-        yield f"  {heading} at {_point(scene, *sector.regions[0].inside)}"
+        region = sector.regions[0]
+        yield f"  {heading} at {_point(scene, *region.inside)}, {plane.proof(region)}"
         for found in sector.solutions:
             yield f"    {found.label}, det {found.det_sign:+d}"
 
