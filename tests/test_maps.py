@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from paper_systems import TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
-from pwscont_coulomb.plane_scenes import critical_friction, fig5
+from pwscont_coulomb.plane_scenes import critical_friction, example1_load_plane, fig5
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import enumerate_solutions as reference
 from reference_enumeration import modes_of
@@ -263,15 +263,14 @@ def test_a_tangential_load_that_is_always_zero():
 
 def test_example1_in_the_plane_of_two_loads():
     """The paper's two nodes: the count along its load path, and enumeration in the plane."""
-    body = contact_body(TWO_NODES)
-    family = loads(body, 4.0, [0.4, 0, 1.8, 0], [0, 1, 0.2, 1], [1, 0, 0, 0])
-    found = plane(family, (-8.0, 2.0), (-0.5, 0.5))
+    found = example1_load_plane().run()
     assert found.guarantee == "complete"
-    assert [found.count(a, 0.0) for a in (-7.0, -1.4, -1.0, 0.0)] == [1, 5, 3, 1]
-    for alpha, mu in points(found, 30):
-        load = np.array([0.4 + mu, alpha, 1.8 + 0.2 * alpha, alpha])
+    assert [found.count(a, 0.4) for a in (-7.0, -1.4, -1.0, 0.0)] == [1, 5, 3, 1]
+    regions = [region.inside.tolist() for sector in found.sectors for region in sector.regions]
+    for alpha, f_nu in [*points(found, 20), *regions]:
+        load = np.array([f_nu, alpha, 1.8 + 0.2 * alpha, alpha])
         expected = {one.modes for one in reference(TWO_NODES, load, 4.0)}
-        assert {modes_of(s.label) for s in found.solutions(alpha, mu)} == expected
+        assert {modes_of(s.label) for s in found.solutions(alpha, f_nu)} == expected
 
 
 CASES = [(p, seed, friction) for p in range(1, 7) for seed, friction in enumerate((0.5, 1.5, 4.0))]
