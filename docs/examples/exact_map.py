@@ -34,7 +34,7 @@ def family(f_nu):
 #
 # While the nodes keep their contact modes, displacements and forces are affine functions of both
 # parameters. So the loads at which a choice of modes solves the equations are a convex polygon of
-# the plane. :func:`~pwscont.plane` finds the polygons of all choices, and cuts them with each other.
+# the plane. :func:`~pwscont.plane` finds the polygons of all choices and cuts them with each other.
 found = plane(family, (-8.0, 2.0), (-2.0, 3.0))
 print(found)
 print(found.searched)
@@ -76,5 +76,5 @@ ax.set(xlabel="α", ylabel="normal load on node 1", xlim=(-8, 2), ylim=(-2, 3))
 #
 #     pwscont run example1-load-plane -o out
 #
-# Friction does not enter affinely: it multiplies normal forces, which are unknowns. For the plane of
-# load and friction see :doc:`/gallery/critical_friction`.
+# Friction does not enter affinely: it multiplies normal forces, which are unknowns. For the plane
+# of load and friction see :doc:`/gallery/critical_friction`.
