@@ -16,7 +16,7 @@ from pwscont.curve.metric import Metric
 from pwscont.graph.presentation import number
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.system import SlicewiseLinearSystem
-from pwscont.two_parameters.loci import Locus, follow_transitions, parts_of
+from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of
 from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
 from pwscont.two_parameters.regions import Region, regions
 
@@ -116,12 +116,14 @@ class LociPlane(Plane):
         Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
         """
         known: list[Locus] = []
+        parts: list[tuple[LocusPart, ...]] = []
         searched = set(levels)
         while True:
             loci = follow_transitions(
                 family, alphas, mus, levels, known=known, parameter=parameter, report=report
             )
-            plane = replace(cls._cut(family, alphas, mus, loci), levels=tuple(searched))
+            parts += [tuple(parts_of(locus)) for locus in loci[len(known) :]]
+            plane = replace(cls._cut(family, (alphas, mus), loci, parts), levels=tuple(searched))
             if not plane.mixed or len(loci) == len(known):
                 return plane
             known, levels = loci, sorted({float(point[1]) for point in plane.mixed})
@@ -131,20 +133,19 @@ class LociPlane(Plane):
     def _cut(
         cls,
         family: MakeLinear,
-        alphas: tuple[float, float],
-        mus: tuple[float, float],
+        window: tuple[tuple[float, float], tuple[float, float]],
         loci: Sequence[Locus],
+        parts: Sequence[tuple[LocusPart, ...]],
     ) -> LociPlane:
         """Return the sectors between loci."""
-        parts = tuple(tuple(parts_of(locus)) for locus in loci)
         curves = [part.plane for some in parts for part in some]
-        found = regions(curves, alphas, mus)
+        found = regions(curves, *window)
         tried = [_Tried.of(family, region) for region in found]
         sectors = gathered(one.sector for one in tried)
         mixed = tuple(point for one in tried for point in one.mixed)
         proven = {id(one.sector.regions[0]): one.points for one in tried}
         points = tuple(proven[id(r)] for s in sectors for r in s.regions)
-        return cls(alphas, mus, parts, sectors, tuple(loci), mixed, proven=points)
+        return cls(*window, tuple(parts), sectors, tuple(loci), mixed, proven=points)
 
 
 @final
