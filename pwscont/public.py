@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from pwscont.system.check import check_system
     from pwscont.two_parameters.axes import Axes
     from pwscont.two_parameters.fold_locus import FoldLocus
+    from pwscont.two_parameters.maps import plane
     from pwscont.two_parameters.scene import PlaneScene
     from pwscont.two_parameters.transition_locus import TransitionLocus
 
@@ -131,6 +132,7 @@ __all__ = [
     "draw_counts",
     "enumerate_solutions",
     "explore",
+    "plane",
     "plot",
     "trace",
 ]
@@ -164,6 +166,7 @@ LATER = {
     "check_stepper": "pwscont.continuation.kit",
     "check_system": "pwscont.system.check",
     "draw_counts": "pwscont.scenes.counting",
+    "plane": "pwscont.two_parameters.maps",
     "plot": "pwscont.scenes.plotting",
 }
 

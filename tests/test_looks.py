@@ -26,6 +26,7 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import Failure, FailureReason, Guarantee, Ray, Reading, SearchScope
+from pwscont.two_parameters.loci_plane import LociPlane
 
 START = ((-0.5, -1.25, 0.0, 0.0), -2.0)
 
@@ -87,7 +88,8 @@ def of_scenes():
     yield from (scene, scene.panels[0], scene.solve((), lambda *_: None), block(), fig5())
     answer = fig5().solve((), lambda *_: None)
     plane = answer.plane
-    yield from (answer, plane, plane.loci[0], plane.parts[0][0])
+    by_loci = LociPlane.between(fig5().family, (-1.0, 1.0), (0.5, 1.0), (0.7,))
+    yield from (answer, plane, by_loci, by_loci.loci[0], plane.parts[0][0], *plane.groups())
     yield from (plane.sectors[0], plane.sectors[0].regions[0], plane.sectors[0].solutions[0])
 
 

@@ -18,6 +18,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from matplotlib.path import Path
 from paper_systems import TWO_NODES, contact_body
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, load_plane
@@ -26,6 +27,7 @@ from reference_enumeration import enumerate_solutions, modes_of
 from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, explore, trace
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
+from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.regions import area_and_centre, regions
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -121,19 +123,17 @@ def test_a_locus_ends_where_alpha_leaves_its_range():
     assert end.alpha == pytest.approx(-0.7, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    "scene",
-    [pytest.param(fig4(), marks=pytest.mark.slow), fig5(), fig6()],
-    ids=lambda scene: scene.name,
-)
-def test_sectors_hold_what_the_closed_forms_say(scene):
+@pytest.mark.parametrize("how", [pytest.param("loci", marks=pytest.mark.slow), "exact"])
+@pytest.mark.parametrize("scene", [fig4(), fig5(), fig6()], ids=lambda scene: scene.name)
+def test_sectors_hold_what_the_closed_forms_say(scene, how):
     friction = float(scene.family(0.5).friction[0])
-    plane = plane_of(scene.name)
+    plane = plane_of(scene.name, how)
+    assert plane.guarantee.startswith({"exact": "complete", "loci": "balanced; "}[how])
     area = 0.0
     for sector in plane.sectors:
         for region in sector.regions:
             area += area_and_centre(region.polygon)[0]
-            for f_nu, f_t in points_inside(region.polygon):
+            for f_nu, f_t in points_of_any(region.polygon):
                 assert set(sector.labels) == sectors_at(2.0, 1.0, friction, f_nu, f_t)
         assert sector.count == len(sector.labels)
     assert area == pytest.approx(4.0, rel=1e-12)
@@ -142,8 +142,21 @@ def test_sectors_hold_what_the_closed_forms_say(scene):
 
 
 @cache
-def plane_of(name):
-    return {"fig4": fig4, "fig5": fig5, "fig6": fig6}[name]().run()
+def plane_of(name, how):
+    scene = {"fig4": fig4, "fig5": fig5, "fig6": fig6}[name]()
+    if how == "exact":
+        pytest.importorskip("shapely", reason="exact maps need the extra 'maps'")
+        return scene.run()
+    return LociPlane.between(scene.family, scene.alphas, scene.mus, scene.levels)
+
+
+def points_of_any(polygon, count=40):
+    """Return random points of a polygon."""
+    lo, hi = polygon.min(axis=0), polygon.max(axis=0)
+    points = lo + np.random.default_rng(5).random((50 * count, 2)) * (hi - lo)
+    inside = Path(polygon).contains_points(points)
+    assert inside.any()
+    return points[inside][:count]
 
 
 SECTORS = {
@@ -169,9 +182,10 @@ def points_inside(polygon, count=40):
             yield (1.0 - part) * lo + part * hi, mu
 
 
-def test_infinitely_many_solutions_on_the_ray_of_fig6():
+@pytest.mark.parametrize("how", [pytest.param("loci", marks=pytest.mark.slow), "exact"])
+def test_infinitely_many_solutions_on_the_ray_of_fig6(how):
     """At F = a/b every u_t between both ends of the segment solves the equations."""
-    vertical = [s for some in plane_of("fig6").parts for s in some if s.crossing == "vertical"]
+    vertical = [s for some in plane_of("fig6", how).parts for s in some if s.crossing == "vertical"]
     assert {s.label for s in vertical} == {"slip- | no contact", "stick | slip-"}
     for part in vertical:
         np.testing.assert_allclose(part.plane[:, 0], -0.5 * part.plane[:, 1], **CLOSE)
@@ -289,6 +303,25 @@ def test_sectors_hold_what_enumeration_finds(plane):
                 if min((abs(f.margin) for f in found), default=1.0) < 1e-2:
                     continue  # the regions' sides are polylines
                 assert {f.modes for f in found} == {modes_of(label) for label in sector.labels}
+
+
+def test_a_locus_that_no_level_meets_is_seen_beside_an_edge(plane):
+    """Node 2 starts to slip beside the slipping node 1 in a corner, below F = 0.71."""
+    (part,) = curve(plane, "node 1 slip+, node 2 slip+ | node 1 slip+, node 2 stick")
+    for alpha, friction in part.plane[1:-1]:
+        found = enumerate_solutions(TWO_NODES, PATH(alpha - 1e-3), friction)
+        assert {f.modes for f in found} == {("slip+", "stick")}
+        found = enumerate_solutions(TWO_NODES, PATH(alpha + 1e-3), friction)
+        assert {f.modes for f in found} == {("slip+", "slip+")}
+    assert len(plane.levels) > 1
+
+
+def test_every_region_is_proven_at_its_points(plane):
+    regions = [region for sector in plane.sectors for region in sector.regions]
+    assert len(plane.proven) == len(regions)
+    assert all(points == 1 + len(r.others) for points, r in zip(plane.proven, regions, strict=True))
+    assert {plane.proof(region).split()[0] for region in regions} == {"proven"}
+    assert f"{len(regions)} of {len(regions)} regions proven" in plane.guarantee
 
 
 def test_another_path_has_another_critical_friction():

@@ -1,4 +1,4 @@
-"""Scenes with two parameters: Figs. 4 to 6 of the paper, and the critical friction.
+"""Scenes with two parameters: Figs. 4 to 6 of the paper, and Example 1 in two planes.
 
 The sectors of the load plane have closed forms for one node (stiffness a, coupling b):
 
@@ -43,6 +43,11 @@ def example1_at(body: ContactBody, friction: float) -> CoulombLoad:
     return CoulombLoad(body, AffineLoad([0.4, 0.0, 1.8, 0.0], [0.0, 1.0, 0.2, 1.0]), friction)
 
 
+def example1_loads(body: ContactBody, friction: float, f_nu: float) -> CoulombLoad:
+    """Return Example 1 with another normal load on its first node, where the paper has 0.4."""
+    return CoulombLoad(body, AffineLoad([f_nu, 0.0, 1.8, 0.0], [0.0, 1.0, 0.2, 1.0]), friction)
+
+
 def _sector(labels: tuple[str, ...]) -> str:
     return SECTORS.get(tuple(sorted(labels)), "")
 
@@ -73,6 +78,19 @@ def fig5() -> PlaneScene:
 def fig6() -> PlaneScene:
     """Return Fig. 6: F = 2 = a/b, where a whole ray has infinitely many solutions."""
     return _load_plane("fig6", "=", 2.0)
+
+
+def example1_load_plane() -> PlaneScene:
+    """Return Example 1 in the plane of alpha and the normal load of node 1; its path is 0.4."""
+    return PlaneScene(
+        "example1-load-plane",
+        "two nodes, f = (f_ν, alpha, 1.8 + 0.2 alpha, alpha), F = 4",
+        partial(example1_loads, two_nodes(), 4.0),
+        alphas=(-8.0, 2.0),
+        mus=(-2.0, 3.0),
+        levels=(-1.0, 0.4, 2.0),
+        axes=Axes("alpha", "f_ν"),
+    )
 
 
 def critical_friction() -> PlaneScene:

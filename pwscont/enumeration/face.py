@@ -45,7 +45,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     """Return the face of a singular cell, if it has more than one point."""
     start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
     chosen, character = problem.chosen(picks), problem.character(picks)
-    if not _satisfies(chosen, start):
+    if not satisfies(chosen, start):
         return []
     G = np.vstack([option.G for option in chosen])
     g = np.concatenate([option.g for option in chosen])
@@ -54,7 +54,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     span = problem.basis @ directions
     if dimension > MOST_DIMENSIONS:
         return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)), span)]
-    if not _has_interior(matrix, vector):
+    if not has_interior(matrix, vector):
         return []
     corners = _corners(matrix, vector)
     y = start + corners @ directions.T
@@ -62,7 +62,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]), span)]
 
 
-def _satisfies(chosen: Sequence[Option], y: Array) -> bool:
+def satisfies(chosen: Sequence[Option], y: Array) -> bool:
     """Tell whether a point satisfies the equations of a singular cell, but for rounding."""
     E = np.vstack([option.E for option in chosen])
     e = np.concatenate([option.e for option in chosen])
@@ -70,7 +70,7 @@ def _satisfies(chosen: Sequence[Option], y: Array) -> bool:
     return bool((np.abs(E @ y + e) <= GUARD * EPS * (terms + terms.max())).all())
 
 
-def _has_interior(matrix: Array, vector: Array) -> bool:
+def has_interior(matrix: Array, vector: Array) -> bool:
     """Tell whether {s : matrix s + vector >= 0} has more than one point, bounded or not."""
     q = matrix.shape[1]
     moving = np.abs(matrix).max(axis=1) > SLACK

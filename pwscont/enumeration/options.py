@@ -113,12 +113,40 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     check_blocks(system, len(kappa))
     blocks = system.blocks()
     slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
+    necessary = system.necessary(alpha)
+    return problem_of(
+        system, slices, (K[:, :-1], kappa), (dense(necessary[0]), necessary[1]), scale
+    )
+
+
+def problem_of(
+    system: SlicewiseLinearSystem,
+    slices: Sequence[tuple[Array, Array]],
+    tests: tuple[Array, Array],
+    necessary: tuple[Array, Array],
+    scale: Array,
+) -> Problem | None:
+    """Return a problem from affine forms of some unknowns, None if nothing solves it.
+
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+        It tells blocks and bounding tests.
+    slices : sequence of (ndarray, ndarray)
+        Matrix, shape (n, N), and constant, shape (n,), of H where every block is in its k-th mode
+        (or its last). Of the N unknowns the first n are z; parameters may come after them.
+    tests, necessary : tuple of ndarray
+        Matrix and constant of the tests, and of what is never negative.
+    scale : ndarray, shape (N,)
+        Typical magnitudes.
+    """
+    blocks, (K, kappa), (A, b) = system.blocks(), tests, necessary
     common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
     origin, basis, growth = eliminated
-    G, g = _reduced(K[:, :-1], kappa, origin, basis)
+    G, g = _reduced(K, kappa, origin, basis)
     options = [
         [
             _option(system, block, mode, slices[k], (G, g), (origin, basis))
@@ -127,8 +155,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         for block in blocks
     ]
     options.sort(key=len)
-    A, b = system.necessary(alpha)
-    A, b = _reduced(dense(A), b, origin, basis)
+    A, b = _reduced(A, b, origin, basis)
     return Problem(options, A, b, origin, basis, len(kappa), growth)
 
 

@@ -39,22 +39,46 @@ from pwscont.enumeration.simplex import Vertices, feasible, first_vertex, slack_
 BATCH = 4**7
 #: Up to this many choices, batches take about as long as linear programs.
 FEW_CHOICES = 4**8
-#: More options of one block than this are not branched on.
-MANY_OPTIONS = 64
 #: Choices that are decided in batches in the time of one linear program.
 CHOICES_PER_PROGRAM = 16
+#: More options of one block than this are not branched on.
+MANY_OPTIONS = 64
 #: Linear programs solved at once: more would gain little and cost memory.
 PROGRAMS = 1024
 #: A decision that is still open.
 OPEN = -1
 
 
-def leaves(problem: Problem) -> Iterator[Choices]:
+@final
+@dataclass(frozen=True, slots=True)
+class Prices:
+    """What batches and linear programs cost, by which one of them is chosen.
+
+    Attributes
+    ----------
+    few : int
+        Up to this many choices, batches take about as long as linear programs.
+    per_program : int
+        Choices that are decided in batches in the time of one linear program.
+    """
+
+    few: int
+    per_program: float
+
+
+def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies their inequalities.
 
-    In singular cells the inequalities need not be looked at.
+    In singular cells the inequalities need not be looked at, nor where points are not unique.
+
+    Parameters
+    ----------
+    problem : Problem
+    prices : Prices, optional
+        Default: those of a choice that is done with once its point is found.
     """
-    ends = _search(problem) if _is_worth_searching(problem) else None
+    prices = prices or Prices(FEW_CHOICES, CHOICES_PER_PROGRAM)
+    ends = _search(problem, prices) if _is_worth_searching(problem, prices.few) else None
     if ends is None:
         yield from _all(problem)
         return
@@ -62,9 +86,9 @@ def leaves(problem: Problem) -> Iterator[Choices]:
         yield from filter(len, _finished(problem, np.array(picks)))
 
 
-def _is_worth_searching(problem: Problem) -> bool:
+def _is_worth_searching(problem: Problem, few: int) -> bool:
     numbers = [len(options) for options in problem.blocks]
-    return prod(numbers) > FEW_CHOICES and max(numbers) <= MANY_OPTIONS
+    return prod(numbers) > few and max(numbers) <= MANY_OPTIONS
 
 
 def _all(problem: Problem) -> Iterator[Choices]:
@@ -89,7 +113,7 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
         yield replace(choices, picks=choices.picks[np.argsort(order)])
 
 
-def _search(problem: Problem) -> list[tuple[int, ...]] | None:
+def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
     """Return the choices that are left, or of which all completions are; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
     space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
@@ -98,7 +122,7 @@ def _search(problem: Problem) -> list[tuple[int, ...]] | None:
     if space is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
-    found = _Search(Forms.of(problem, blocks, space)).ends()
+    found = _Search(Forms.of(problem, blocks, space), prices.per_program).ends()
     return found if found is None else [(0,) * len(single) + picks for picks in found]
 
 
@@ -121,9 +145,9 @@ class _Nodes:
 class _Search:
     """A search over the options of some blocks, depth first, in batches of linear programs."""
 
-    def __init__(self, forms: Forms) -> None:
+    def __init__(self, forms: Forms, per_program: float) -> None:
         self._forms, self._numbers = forms, forms.numbers
-        self._most = prod(self._numbers.tolist()) // CHOICES_PER_PROGRAM
+        self._most = prod(self._numbers.tolist()) // per_program
         self._batch = max(1, PROGRAMS // int(self._numbers.max()))
         asked = forms.options.reshape(-1, forms.options.shape[-1])
         sides = [(asked & side > 0).T for side in (NOT_NEGATIVE, NOT_POSITIVE)]

@@ -93,6 +93,7 @@ class PlaneAnswer(Answer):
             "count": finite(sector.count),
             "labels": list(sector.labels),
             "polygons": [region.polygon.tolist() for region in sector.regions],
+            "proofs": [self.plane.proof(region) for region in sector.regions],
         }
 
     def _lowest_folds(self) -> dict[str, Any]:

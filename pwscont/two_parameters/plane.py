@@ -1,10 +1,12 @@
-"""The plane of two parameters, cut by the loci of all transitions into sectors."""
+"""The plane of two parameters, cut into sectors: what all such planes can be asked."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 from typing import final
 
@@ -12,20 +14,16 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import UNNAMED, counted, named, short, state
-from pwscont.continuation.plan import Report, silent
-from pwscont.curve.metric import Metric
-from pwscont.enumeration import solve_slice
-from pwscont.graph.presentation import number
-from pwscont.system.system import SlicewiseLinearSystem
-from pwscont.two_parameters.loci import (
-    SAME_LOCUS,
-    Locus,
-    LocusPart,
-    Passing,
-    follow_transitions,
-    parts_of,
-)
-from pwscont.two_parameters.regions import Region, area_and_centre, regions
+from pwscont.two_parameters.loci import SAME_LOCUS, Locus, LocusPart, Passing
+from pwscont.two_parameters.regions import Region, area_and_centre
+
+
+@final
+class Meeting(StrEnum):
+    """The kind of a point at which a locus does not simply go on."""
+
+    OF_SEVERAL = "loci meet"
+    KINK = "kink of a locus"
 
 
 @final
@@ -79,97 +77,78 @@ class Sector:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Plane:
-    """Loci and sectors in a window of the plane of alpha and mu.
+class Group:
+    """Curves between sectors that belong together, as a reader sees them.
+
+    Attributes
+    ----------
+    heading : str
+    parts : tuple of LocusPart
+    ends : tuple of (ndarray, str)
+        Points (alpha, mu) at which a curve ends within the window, and why.
+    """
+
+    heading: str
+    parts: tuple[LocusPart, ...]
+    ends: tuple[tuple[Array, str], ...] = ()
+
+    def __repr__(self) -> str:
+        return named(self, self.heading, counted(len(self.parts), "part"))
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(ABC):
+    """A window of the plane of alpha and mu: what bounds its sectors, and their solutions.
 
     Attributes
     ----------
     alphas, mus : tuple of float
         The window.
-    loci : tuple of Locus
     parts : tuple of tuple of LocusPart
-        The parts of each locus.
+        The curves between sectors, those that belong together together.
     sectors : tuple of Sector
-    mixed : tuple of ndarray, shape (2,)
-        Points (alpha, mu) whose solutions lie in other cells than those of the region around them:
-        a locus that was not found passes there. Without such points the loci need not be complete:
-        three points of each region are tried.
-    levels : tuple of float
-        Values of mu at which loci were looked for.
     """
 
     alphas: tuple[float, float]
     mus: tuple[float, float]
-    loci: tuple[Locus, ...]
     parts: tuple[tuple[LocusPart, ...], ...]
     sectors: tuple[Sector, ...]
+
+    #: The loci that were followed; none where sectors were not found by loci.
+    loci: tuple[Locus, ...] = ()
+    #: Points (alpha, mu) whose solutions lie in other cells than those of the region around them.
     mixed: tuple[Array, ...] = ()
-    levels: tuple[float, ...] = ()
+    #: What else a reader should know, each a line.
+    remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         axes = zip(("alpha", "mu"), (self.alphas, self.mus), strict=True)
         window = [f"{axis} in [{lo:.6g}, {hi:.6g}]" for axis, (lo, hi) in axes]
-        sizes = [f"{len(self.loci)} loci", counted(len(self.sectors), "sector")]
-        return named(self, *window, *sizes)
+        edges = sum(map(len, self.parts))
+        sizes = [f"{len(self.loci)} loci"] if self.loci else [counted(edges, "edge")]
+        return named(self, *window, *sizes, counted(len(self.sectors), "sector"))
 
     @property
+    @abstractmethod
     def searched(self) -> str:
-        """The values of mu at which loci were looked for, in words."""
-        levels = ", ".join(map(number, sorted(self.levels)))
-        return f"loci of all transitions at {levels}; solutions at three points of each region"
+        """What was searched, in words."""
 
     @property
+    @abstractmethod
     def guarantee(self) -> str:
-        """What is known about the completeness of the loci, in words; nothing proves it."""
-        if self.mixed:
-            return f"a locus is missing near {len(self.mixed)} of the points tried"
-        if len(set(self.balances())) > 1:
-            return "not balanced: a locus is missing"
-        return "balanced; loci that meet none of the values searched may be missing"
+        """What is known about the completeness of regions and solutions, in words."""
 
-    @classmethod
-    def between(
-        cls,
-        family: Callable[[float], SlicewiseLinearSystem],
-        alphas: tuple[float, float],
-        mus: tuple[float, float],
-        levels: Sequence[float],
-        *,
-        parameter: str = "mu",
-        report: Report = silent,
-    ) -> Plane:
-        """Follow all loci that meet some levels, and list the solutions between them.
+    @abstractmethod
+    def proof(self, region: Region) -> str:
+        """Return what is proven about the solutions in a region, in words."""
 
-        A region with different solutions is crossed by a locus that meets no level:
-        the values of mu at such points become levels, too.
+    @abstractmethod
+    def groups(self) -> Iterator[Group]:
+        """Yield the parts under their headings."""
 
-        Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
-        """
-        known: list[Locus] = []
-        searched = set(levels)
-        while True:
-            loci = follow_transitions(
-                family, alphas, mus, levels, known=known, parameter=parameter, report=report
-            )
-            plane = replace(cls._cut(family, alphas, mus, loci), levels=tuple(searched))
-            if not plane.mixed or len(loci) == len(known):
-                return plane
-            known, levels = loci, sorted({float(point[1]) for point in plane.mixed})
-            searched.update(levels)
-
-    @classmethod
-    def _cut(
-        cls,
-        family: Callable[[float], SlicewiseLinearSystem],
-        alphas: tuple[float, float],
-        mus: tuple[float, float],
-        loci: Sequence[Locus],
-    ) -> Plane:
-        """Return the sectors between loci."""
-        parts = tuple(tuple(parts_of(locus)) for locus in loci)
-        curves = [part.plane for some in parts for part in some]
-        sectors = tuple(_sectors(family, alphas, regions(curves, alphas, mus)))
-        return cls(alphas, mus, tuple(loci), parts, sectors, tuple(_mixed(family, alphas, sectors)))
+    @abstractmethod
+    def meetings(self) -> Iterator[tuple[Meeting, Array]]:
+        """Yield the points (alpha, mu) of the window at which loci meet or have a kink."""
 
     @property
     def lowest_folds(self) -> list[Array]:
@@ -209,52 +188,12 @@ def _span(region: Region) -> tuple[float, float]:
     return float(mus.min()), float(mus.max())
 
 
-def _sectors(
-    family: Callable[[float], SlicewiseLinearSystem],
-    alphas: tuple[float, float],
-    found: list[Region],
-) -> list[Sector]:
-    """Return the regions, those with solutions in the same cells together."""
+def gathered(sectors: Iterable[Sector]) -> tuple[Sector, ...]:
+    """Return sectors of one region each, those with solutions in the same cells as one."""
     together: dict[tuple[str, ...], list[Sector]] = {}
-    for region in sorted(found, key=lambda r: -area_and_centre(r.polygon)[0]):
-        sector = _sector(family, alphas, region)
+    for sector in sorted(sectors, key=lambda s: -area_and_centre(s.regions[0].polygon)[0]):
         together.setdefault(tuple(sorted(sector.labels)), []).append(sector)
-    return [
+    return tuple(
         Sector(tuple(s.regions[0] for s in some), some[0].solutions, some[0].count)
         for some in together.values()
-    ]
-
-
-def _sector(
-    family: Callable[[float], SlicewiseLinearSystem], alphas: tuple[float, float], region: Region
-) -> Sector:
-    """Return one region with the solutions in its middle."""
-    solutions, faces = _solutions(family, alphas, region.inside)
-    return Sector((region,), solutions, math.inf if faces else len(solutions))
-
-
-def _mixed(
-    family: Callable[[float], SlicewiseLinearSystem],
-    alphas: tuple[float, float],
-    sectors: Sequence[Sector],
-) -> Iterator[Array]:
-    """Yield points of regions with other solutions than those in their middle."""
-    for sector in sectors:
-        for point in (point for region in sector.regions for point in region.others):
-            solutions, _ = _solutions(family, alphas, point)
-            if {found.label for found in solutions} != set(sector.labels):
-                yield point
-
-
-def _solutions(
-    family: Callable[[float], SlicewiseLinearSystem], alphas: tuple[float, float], point: Array
-) -> tuple[tuple[Found, ...], bool]:
-    """Return the isolated solutions at (alpha, mu), and whether whole faces are solutions."""
-    alpha, mu = map(float, point)
-    system = family(mu)
-    found = solve_slice(system, Metric.of(system, alphas), alpha)
-    isolated = tuple(
-        Found(point.x[:-1], system.label(point.characters[0]), point.det_sign)
-        for point in found.points
     )
-    return isolated, bool(found.faces)

@@ -6,26 +6,23 @@ lines are transitions that alpha passes; on double lines infinitely many solutio
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from enum import StrEnum
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.kind import Kind
-from pwscont.graph import SpecialPoint
 from pwscont.graph.presentation import number
 from pwscont.scenes.symbols import symbol
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing
-from pwscont.two_parameters.plane import Plane, Sector
-from pwscont.two_parameters.regions import area_and_centre
+from pwscont.two_parameters.plane import Meeting, Plane, Sector
+from pwscont.two_parameters.regions import Region, area_and_centre
 from pwscont.two_parameters.table import how_many
 
 SHADES = {0: "#f4e3d7", 1: "#ffffff", 2: "#e6eef5", 3: "#cfe0ee", 4: "#b5d0e6", 5: "#94bcdb"}
@@ -42,14 +39,6 @@ LINES: dict[Passing, dict[str, Any]] = {
 }
 
 
-@final
-class Meeting(StrEnum):
-    """The kind of a point at which a locus does not simply go on."""
-
-    OF_SEVERAL = "loci meet"
-    KINK = "kink of a locus"
-
-
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none", "color": "black", "markersize": 4}
 MEETINGS = {Meeting.OF_SEVERAL: DOT, Meeting.KINK: DOT | {"markerfacecolor": "white"}}
 NAMES = {
@@ -57,13 +46,13 @@ NAMES = {
     Passing.TRANSITION: "transition",
     Passing.VERTICAL: "infinitely many solutions",
 }
-#: Kinds of special points of loci that get no mark.
-UNMARKED = (Kind.START,)
 #: Labels go on the largest regions only, those above this part of the window.
 ROOM = 0.003
 #: The name of a sector below the first part of the window stands beside it, by the second.
 NARROW, ASIDE = 0.08, 0.22
 MARGIN = 0.12
+#: More points than this are drawn smaller.
+MANY = 20
 
 
 def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
@@ -81,7 +70,7 @@ def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
     _write_names(ax, scene, plane, window)
     _mark_lowest_fold(ax, scene, plane)
     _set_axes(ax, scene, window)
-    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small")
+    ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small", wrap=True)
     figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
     handles = _legend(plane)
     columns = len(handles) if len(handles) < 5 else -(-len(handles) // 2)
@@ -97,9 +86,10 @@ def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
 
 def _view(plane: Plane) -> tuple[float, float]:
     """Return the range of alpha in which there are loci, with a margin."""
-    if not plane.loci:
+    parts = [s.plane for some in plane.parts for s in some]
+    if not parts:
         return plane.alphas
-    points = np.vstack([s.plane for some in plane.parts for s in some])
+    points = np.vstack(parts)
     lo, hi = points[:, 0].min(), points[:, 0].max()
     margin = MARGIN * (hi - lo)
     return max(lo - margin, plane.alphas[0]), min(hi + margin, plane.alphas[1])
@@ -109,18 +99,11 @@ def _shade(sector: Sector) -> str:
     return SHADES.get(int(sector.count), DARKEST) if np.isfinite(sector.count) else DARKEST
 
 
-def _meetings(plane: Plane) -> Iterator[tuple[Meeting, SpecialPoint]]:
-    """Yield the points of the window at which loci meet or have a kink."""
-    (a, b), (c, d) = plane.alphas, plane.mus
-    for locus in plane.loci:
-        for point in locus.graph.special_points():
-            if c < point.alpha < d and a < point.z[-1] < b and point.kind not in UNMARKED:
-                yield Meeting.KINK if point.kind == Kind.TRANSITION else Meeting.OF_SEVERAL, point
-
-
 def _mark_meetings(ax: Axes, plane: Plane) -> None:
-    for meeting, point in _meetings(plane):
-        ax.plot(point.z[-1], point.alpha, zorder=5, **MEETINGS[meeting])
+    found = list(plane.meetings())
+    smaller = {"markersize": 2.5} if len(found) > MANY else {}
+    for meeting, point in found:
+        ax.plot(*point, zorder=5, **MEETINGS[meeting] | smaller)
 
 
 def _write_names(
@@ -133,7 +116,8 @@ def _write_names(
         sizes = [area_and_centre(polygon) for polygon in polygons]
         if max(area for area, _ in sizes) < ROOM * width * height:
             continue
-        at = _centre(sizes) if scene.sectors else max(sizes, key=lambda size: size[0])[1]
+        largest = int(np.argmax([area for area, _ in sizes]))
+        at = _centre(sizes) if scene.sectors else _within(sector.regions[largest], sizes[largest])
         narrow = scene.sectors and sum(area for area, _ in sizes) < NARROW * width * height
         _write(ax, _caption(scene, sector), at, ASIDE * width if narrow else 0.0)
 
@@ -156,6 +140,13 @@ def _write(ax: Axes, text: str, at: Array, aside: float) -> None:
 def _clipped(polygon: Array, alphas: tuple[float, float]) -> Array:
     """Return a polygon pushed into the view; its sides are curves, so this is exact enough."""
     return np.column_stack([polygon[:, 0].clip(*alphas), polygon[:, 1]])
+
+
+def _within(region: Region, size: tuple[float, Array]) -> Array:
+    """Return the centre of a region, or a point in its widest part where it bends around that."""
+    _, centre = size
+    contains = Path(region.polygon).contains_points(centre[np.newaxis])[0]
+    return centre if contains else region.inside
 
 
 def _centre(sizes: list[tuple[float, Array]]) -> Array:
@@ -211,6 +202,6 @@ def _legend(plane: Plane) -> list[Any]:
         Patch(facecolor=_shade(shades[n]), edgecolor="0.6", label=how_many(shades[n]))
         for n in sorted(shades)
     ]
-    found = {meeting for meeting, _ in _meetings(plane)}
+    found = {meeting for meeting, _ in plane.meetings()}
     dots = [Line2D([], [], label=m.value, **MEETINGS[m]) for m in Meeting if m in found]
     return [*lines, *dots, *patches]

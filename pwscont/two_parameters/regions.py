@@ -21,6 +21,9 @@ from pwscont.basics.rounding import EPS
 
 #: Strips and trapezoids thinner than this part of the window are left out.
 THIN = EPS**0.5
+#: Points beside an edge are this part of the window away from it: the edge is a polyline, whose
+#: chords are not exact.
+BESIDE = 5e-4
 
 
 @final
@@ -34,8 +37,8 @@ class Region:
         Corners (alpha, mu).
     inside : ndarray, shape (2,)
         A point in the middle of its widest part.
-    others : ndarray, shape (2, 2)
-        Points in its lowest and its highest part.
+    others : ndarray, shape (k, 2)
+        More points: in its lowest and its highest part, and beside its left and right edges.
     """
 
     polygon: Array
@@ -71,7 +74,8 @@ def regions(
         row = {t.between: t for t in _row(curves, alphas, (below, above))}
         finished += [chain for key, chain in growing.items() if key not in row]
         growing = {key: [*growing.get(key, []), t] for key, t in row.items()}
-    return [_region(chain) for chain in [*finished, *growing.values()]]
+    beside = BESIDE * (alphas[1] - alphas[0])
+    return [_region(chain, beside) for chain in [*finished, *growing.values()]]
 
 
 @final
@@ -91,6 +95,14 @@ class _Trapezoid:
     @property
     def middle(self) -> Array:
         return np.array([0.25 * (self.left + self.right).sum(), 0.5 * sum(self.mus)])
+
+    def beside(self, distance: float) -> list[Array]:
+        """Return points in the middle of both sides, moved inwards; none where it is narrow."""
+        if self.widths.mean() < 4.0 * distance:
+            return []
+        mu = 0.5 * sum(self.mus)
+        alphas = self.left.mean() + distance, self.right.mean() - distance
+        return [np.array([alpha, mu]) for alpha in alphas]
 
 
 def _levels(curves: Sequence[Array], mus: tuple[float, float]) -> list[float]:
@@ -139,13 +151,14 @@ def _row(
             yield _Trapezoid((i, j), mus, left, right)
 
 
-def _region(chain: list[_Trapezoid]) -> Region:
+def _region(chain: list[_Trapezoid], beside: float) -> Region:
     """Join trapezoids from bottom to top."""
     widest = max(chain, key=lambda t: float(t.widths.sum()))
     left = [(t.left[0], t.mus[0]) for t in chain] + [(chain[-1].left[1], chain[-1].mus[1])]
     right = [(t.right[0], t.mus[0]) for t in chain] + [(chain[-1].right[1], chain[-1].mus[1])]
-    others = np.array([chain[0].middle, chain[-1].middle])
-    return Region(np.array([*left, *right[::-1]]), widest.middle, others)
+    tried = {id(trapezoid): trapezoid for trapezoid in (chain[0], widest, chain[-1])}.values()
+    others = [chain[0].middle, chain[-1].middle, *(x for t in tried for x in t.beside(beside))]
+    return Region(np.array([*left, *right[::-1]]), widest.middle, np.array(others))
 
 
 def area_and_centre(polygon: Array) -> tuple[float, Array]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from typing import final
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.continuation.plan import Report, silent
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.two_parameters.affine import is_affine
 from pwscont.two_parameters.answer import PlaneAnswer
 from pwscont.two_parameters.axes import Axes
+from pwscont.two_parameters.loci_plane import LociPlane
+from pwscont.two_parameters.maps import plane
 from pwscont.two_parameters.plane import Plane, Sector
+from pwscont.two_parameters.window import Window
 
 
 @final
@@ -30,7 +35,7 @@ class PlaneScene(Runnable):
     alphas, mus : tuple of float
         The window.
     levels : tuple of float
-        Values of mu; the loci that meet them are followed.
+        Values of mu; where loci are followed, those that meet these values are.
     axes : Axes
     sectors : callable, optional
         Labels of the solutions in a region -> its name; default none.
@@ -54,8 +59,25 @@ class PlaneScene(Runnable):
         object.__setattr__(self, "parameter", self.axes.mu)
 
     def run(self, report: Report = silent) -> Plane:
+        """Return the exact map where both parameters enter affinely, else the plane of the loci.
+
+        The exact map needs Shapely; without it loci are followed as well, and a remark says so.
+        """
+        if not self.is_affine:
+            return self._by_loci(report)
+        try:
+            return plane(self.family, self.alphas, self.mus)
+        except MissingPackageError as missing:
+            return replace(self._by_loci(report), remarks=(f"Loci were followed: {missing}",))
+
+    @property
+    def is_affine(self) -> bool:
+        """Whether both parameters enter the systems affinely."""
+        return is_affine(self.family, Window.of(self.alphas, self.mus))
+
+    def _by_loci(self, report: Report) -> LociPlane:
         """Follow the loci and list the solutions of every region between them."""
-        return Plane.between(
+        return LociPlane.between(
             self.family, self.alphas, self.mus, self.levels, parameter=self.axes.mu, report=report
         )
 
@@ -81,6 +103,11 @@ class PlaneScene(Runnable):
 
     def plan(self) -> dict[str, str]:
         """Return the parts of the run in words."""
+        if self.is_affine and find_spec("shapely"):
+            return {
+                "cut": "the polygons over which cells have their solutions, with each other",
+                "solved": "every cell, once for the whole plane; no point is sampled",
+            }
         return {
             "followed": "loci of transitions, between which modes stay what they are",
             "solved": "one point of each region, in which the number of solutions is one",

@@ -31,21 +31,21 @@ def report(scene: PlaneShown, plane: Plane) -> str:
         *_mixed(scene, plane),
         f"Searched: {plane.searched}",
         f"Guarantee: {plane.guarantee}",
+        *plane.remarks,
         *_most(scene, plane),
     ]
     return "\n".join(lines)
 
 
 def _loci(scene: PlaneShown, plane: Plane) -> Iterator[str]:
-    for i, (locus, some) in enumerate(zip(plane.loci, plane.parts, strict=True), start=1):
+    for group in plane.groups():
         yield ""
-        yield f"Locus {i} (test function {locus.system.test})"
-        for part in some:
+        yield group.heading
+        for part in group.parts:
             yield f"  {part.label}: {WORDS[part.crossing]}"
             yield f"    {_extent(scene, part)}"
-        for end in locus.graph.special_points("end"):
-            if end.message != "end of the interval":
-                yield f"  end at {_point(scene, end.z[-1], end.alpha)}: {end.message}"
+        for end, message in group.ends:
+            yield f"  end at {_point(scene, *end)}: {message}"
 
 
 def _extent(scene: PlaneShown, part: LocusPart) -> str:
@@ -61,11 +61,12 @@ def _point(scene: PlaneShown, alpha: float, mu: float) -> str:
 
 
 def _sectors(scene: PlaneShown, plane: Plane) -> Iterator[str]:
-    yield "Solutions between the loci"
+    yield "Solutions in the regions"
     for sector in plane.sectors:
         name = scene.sector_name(sector)
         heading = f"{name}, {how_many(sector)}" if name else how_many(sector)
-        yield f"  {heading} at {_point(scene, *sector.regions[0].inside)}"
+        region = sector.regions[0]
+        yield f"  {heading} at {_point(scene, *region.inside)}, {plane.proof(region)}"
         for found in sector.solutions:
             yield f"    {found.label}, det {found.det_sign:+d}"
 

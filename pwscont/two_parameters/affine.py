@@ -1,0 +1,207 @@
+"""A family of systems that is affine in z, alpha and mu together, as matrices.
+
+In every cell H = A z + b s + c t + d, with (s, t) the point of the window's square; tests alike.
+Rows depend on the mode of their own block only, so one matrix for each k says all: H where every
+block is in its k-th mode.
+
+Failure modes and answers
+-------------------------
+- The family is not affine in mu, as with a coefficient of friction: H, its Jacobian and the tests
+  are compared with the affine model at a third value of mu, which is no middle.
+- Inequalities that every solution satisfies, but whose matrix varies: they are left out. They only
+  make the search shorter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, dense
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidInputError
+from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
+from pwscont.system.box import Box
+from pwscont.system.contract import residual_at
+from pwscont.system.promises import (
+    BENT,
+    check_blocks,
+    is_bent,
+    refuse_bent,
+    refuse_bent_tests,
+)
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.two_parameters.alpha_range import AlphaRange
+from pwscont.two_parameters.family import Family, MakeSystem
+from pwscont.two_parameters.window import Window
+
+#: Matrix and constant of affine forms of (z, s, t).
+Form: TypeAlias = tuple[Array, Array]
+#: A third value of mu between both ends: the part of the way from the lower one.
+THIRD = 0.37
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class AffineFamily:
+    """The systems of a window of the plane, all at once.
+
+    Attributes
+    ----------
+    system : PiecewiseLinearSystem
+        That in the middle of the window: its blocks, labels and names are those of all.
+    window : Window
+    problem : Problem or None
+        Blocks, options and what bounds them, with unknowns (z, s, t); None if nothing solves it.
+    scale : ndarray, shape (n,)
+        Typical magnitudes of z.
+    """
+
+    system: PiecewiseLinearSystem
+    window: Window
+    problem: Problem | None
+    scale: Array
+
+    @classmethod
+    def of(cls, make: MakeSystem, window: Window) -> AffineFamily:
+        """Return a family as matrices.
+
+        Raises
+        ------
+        InvalidInputError
+            If the systems are not piecewise linear, have bounds, or are not affine in mu.
+        InvalidSystemError
+            If the family returns no systems, or one breaks its promise to be affine in (z, alpha).
+        """
+        family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
+        system = _checked(family.sample)
+        scale = family.scale(window.mus)
+        coefficients = _Coefficients(family, system, window, scale)
+        modes = range(most_modes(system.blocks()))
+        rows = [coefficients.form(_residuals(coefficients, k), "H") for k in modes]
+        tests = coefficients.form(coefficients.tests, "the test functions")
+        check_blocks(system, len(tests[1]))
+        sizes = np.append(scale, [1.0, 1.0])
+        problem = problem_of(system, rows, tests, coefficients.necessary(), sizes)
+        return cls(system, window, problem, scale)
+
+
+def is_affine(make: MakeSystem, window: Window) -> bool:
+    """Tell whether both parameters enter a family affinely, so that its cells have polygons."""
+    try:
+        AffineFamily.of(make, window)
+    except InvalidInputError:
+        return False
+    return True
+
+
+def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
+    if not isinstance(system, PiecewiseLinearSystem):
+        raise InvalidInputError(
+            "an exact map needs a family of PiecewiseLinearSystems, and "
+            f"{type(system).__name__} is none: both parameters must enter affinely; a PlaneScene "
+            "follows loci instead"
+        )
+    box = Box.of(system)
+    if np.isfinite([box.lower, box.upper, box.period]).any():
+        raise InvalidInputError(
+            f"{type(system).__name__} has bounds or periods, which an exact map does not know: "
+            "leave them out, and look at the solutions"
+        )
+    return system
+
+
+@final
+class _Coefficients:
+    """Affine forms of (z, s, t), read off at both ends of mu and checked at a third value."""
+
+    def __init__(
+        self, family: Family, system: PiecewiseLinearSystem, window: Window, scale: Array
+    ) -> None:
+        self.family, self.system, self._window = family, system, window
+        self._alpha = float(window.centre[0])
+        self.x = np.append(np.zeros(system.size), self._alpha)
+        self.dx = aside(scale)
+        self.dx[-1] = THIRD * window.half[0]
+
+    def form(self, at: Callable[[float], Form], what: str) -> Form:
+        """Return the form of what returns Jacobian, shape (k, n + 1), and value at one mu."""
+        lo, hi = self._window.mus
+        (J, low), (K, high), (L, third) = map(at, (lo, hi, lo + THIRD * (hi - lo)))
+        along, rate = (hi - lo) * THIRD, (high - low)[:, np.newaxis] / (hi - lo)
+        bent = is_bent(third, low, rate, np.array([along]))
+        if bent or any(_differ(J, other, self.dx) for other in (K, L)):
+            raise InvalidInputError(
+                f"{what} of {type(self.system).__name__} is not affine in z, alpha and the second "
+                "parameter together, so modes have no polygons; a PlaneScene follows loci instead"
+            )
+        columns = [J[:, :-1], self._window.half[0] * J[:, -1:], 0.5 * (high - low)[:, np.newaxis]]
+        return np.hstack(columns), 0.5 * (low + high)
+
+    def tests(self, mu: float) -> Form:
+        """Return gradients and values of the tests in the middle of alpha."""
+        system, z = self.family.at(mu), self.x[:-1]
+        values = np.array(system.test_functions(z, self._alpha), dtype=float)
+        gradients = dense(system.test_jacobian(z, self._alpha))
+        refuse_bent_tests(system, self.x, self.dx, values, gradients)
+        return gradients, values
+
+    def necessary(self) -> Form:
+        """Return what is never negative, with the sides of the square."""
+        square = np.hstack([np.zeros((4, self.system.size)), np.kron([[1.0], [-1.0]], np.eye(2))])
+        known = self._necessary()
+        if known is None:
+            return square, np.ones(4)
+        return np.vstack([known[0], square]), np.append(known[1], np.ones(4))
+
+    def _necessary(self) -> Form | None:
+        """Return what the systems say, from three corners; None where it is not affine."""
+        corners = self._window.inside(
+            np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+        )
+        said = [_inequalities(self.family.at(mu), alpha) for alpha, mu in corners.tolist()]
+        (A, b), (_, by_s), (_, by_t), (_, last) = said
+        if len({matrix.shape for matrix, _ in said}) > 1:
+            return None
+        s, t = 0.5 * (by_s - b)[:, np.newaxis], 0.5 * (by_t - b)[:, np.newaxis]
+        bent = is_bent(last, b, np.hstack([s, t]), np.array([2.0, 2.0]))
+        if bent or any(_differ(A, matrix, self.dx) for matrix, _ in said):
+            return None
+        return np.hstack([A, s, t]), 0.5 * (by_s + by_t)
+
+
+def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
+    """Return the function from mu to Jacobian and value of H, every block in its k-th mode."""
+    system, x = coefficients.system, coefficients.x
+    signs = [True] * len(system.test_functions(x[:-1], float(x[-1])))
+    for block in system.blocks():
+        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
+            signs[test] = sign
+    character = Character(tuple(signs))
+
+    def at(mu: float) -> Form:
+        own = coefficients.family.at(mu)
+        value = residual_at(own, x[:-1], float(x[-1]), character)
+        jacobian = dense(own.jacobian(x[:-1], float(x[-1]), character))
+        refuse_bent(own, character, x, coefficients.dx, value, jacobian)
+        return jacobian, value
+
+    return at
+
+
+def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
+    A, b = _checked(system).necessary(alpha)
+    return dense(A), np.asarray(b, dtype=float)
+
+
+def _differ(one: Array, other: Array, dx: Array) -> bool:
+    """Tell whether matrices differ by more than rounding of the terms of their rows."""
+    if one.shape != other.shape:
+        return True
+    sizes = np.abs(dx[: one.shape[1]])
+    return bool(
+        (np.abs(one - other) @ sizes > BENT * ((np.abs(one) + np.abs(other)) @ sizes)).any()
+    )

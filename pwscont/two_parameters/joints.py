@@ -1,0 +1,215 @@
+"""What happens to the solutions on the segments between two patches.
+
+On a segment some cells' polygons end. Their solutions there lie on the interfaces to other cells,
+which share them (F1). So the cells that end on either side fall into groups with one solution each:
+two cells on opposite sides are a transition, two on the same side a fold. In every group the signs
+of det(dH/dz) on both sides have one sum, because no solution comes from nowhere; where a singular
+cell joins several groups, they have it together, unless it leads to infinity. A group that breaks
+this shows a mistake: it is returned as doubtful.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.two_parameters.arrangement import Arrangement, Side
+from pwscont.two_parameters.cells import Cell
+from pwscont.two_parameters.half_planes import width_of
+from pwscont.two_parameters.loci import Passing
+from pwscont.two_parameters.strips import Strip
+
+#: Segments shorter than this, in tolerances, lie where several lines meet: they tell nothing.
+SHORT = 100.0
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """A segment on which solutions pass from cell to cell, or end.
+
+    Attributes
+    ----------
+    kind : Passing
+    label : str
+        The cells that meet.
+    cell : Cell or None
+        One of them, which tells z; None where only a singular cell is known.
+    ends : ndarray, shape (2, 2)
+        Points of the square.
+    """
+
+    kind: Passing
+    label: str
+    cell: Cell | None
+    ends: Array
+
+
+@final
+@dataclass(slots=True, eq=False)
+class Joints:
+    """All joints, and the middles of segments that are doubtful."""
+
+    found: list[Joint] = field(default_factory=list)
+    doubtful: list[Array] = field(default_factory=list)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """The cells of a plane, and when solutions of two of them are one.
+
+    Attributes
+    ----------
+    cells : sequence of Cell
+    strips : sequence of Strip
+    strip_labels : sequence of str
+    scale : ndarray, shape (n,)
+        Typical magnitudes of z.
+    tolerance : float
+        Points of the square closer than this are one.
+    """
+
+    cells: Sequence[Cell]
+    strips: Sequence[Strip]
+    strip_labels: Sequence[str]
+    scale: Array
+    tolerance: float
+
+    def groups(self, cells: Iterable[int], point: Array) -> list[list[int]]:
+        """Return cells, by number, those with one solution at a point of the square together."""
+        groups: list[list[int]] = []
+        for i in cells:
+            one = next((g for g in groups if self._share(g[0], i, point)), None)
+            if one is None:
+                groups.append([i])
+            else:
+                one.append(i)
+        return groups
+
+    def _share(self, i: int, j: int, point: Array) -> bool:
+        one, other = self.cells[i], self.cells[j]
+        slopes = np.abs(one.z[:, :2]).sum(axis=1) + np.abs(other.z[:, :2]).sum(axis=1)
+        limit = 2.0 * self.tolerance * (slopes + self.scale)
+        limit += GUARD * EPS * self.scale * (slopes / self.scale).max()
+        return bool((np.abs(one.at(point) - other.at(point)) <= limit).all())
+
+    def members(self, point: Array, margin: float) -> list[int]:
+        """Return the cells whose sides are farther than a margin from a point inside."""
+        return [i for i, cell in enumerate(self.cells) if cell.margin(point) >= margin]
+
+    def strips_at(self, point: Array) -> list[int]:
+        """Return the singular cells, by number, with infinitely many solutions over a point."""
+        limit = 2.0 * self.tolerance
+        return [i for i, s in enumerate(self.strips) if _distance(s.shadow, point) <= limit]
+
+
+def joints(
+    solved: Solved, arrangement: Arrangement, solutions: Sequence[Sequence[list[int]]]
+) -> Joints:
+    """Return what happens on all segments between patches.
+
+    Parameters
+    ----------
+    solved : Solved
+    arrangement : Arrangement
+    solutions : sequence of sequence of list of int
+        For each patch its solutions, each as the numbers of the cells that have it.
+    """
+    answer = Joints()
+    for side in arrangement.sides:
+        if np.hypot(*np.diff(side.ends, axis=0)[0]) > SHORT * solved.tolerance:
+            _cross(solved, side, (solutions[side.left], solutions[side.right]), answer)
+    answer.found += _alone(solved, answer.found)
+    return answer
+
+
+def _cross(
+    solved: Solved,
+    side: Side,
+    solutions: tuple[Sequence[list[int]], Sequence[list[int]]],
+    answer: Joints,
+) -> None:
+    """Add what happens on one segment, from the solutions on its left and right."""
+    left, right = _ending(*solutions), _ending(*solutions[::-1])
+    middle = side.ends.mean(axis=0)
+    strips, unbalanced = solved.strips_at(middle), list[list[int]]()
+    for group in solved.groups(sorted(left | right), middle):
+        here, there = [i for i in group if i in left], [i for i in group if i in right]
+        if _sum(solved, here) != _sum(solved, there):
+            unbalanced.append(group)
+            continue
+        kind = Passing.TRANSITION if len(here) == len(there) else Passing.FOLD
+        answer.found.append(_joint(solved, kind, group, side))
+    if unbalanced and not _excused(solved, strips, left, right):
+        answer.doubtful.append(middle)
+    labels = [solved.strip_labels[i] for i in strips]
+    answer.found += [_vertical(solved, group[0], labels, side) for group in unbalanced]
+
+
+def _ending(here: Sequence[list[int]], there: Sequence[list[int]]) -> set[int]:
+    """Return one cell of each solution here that has no cell of a solution there."""
+    others = {cell for cells in there for cell in cells}
+    return {cells[0] for cells in here if not others & set(cells)}
+
+
+def _excused(solved: Solved, strips: Sequence[int], left: set[int], right: set[int]) -> bool:
+    """Tell whether singular cells join solutions that have no partner, or lead to infinity."""
+    if any(solved.strips[i].is_unbounded for i in strips):
+        return True
+    return bool(strips) and _sum(solved, left) == _sum(solved, right)
+
+
+def _sum(solved: Solved, cells: Iterable[int]) -> int:
+    return sum(solved.cells[i].det_sign for i in cells)
+
+
+def _joint(solved: Solved, kind: Passing, group: list[int], side: Side) -> Joint:
+    middle = side.ends.mean(axis=0)
+    cells = sorted((solved.cells[i] for i in group), key=lambda cell: _is_above(cell, middle))
+    return Joint(kind, " | ".join(cell.label for cell in cells), cells[0], side.ends)
+
+
+def _vertical(solved: Solved, number: int, labels: Sequence[str], side: Side) -> Joint:
+    cell = solved.cells[number]
+    names = (
+        [*labels, cell.label] if _is_above(cell, side.ends.mean(axis=0)) else [cell.label, *labels]
+    )
+    return Joint(Passing.VERTICAL, " | ".join(names), cell, side.ends)
+
+
+def _is_above(cell: Cell, point: Array) -> bool:
+    """Tell whether the test that vanishes at a point is positive in a cell."""
+    return cell.character.signs[cell.test_at(point)]
+
+
+def _alone(solved: Solved, known: Sequence[Joint]) -> Iterator[Joint]:
+    """Yield the singular cells over points and segments where no other cell ends."""
+    middles = [c.ends.mean(axis=0) for c in known if c.kind is Passing.VERTICAL]
+    limit = 2.0 * solved.tolerance
+    for strip, label in zip(solved.strips, solved.strip_labels, strict=True):
+        shadow = strip.shadow
+        if len(shadow) < 3 and not any(_distance(shadow, m) <= limit for m in middles):
+            yield Joint(Passing.VERTICAL, label, None, shadow[[0, -1]])
+
+
+def _distance(shadow: Array, point: Array) -> float:
+    """Return how far a point is from a point, a segment or a convex polygon."""
+    ahead = np.roll(shadow, -1, axis=0)
+    if width_of(shadow) > 0.0 and _is_within(shadow, ahead, point):
+        return 0.0
+    way = ahead - shadow
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    part = np.clip(((point - shadow) * way).sum(axis=1) / square, 0.0, 1.0)
+    nearest = shadow + part[:, np.newaxis] * way
+    return float(np.hypot(*(nearest - point).T).min())
+
+
+def _is_within(shadow: Array, ahead: Array, point: Array) -> bool:
+    (x, y), (u, v) = (ahead - shadow).T, (point - shadow).T
+    return bool((x * v - y * u >= 0.0).all())

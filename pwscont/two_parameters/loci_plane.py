@@ -1,0 +1,204 @@
+"""The plane of two parameters, cut by the loci of all transitions into sectors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.kind import Kind
+from pwscont.continuation.plan import Report, silent
+from pwscont.curve.metric import Metric
+from pwscont.graph.presentation import number
+from pwscont.search.enumeration import solve_surely
+from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of
+from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
+from pwscont.two_parameters.regions import Region, regions
+
+#: mu -> a system whose solutions at one alpha can be enumerated.
+MakeLinear: TypeAlias = Callable[[float], SlicewiseLinearSystem]
+#: Kinds of special points of loci that get no mark.
+UNMARKED = (Kind.START,)
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class LociPlane(Plane):
+    """Loci and sectors in a window of the plane of alpha and mu.
+
+    Attributes
+    ----------
+    loci : tuple of Locus
+    parts : tuple of tuple of LocusPart
+        The parts of each locus.
+    sectors : tuple of Sector
+    mixed : tuple of ndarray, shape (2,)
+        Points (alpha, mu) whose solutions lie in other cells than those of the region around them:
+        a locus that was not found passes there. Without such points the loci need not be complete:
+        a few points of each region are tried.
+    levels : tuple of float
+        Values of mu at which loci were looked for.
+    proven : tuple of int
+        For each region, in the order of the sectors, at how many points enumeration proves its
+        number of solutions: in its middle, its lowest and highest part, and beside its left and
+        right edges. 0 where it does not at each of them. It proves the number at these points; a
+        region can still be crossed by a locus that passes between them and meets no level.
+    """
+
+    levels: tuple[float, ...] = ()
+    proven: tuple[int, ...] = ()
+
+    @property
+    def searched(self) -> str:
+        """The values of mu at which loci were looked for, in words."""
+        levels = ", ".join(map(number, sorted(self.levels)))
+        return f"loci of all transitions at {levels}; solutions in each region and along its edges"
+
+    @property
+    def guarantee(self) -> str:
+        """What is known about the completeness of the loci, in words; nothing proves it."""
+        if self.mixed:
+            return f"a locus is missing near {len(self.mixed)} of the points tried"
+        if len(set(self.balances())) > 1:
+            return "not balanced: a locus is missing"
+        number = sum(map(bool, self.proven))
+        return (
+            f"balanced; {number} of {len(self.proven)} regions proven at the points tried; "
+            "loci that meet none of the values searched may be missing"
+        )
+
+    def proof(self, region: Region) -> str:
+        """Return what enumeration proves about a region, in words."""
+        regions = [known for sector in self.sectors for known in sector.regions]
+        points = next(n for known, n in zip(regions, self.proven, strict=True) if known is region)
+        return f"proven at {points} points" if points else "not proven"
+
+    def groups(self) -> Iterator[Group]:
+        """Yield the parts of each locus, and why it ends where it does."""
+        for i, (locus, some) in enumerate(zip(self.loci, self.parts, strict=True), start=1):
+            ends = tuple(
+                (np.array([end.z[-1], end.alpha]), end.message)
+                for end in locus.graph.special_points("end")
+                if end.message != "end of the interval"
+            )
+            yield Group(f"Locus {i} (test function {locus.system.test})", some, ends)
+
+    def meetings(self) -> Iterator[tuple[Meeting, Array]]:
+        """Yield the points of the window at which loci meet or have a kink."""
+        (a, b), (c, d) = self.alphas, self.mus
+        for locus in self.loci:
+            for point in locus.graph.special_points():
+                if c < point.alpha < d and a < point.z[-1] < b and point.kind not in UNMARKED:
+                    kind = Meeting.KINK if point.kind == Kind.TRANSITION else Meeting.OF_SEVERAL
+                    yield kind, np.array([point.z[-1], point.alpha])
+
+    @classmethod
+    def between(
+        cls,
+        family: MakeLinear,
+        alphas: tuple[float, float],
+        mus: tuple[float, float],
+        levels: Sequence[float],
+        *,
+        parameter: str = "mu",
+        report: Report = silent,
+    ) -> LociPlane:
+        """Follow all loci that meet some levels, and list the solutions between them.
+
+        A region with different solutions is crossed by a locus that meets no level:
+        the values of mu at such points become levels, too.
+
+        Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
+        """
+        known: list[Locus] = []
+        parts: list[tuple[LocusPart, ...]] = []
+        searched = set(levels)
+        while True:
+            loci = follow_transitions(
+                family, alphas, mus, levels, known=known, parameter=parameter, report=report
+            )
+            parts += [tuple(parts_of(locus)) for locus in loci[len(known) :]]
+            plane = replace(cls._cut(family, (alphas, mus), loci, parts), levels=tuple(searched))
+            if not plane.mixed or len(loci) == len(known):
+                return plane
+            known, levels = loci, sorted({float(point[1]) for point in plane.mixed})
+            searched.update(levels)
+
+    @classmethod
+    def _cut(
+        cls,
+        family: MakeLinear,
+        window: tuple[tuple[float, float], tuple[float, float]],
+        loci: Sequence[Locus],
+        parts: Sequence[tuple[LocusPart, ...]],
+    ) -> LociPlane:
+        """Return the sectors between loci."""
+        curves = [part.plane for some in parts for part in some]
+        found = regions(curves, *window)
+        tried = [_Tried.of(family, region) for region in found]
+        sectors = gathered(one.sector for one in tried)
+        mixed = tuple(point for one in tried for point in one.mixed)
+        proven = {id(one.sector.regions[0]): one.points for one in tried}
+        points = tuple(proven[id(r)] for s in sectors for r in s.regions)
+        return cls(*window, tuple(parts), sectors, tuple(loci), mixed, proven=points)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tried:
+    """A region with what enumeration found at its points.
+
+    Attributes
+    ----------
+    sector : Sector
+        The region with the solutions in its middle.
+    mixed : tuple of ndarray, shape (2,)
+        The points with solutions in other cells than those in the middle.
+    points : int
+        At how many points the number of solutions is proven; 0 unless it is at all of them.
+    """
+
+    sector: Sector
+    mixed: tuple[Array, ...]
+    points: int
+
+    @classmethod
+    def of(cls, family: MakeLinear, region: Region) -> _Tried:
+        """Enumerate the solutions at all points of a region."""
+        here, surely = _solutions(family, region.inside)
+        sector = Sector((region,), here.points, math.inf if here.faces else len(here.points))
+        labels, mixed = set(sector.labels), []
+        for point in region.others:
+            there, sure = _solutions(family, point)
+            surely &= sure
+            if {found.label for found in there.points} != labels:
+                mixed.append(point)
+        points = 1 + len(region.others)
+        return cls(sector, tuple(mixed), points if surely and not mixed else 0)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """Isolated solutions at a point of the plane, and whether whole faces are solutions."""
+
+    points: tuple[Found, ...]
+    faces: bool
+
+
+def _solutions(family: MakeLinear, point: Array) -> tuple[_Here, bool]:
+    """Return the solutions at (alpha, mu), and whether enumeration proves that these are all."""
+    alpha, mu = map(float, point)
+    system = family(mu)
+    found = solve_surely(system, Metric.at(system, alpha), alpha)
+    isolated = tuple(
+        Found(one.x[:-1], system.label(one.characters[0]), one.det_sign) for one in found.points
+    )
+    balance = sum(one.det_sign for one in isolated)
+    sure = (found.exact or not found.undecided) and system.degree in (None, balance)
+    return _Here(isolated, bool(found.faces)), sure and not found.faces

@@ -1,0 +1,40 @@
+"""Exact maps of the number of solutions over two parameters."""
+
+from __future__ import annotations
+
+from pwscont.two_parameters.arrangement import shapely
+from pwscont.two_parameters.exact_plane import ExactPlane
+from pwscont.two_parameters.family import MakeSystem
+from pwscont.two_parameters.window import Window
+
+
+def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, float]) -> ExactPlane:
+    """Return the map of all solutions over a window of the plane of two parameters.
+
+    Both parameters must enter affinely: in every cell H and the tests are affine in z, alpha and mu
+    together, as with two components of a load. Then the solutions of a regular cell lie over a
+    convex polygon of the plane. All of them are cut with each other; nothing is sampled.
+
+    Parameters
+    ----------
+    family : callable
+        mu -> :class:`~pwscont.PiecewiseLinearSystem`, all of one size and with the same tests; its
+        parameter is alpha.
+    alphas, mus : tuple of float
+        The window, (lo, hi) for each parameter.
+
+    Returns
+    -------
+    ExactPlane
+
+    Raises
+    ------
+    InvalidInputError
+        If a range is none, or a parameter does not enter affinely.
+    InvalidSystemError
+        If the family does not return systems, or one of them is not what its class promises.
+    MissingPackageError
+        If Shapely is not installed.
+    """
+    shapely()
+    return ExactPlane.of(family, Window.of(alphas, mus))
