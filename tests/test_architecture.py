@@ -37,6 +37,7 @@ ROOMS = [
     "search",
     "continuation",
     "scenes",
+    "view",
     "two_parameters",
     "studies",
     "bench",
@@ -207,6 +208,8 @@ HEAVY = {
     "meshio",
     "pytest",
     "IPython",
+    "bokeh",
+    "selenium",
     "tqdm",
 }
 
