@@ -283,6 +283,7 @@ def records_of(page):
     return json.loads(re.search(r'id="records">(.*?)</script>', text, re.DOTALL)[1])
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_scene_into_the_file_of_the_graph(tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     assert main(["run", "example3", "-o", str(tmp_path)]) == 0

@@ -97,7 +97,12 @@ def solutions_on_page(driver, alphas):
 
 
 @pytest.mark.parametrize(
-    ("make", "near"), [(fig7, 1e-12), (fig12, 1e-3), (truss_stop, 1e-3)], ids=lambda m: str(m)
+    ("make", "near"),
+    [
+        pytest.param(fig7, 1e-12, id="fig7"),
+        pytest.param(fig12, 1e-3, id="fig12", marks=pytest.mark.slow),
+        pytest.param(truss_stop, 1e-3, id="truss-stop", marks=pytest.mark.slow),
+    ],
 )
 def test_the_page_lists_what_the_graph_lists(driver, pages, make, near):
     graph, path = pages(make())
@@ -131,6 +136,7 @@ def test_the_slider_changes_the_list(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_a_click_shows_the_solution_there(driver, pages):
     _, path = pages(fig7())
     opened(driver, path)
@@ -147,6 +153,7 @@ def test_a_click_shows_the_solution_there(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_on_a_vertical_piece_a_click_shows_the_solution_there(driver, pages):
     graph, path = pages(fig12())
     opened(driver, path)
@@ -161,6 +168,7 @@ def test_on_a_vertical_piece_a_click_shows_the_solution_there(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_branches_and_modes_can_be_hidden(driver, pages):
     _, path = pages(fig7())
     opened(driver, path)
@@ -176,6 +184,7 @@ def test_branches_and_modes_can_be_hidden(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_any_quantity_on_either_axis(driver, pages):
     graph, path = pages(fig7())
     opened(driver, path)
@@ -188,11 +197,8 @@ def test_any_quantity_on_either_axis(driver, pages):
     """
     driver.execute_script(code, {"horizontal": "u_t", "vertical": "α"})
     lines = drawn(driver, "lines")
-    ends = {
-        (x, y)
-        for xs, ys in zip(lines["xs"], lines["ys"], strict=True)
-        for x, y in zip(xs, ys, strict=True)
-    }
+    pairs = zip(lines["xs"], lines["ys"], strict=True)
+    ends = {place for xs, ys in pairs for place in zip(xs, ys, strict=True)}
     names = list(graph.names)
     for piece in graph.pieces:
         for x in piece.points:
@@ -203,6 +209,7 @@ def test_any_quantity_on_either_axis(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_both_horizontal_axes_move_together(driver, pages):
     _, path = pages(fig7())
     opened(driver, path)
@@ -214,6 +221,7 @@ def test_both_horizontal_axes_move_together(driver, pages):
     assert driver.execute_script(code) == [-1, 0.5]
 
 
+@pytest.mark.slow
 def test_the_number_of_solutions_is_the_graphs(driver, pages):
     graph, path = pages(fig7())
     opened(driver, path)
@@ -251,6 +259,7 @@ def test_a_click_changes_the_body(driver, pages):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_in_a_narrow_window_nothing_is_cut_off(driver, pages):
     _, path = pages(fig7())
     driver.set_window_size(520, 900)
@@ -262,6 +271,7 @@ def test_in_a_narrow_window_nothing_is_cut_off(driver, pages):
     assert width <= shown
 
 
+@pytest.mark.slow
 def test_a_frame_in_a_notebook_shows_the_view(driver, tmp_path):
     (tmp_path / "notebook.html").write_text(
         f"<!DOCTYPE html><meta charset='utf-8'>{View(fig7().run())._repr_html_()}", "utf-8"
