@@ -65,6 +65,7 @@ def _figure(tall: int, tools: str, **more: Any) -> Any:
         y_range=Range1d(0.0, 1.0),
         **more,
     )
+    plot.lod_threshold = None  # no line is left out while the diagram moves
     plot.toolbar.logo = None
     plot.toolbar.active_scroll = wheel
     plot.toolbar.active_drag = pan
@@ -97,11 +98,12 @@ def diagram() -> Any:
         line_width=1.5,
         **look,
     )
-    ring: dict[str, Any] = {"fill_color": None, "line_color": BLACK}
+    # what moves with the slider is painted by itself, without the branches
+    ring: dict[str, Any] = {"fill_color": None, "line_color": BLACK, "level": "overlay"}
     plot.scatter("x", "y", source=_source("now", "x y"), size=11, line_width=1.5, **ring)
     plot.scatter("x", "y", source=_source("chosen", "x y"), size=18, line_width=3, **ring)
     dotted: dict[str, Any] = {"line_color": "#555555", "line_dash": [2, 3]}
-    plot.add_layout(Span(name="rule", dimension="height", **dotted))
+    plot.add_layout(Span(name="rule", dimension="height", level="overlay", **dotted))
     plot.add_tools(
         HoverTool(renderers=[marks], tooltips="@words{safe}", point_policy="follow_mouse")
     )
@@ -123,7 +125,8 @@ def strip() -> Any:
     endless = plot.ray(
         "x", 0, 0, 1.5707963, source=_source("endless", "x"), color=BLACK, line_dash=[1, 3]
     )
-    plot.add_layout(Span(name="strip rule", dimension="height", line_color="#555555"))
+    rule: dict[str, Any] = {"line_color": "#555555", "level": "overlay"}
+    plot.add_layout(Span(name="strip rule", dimension="height", **rule))
     words = {"solutions": count, "balance (sum of signs)": balance, "∞: a vertical piece": endless}
     _add_legend(plot, words, "strip legend")
     plot.js_on_event(Tap, CustomJS(code="window.pwscont.move(cb_obj.x)"))
