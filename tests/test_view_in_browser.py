@@ -24,6 +24,13 @@ return [box.left + frame.left + view.frame.x_scale.compute(arguments[0]) - frame
 """
 
 
+#: The ratio of the scales of both axes of the body.
+SCALES = """
+const { x_range: x, y_range: y, inner_width: wide, inner_height: high } = pwscont.find("body");
+return [(wide / (x.end - x.start)) / (high / (y.end - y.start))];
+"""
+
+
 @pytest.fixture(scope="module")
 def driver():
     with browser() as some:
@@ -147,7 +154,7 @@ def test_a_click_shows_the_solution_there(driver, pages):
     assert alpha == pytest.approx(1.5, abs=0.02)
     click(driver, -0.5, 0.0)  # on the fold, exactly
     assert text(driver, "count") == "2 solutions at α = −0.5"
-    assert "nonsmooth fold, det 0" in text(driver, "heading")
+    assert "non-smooth fold, det 0" in text(driver, "heading")
     click(driver, 1.0, -0.05)  # far from any branch
     assert text(driver, "count") == "2 solutions at α = −0.5"
     assert not complaints(driver)
@@ -229,7 +236,8 @@ def test_the_number_of_solutions_is_the_graphs(driver, pages):
     rows = [(lo, hi, n) for lo, hi, n in graph.multiplicity()]
     assert steps["x"] == [end for lo, hi, _ in rows for end in (lo, hi)]
     assert steps["y"] == [n for *_, n in rows for _ in range(2)]
-    assert drawn(driver, "single") == {"x": [-1.0, -0.5], "y": [2, 2]}
+    single = drawn(driver, "single")
+    assert (single["x"], single["y"]) == ([-1.0, -0.5], [2, 2])
 
 
 @pytest.mark.skipif(not find_spec("skfem"), reason="bodies need scikit-fem: pip install '.[fem]'")
@@ -252,6 +260,7 @@ def test_a_click_changes_the_body(driver, pages):
     assert np.array(after[0]["shade"]) == pytest.approx(
         np.hypot(*shapes.shade[0]), abs=1e-6 + 1e-6 * shapes.shade.max()
     )
+    assert driver.execute_script(SCALES) == pytest.approx([1.0], rel=0.02)
     words = scene.body.contact_states(solution.character)
     for name in ("stick", "no contact"):
         assert len(drawn(driver, name)["x"]) == words.count(name)

@@ -2,10 +2,10 @@ r"""
 Look at a branch
 ================
 
-A picture on paper shows what its author thought of. A view in the browser answers further questions:
-which solutions are there at this load, what does the one under the pointer look like, how does another
-unknown change along the same branch? :class:`pwscont.View` makes one page of a branch graph, a file
-that needs neither a server nor a network. It takes Bokeh, the extra ``view``:
+A picture on paper shows what its author thought of. A view in the browser answers further
+questions: which solutions are there at this load, what does the one under the pointer look like,
+how does another unknown change along the same branch? :class:`pwscont.View` makes one page of a
+branch graph, a file that needs neither a server nor a network. It takes Bokeh, the extra ``view``:
 ``pip install '.[view]'`` in a checkout.
 """
 
@@ -34,9 +34,9 @@ page = view.save(folder / "example1.html")
 print(f"{page.name}: {page.stat().st_size / 1e6:.1f} MB, most of it Bokeh")
 
 # %%
-# In a notebook nothing needs to be saved: the view as the last line of a cell shows itself. From the
-# command line the page of a scene is written by ``--html``, and that of a graph from an earlier run by
-# ``pwscont view``, which builds the scene again that the file names:
+# In a notebook nothing needs to be saved: the view as the last line of a cell shows itself. From
+# the command line the page of a scene is written by ``--html``, and that of a graph from an earlier
+# run by ``pwscont view``, which builds the scene again that the file names:
 #
 # .. code-block:: console
 #
@@ -56,8 +56,9 @@ shown = View(jam, "u_t,1", title="A wedge that jams", body=ElasticPicture(proble
 print(f"{shown.save(folder / 'wedge.html').stat().st_size / 1e6:.1f} MB")
 
 # %%
-# This is the page of the scene ``wedge``. Drag to move and turn the wheel to zoom; click on a branch,
-# or move the slider: the list has all solutions at that load, and the body is the one that is chosen.
+# This is the page of the scene ``wedge``. Drag to move and turn the wheel to zoom; click on a
+# branch, or move the slider: the list has all solutions at that load, and the body is the one that
+# is chosen.
 #
 # .. raw:: html
 #
@@ -81,8 +82,8 @@ for solution in jam.solutions(0.07):
     print(f"u_t,1 = {solution['u_t,1']:+.8f}, det {solution.det_sign:+d}")
 
 # %%
-# The number of solutions below the diagram is the graph's own, with its guarantee: where branches may
-# be missing, the page says "at least".
+# The number of solutions below the diagram is the graph's own, with its guarantee: where branches
+# may be missing, the page says "at least".
 print(jam.guarantee)
 print([stretch.ends for stretch in jam.with_count(3)])
 
@@ -90,9 +91,10 @@ print([stretch.ends for stretch in jam.with_count(3)])
 # Bodies of one's own
 # -------------------
 #
-# :class:`pwscont.extending.BodyPicture` has two methods: ``shapes`` returns the body in several states
-# (where its nodes are drawn, how elements are coloured, pressure and shear of the contact nodes), and
-# ``contact_states`` what each contact node does in a cell. ``ElasticPicture`` is one of them:
+# :class:`pwscont.extending.BodyPicture` has two methods: ``shapes`` returns the body in several
+# states (where its nodes are drawn, how elements are coloured, pressure and shear of the contact
+# nodes), and ``contact_states`` what each contact node does in a cell. ``ElasticPicture`` is one of
+# them:
 picture = ElasticPicture(problem)
 middle = jam.solutions(0.07)[1]
 shapes = picture.shapes(np.append(middle.z, middle.alpha)[np.newaxis])

@@ -22,6 +22,7 @@ from bokeh.models import (
     LinearColorMapper,
     NumeralTickFormatter,
     PanTool,
+    PrintfTickFormatter,
     Range1d,
     ResetTool,
     SaveTool,
@@ -33,6 +34,10 @@ from bokeh.plotting import figure
 
 #: Height of the diagrams in pixels; room beside the axes.
 TALL, STRIP, CURVES, ROOM, RIGHT = 430, 150, 190, 78, 12
+#: Numbers below this power of ten are written with an exponent.
+SMALL = -5
+#: Usual width of the column of a body, height of what is around it, and least height, in pixels.
+COLUMN, BARS, LEAST = 480, 110, 220
 BLACK, SLIP, PRESSURE, SHEAR, BOUND = "#000000", "#D55E00", "#0072B2", "#E69F00", "#777777"
 PARTS = ("diagram", "strip", "body", "curves")
 
@@ -70,6 +75,8 @@ def _figure(tall: int, tools: str, **more: Any) -> Any:
     plot.toolbar.active_scroll = wheel
     plot.toolbar.active_drag = pan
     plot.grid.grid_line_alpha = 0.5
+    for axis in plot.axis:
+        axis.formatter = BasicTickFormatter(power_limit_low=SMALL)
     plot.outline_line_color = None
     return plot
 
@@ -121,7 +128,7 @@ def strip() -> Any:
         "x", "y", source=_source("balance", "x y"), color=SLIP, line_width=1.5, line_dash=[5, 3]
     )
     count = plot.line("x", "y", source=_source("count", "x y"), color=BLACK, line_width=2)
-    plot.scatter("x", "y", source=_source("single", "x y"), color=BLACK, size=6)
+    plot.scatter("x", "y", source=_source("single", "x y size"), color=BLACK, size="size")
     endless = plot.ray(
         "x", 0, 0, 1.5707963, source=_source("endless", "x"), color=BLACK, line_dash=[1, 3]
     )
@@ -145,16 +152,19 @@ def _add_legend(plot: Any, words: dict[str, Any], name: str) -> None:
 def body_figure(body: dict[str, Any]) -> Any:
     """Return the picture of the deformed body."""
     left, right, bottom, top = body["extent"]
-    wide, high = right - left or 1.0, top - bottom or 1.0
+    slender = (top - bottom) / ((right - left) or 1.0)
     plot = figure(
         sizing_mode="stretch_width",
-        height=TALL,
+        height=int(min(max(COLUMN * slender + BARS, LEAST), TALL)),
         match_aspect=True,
         tools="pan,wheel_zoom,reset,save",
         toolbar_location="above",
-        x_range=(left - 0.05 * wide, right + 0.05 * wide),
-        y_range=(bottom - 0.05 * high, top + 0.05 * high),
     )
+    # ranges follow these corners only, so that bodies of all solutions have one scale
+    corners = plot.scatter([left, right], [bottom, top], size=0, alpha=0.0)
+    for drawn_range in (plot.x_range, plot.y_range):
+        drawn_range.renderers = [corners]
+        drawn_range.range_padding = 0.05
     plot.axis.visible, plot.grid.visible = False, False
     plot.outline_line_color, plot.toolbar.logo = None, None
     plot.toolbar.active_scroll = None
@@ -197,7 +207,7 @@ def _draw_elements(plot: Any, body: dict[str, Any]) -> None:
             height=10,
             padding=4,
             ticker=BasicTicker(desired_num_ticks=4),
-            formatter=BasicTickFormatter(precision=2),
+            formatter=PrintfTickFormatter(format="%.2g"),
         )
         plot.add_layout(bar, "below")
 

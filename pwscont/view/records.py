@@ -18,6 +18,7 @@ from pwscont.graph.presentation import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import styles_of
+from pwscont.scenes.symbols import GREEK
 from pwscont.view.numbers import Numbers, is_curved
 
 #: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
@@ -38,6 +39,7 @@ MARKERS: dict[str, tuple[str, int, bool]] = {
 }
 #: The markers of kinds of a user's own detectors.
 OWN_MARKERS = ("hex", "square_pin", "triangle_pin", "diamond_cross", "circle_x", "square_x")
+MINUS = "\N{MINUS SIGN}"
 #: Digits shown of what is interpolated on curved pieces, with and without the system.
 CORRECTED, UNCORRECTED = 4, 3
 #: Most transitions whose marks have their full size, and the size of the smallest.
@@ -137,7 +139,8 @@ def _branches(graph: BranchGraph) -> dict[int, int]:
 
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
     """Return what is said of a special point when the pointer is over it."""
-    lines = [f"{graph.parameter} = {number(graph.clean(point.alpha))}", point.message]
+    name = GREEK.get(graph.parameter, graph.parameter)
+    lines = [f"{name} = {_value(graph.clean(point.alpha))}", point.message]
     lines += [point.events] if point.events else []
     lines += [f"{name} = {_value(value)}" for name, value in attempted(point).items()]
     few = point.digits < FEW_DIGITS
@@ -145,7 +148,7 @@ def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
 
 
 def _value(value: float | str) -> str:
-    return value if isinstance(value, str) else number(value)
+    return value if isinstance(value, str) else number(value).replace("-", MINUS)
 
 
 def marks(graph: BranchGraph) -> dict[str, dict[str, Any]]:

@@ -55,5 +55,7 @@ window.pwscont = {};
     return words.replace(/[&<>"']/g, (letter) => letters[letter]);
   };
 
+  pwscont.kind = (word) => word.replace("nonsmooth", "non-smooth");
+
   pwscont.plural = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 })(window.pwscont);

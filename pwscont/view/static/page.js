@@ -69,7 +69,7 @@
     pwscont.data.points.filter((point) => point.shown && branchShown(point.branch));
 
   function words(point) {
-    const lines = [`<b>${pwscont.escaped(point.kind)}</b>`, ...point.words.map(pwscont.escaped)];
+    const lines = [`<b>${pwscont.escaped(pwscont.kind(point.kind))}</b>`, ...point.words.map(pwscont.escaped)];
     return `<div style="max-width: 26rem; overflow-wrap: anywhere">${lines.join("<br>")}</div>`;
   }
 
@@ -129,7 +129,12 @@
     const finite = between.filter(([, count]) => count !== null);
     pwscont.fill("count", steps);
     pwscont.fill("balance", sums);
-    pwscont.fill("single", { x: finite.map(([at]) => at), y: finite.map(([, count]) => count) });
+    const size = Math.min(6, Math.max(1, 200 / finite.length)); // many dots would hide the lines
+    pwscont.fill("single", {
+      x: finite.map(([at]) => at),
+      y: finite.map(([, count]) => count),
+      size: finite.map(() => size),
+    });
     pwscont.fill("endless", { x: verticals() });
     const strip = pwscont.find("strip");
     pwscont.setRange(strip.x_range, ...interval);
@@ -196,7 +201,7 @@
     button.setAttribute("aria-pressed", String(Boolean(isChosen)));
     const value = pwscont.valueOf(solution, state.y);
     const kind = solution.kind && !["start", "end", "transition"].includes(solution.kind);
-    const what = `${i + 1}. ${kind ? `${solution.kind}, ` : ""}${modeOf(solution)}`;
+    const what = `${i + 1}. ${kind ? `${pwscont.kind(solution.kind)}, ` : ""}${modeOf(solution)}`;
     button.innerHTML =
       `<span class="swatch" style="background: ${color(solution.branch)}"></span>` +
       `<span class="what"></span><span class="number">${pwscont.escaped(value)}</span>` +
@@ -246,7 +251,7 @@
     const place = listed.findIndex((solution) => isSame(solution, chosen));
     const number = place >= 0 ? `Solution ${place + 1}` : "A solution on a vertical piece";
     const piece = chosen.piece >= 0 ? `, piece ${pwscont.data.pieces.id[chosen.piece]}` : "";
-    const kind = chosen.kind ? `, ${chosen.kind}` : "";
+    const kind = chosen.kind ? `, ${pwscont.kind(chosen.kind)}` : "";
     element("heading").textContent =
       `${number}: branch ${chosen.branch + 1}${piece}${kind}, det ${pwscont.sign(chosen.det)}`;
     element("mode").textContent = modeOf(chosen);
@@ -319,8 +324,20 @@
   function onPiece(place) {
     const { pieces } = pwscont.data;
     const { piece } = place;
+    if (!pieces.vertical[piece]) place = rounded(place);
     const told = { branch: pieces.branch[piece], label: pieces.labels[pieces.label[piece]] };
     goTo({ ...place, ...told, kind: "", det: pieces.det[piece], curved: pieces.curved[piece] });
+  }
+
+  // Move a place on a piece to a parameter with as few digits as the picture shows.
+  function rounded(place) {
+    const [lo, hi] = pwscont.data.interval;
+    const range = pwscont.find("diagram").x_range;
+    const width = state.x === 0 ? Math.abs(range.end - range.start) : hi - lo;
+    const digits = Math.min(15, Math.max(0, 3 - Math.floor(Math.log10(width))));
+    const alpha = Number(pwscont.at(place, 0).toFixed(digits));
+    const on = pwscont.placeOn(place.piece, alpha);
+    return on.t > 0 && on.t < 1 ? on : place;
   }
 
   function goTo(solution) {
@@ -387,7 +404,12 @@
     element("kinds").innerHTML = kinds.map(([kind, look]) => kindEntry(kind, look)).join("");
   }
 
-  const modeLegend = () => legend("modes", style().words, style().dashes.map((dash) => line("#000", dash, 2)));
+  function modeLegend() {
+    const { words, dashes } = style();
+    legend("modes", words, dashes.map((dash) => line("#000", dash, 2)));
+    const isCrowded = new Set(dashes.map(String)).size < words.length;
+    element("crowded").textContent = isCrowded ? "There are more modes than line styles: all are solid." : "";
+  }
 
   const SHAPES = {
     circle: '<circle cx="8" cy="7" r="4"/>',
@@ -406,7 +428,7 @@
     const shape = SHAPES[look.marker] || SHAPES.circle;
     const fill = look.hollow ? "#fff" : "#000";
     const picture = `<svg width="16" height="14" stroke="#000" stroke-width="1.5" fill="${fill}">${shape}</svg>`;
-    return `<div class="entry">${picture}<span>${pwscont.escaped(kind.replace("nonsmooth", "non-smooth"))}</span></div>`;
+    return `<div class="entry">${picture}<span>${pwscont.escaped(pwscont.kind(kind))}</span></div>`;
   }
 
   function controls() {
@@ -453,14 +475,11 @@
   }
 
   function notes() {
-    const { guarantee, searched, pieces, styles } = pwscont.data;
+    const { guarantee, searched, pieces } = pwscont.data;
     element("guarantee").textContent = `Guarantee: ${guarantee}. Searched: ${searched}.`;
     const said = [];
     if (pieces.curved.some(Boolean)) {
       said.push("\u2248: interpolated between computed points of a curved piece; the graph itself gives all digits.");
-    }
-    if (styles.some((some) => new Set(some.dashes.map(String)).size < some.words.length)) {
-      said.push("Where there are too many modes for line styles, all lines are solid.");
     }
     element("notes").textContent = said.join(" ");
   }
