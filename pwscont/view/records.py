@@ -44,6 +44,8 @@ MINUS = "\N{MINUS SIGN}"
 CORRECTED, UNCORRECTED = 4, 3
 #: Most transitions whose marks have their full size, and the size of the smallest.
 FEW, SMALLEST = 12, 4.0
+#: With more transitions their marks are plain dots: to outline each takes most of a picture's time.
+CROWD = 300
 
 
 def packed(values: Any, kind: str) -> dict[str, Any]:
@@ -156,16 +158,17 @@ def marks(graph: BranchGraph) -> dict[str, dict[str, Any]]:
     kinds = [str(point.kind) for point in graph.special_points()]
     own = zip(sorted({*kinds} - {*MARKERS}), cycle(OWN_MARKERS), strict=False)
     every = MARKERS | {kind: (marker, 9, False) for kind, marker in own}
-    crowd = min(1.0, (FEW / max(kinds.count(Kind.TRANSITION), 1)) ** 0.5)
-    return {
-        kind: {
-            "marker": marker,
-            "size": max(SMALLEST, size * crowd) if kind == Kind.TRANSITION else size,
-            "hollow": hollow,
-        }
+    count = kinds.count(Kind.TRANSITION)
+    small = max(SMALLEST, MARKERS[Kind.TRANSITION][1] * min(1.0, (FEW / max(count, 1)) ** 0.5))
+    looks = {
+        kind: {"marker": marker, "size": size, "hollow": hollow, "lined": True}
         for kind, (marker, size, hollow) in every.items()
         if kind in kinds
     }
+    if count:
+        crowd = count > CROWD
+        looks[Kind.TRANSITION] |= {"size": small, "hollow": not crowd, "lined": not crowd}
+    return looks
 
 
 # -- styles by mode ------------------------------------------------------------------------------

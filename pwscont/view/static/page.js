@@ -80,7 +80,7 @@
     pwscont.fill("marks", {
       x: points.map((point) => pwscont.value(point.row, state.x)),
       y: points.map((point) => pwscont.value(point.row, state.y)),
-      color: colors,
+      color: colors.map((some, i) => (looks[i].lined ? some : null)),
       fill: colors.map((some, i) => (looks[i].hollow ? "#ffffff" : some)),
       marker: looks.map((look) => look.marker),
       size: looks.map((look) => look.size),
@@ -425,7 +425,7 @@
   };
 
   function kindEntry(kind, look) {
-    const shape = SHAPES[look.marker] || SHAPES.circle;
+    const shape = (look.lined && SHAPES[look.marker]) || SHAPES.dot;
     const fill = look.hollow ? "#fff" : "#000";
     const picture = `<svg width="16" height="14" stroke="#000" stroke-width="1.5" fill="${fill}">${shape}</svg>`;
     return `<div class="entry">${picture}<span>${pwscont.escaped(pwscont.kind(kind))}</span></div>`;
