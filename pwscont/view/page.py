@@ -12,7 +12,7 @@ from bokeh.resources import INLINE
 from pwscont.view.figures import document_of
 
 STATIC = Path(__file__).parent / "static"
-PROGRAMS = ("data.js", "solutions.js", "body.js", "page.js")
+PROGRAMS = ("data.js", "solutions.js", "body.js", "diagram.js", "page.js")
 
 
 def page_of(records: dict[str, Any], title: str) -> str:

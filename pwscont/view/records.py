@@ -17,7 +17,7 @@ from pwscont.graph.connected import connected
 from pwscont.graph.presentation import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
 from pwscont.scenes.panels import Panel
-from pwscont.scenes.styles import styles_of
+from pwscont.scenes.styles import COLORS, styles_of
 from pwscont.scenes.symbols import GREEK
 from pwscont.view.numbers import Numbers, is_curved
 
@@ -77,6 +77,7 @@ def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -
         "pieces": _pieces(graph, numbers),
         "points": _points(graph, numbers),
         "branches": len(graph.components()),
+        "colors": list(COLORS),
         "stretches": plain["stretches"],
         "between": plain["between"],
         "breaks": graph.breaks(),
