@@ -60,15 +60,16 @@ def _keep_bars(app, what, name, obj, options, lines):
 
 
 def _draw(app):
-    """Draw the pictures that no tutorial draws, and write the page of scenes."""
+    """Draw the pictures that no tutorial draws, write the page of scenes and those of views."""
     sys.path.insert(0, str(app.srcdir))
-    from pictures import draw_all  # noqa: PLC0415  it takes seconds
+    from pictures import draw_all, write_views  # noqa: PLC0415  it takes seconds
     from scenes_page import draw_scenes, scenes_page  # noqa: PLC0415
 
     logging.getLogger("skfem").setLevel(logging.WARNING)
     built = Path(app.srcdir) / "images" / "built"
     draw_all(built)
     draw_scenes(built)
+    write_views(Path(app.srcdir) / "static" / "views")
     page = Path(app.srcdir) / "scenes.rst"
     page.write_text(scenes_page("images/built"), encoding="utf-8")
 

@@ -11,7 +11,7 @@ from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.pictures import draw_states
 from pwscont_coulomb.elastic.scenes import block, wedge
 
-from pwscont import explore
+from pwscont import View, explore
 from pwscont.bench.picture import draw
 from pwscont.bench.report import rows_of
 from pwscont.scenes.styles import COLORS
@@ -78,6 +78,13 @@ def _series(rows, name: str):
     """Return p and the figures of those rows that have them."""
     pairs = [(row["p"], row[name]) for row in rows if row.get(name)]
     return tuple(zip(*pairs, strict=True)) if pairs else ((), ())
+
+
+def write_views(into: Path) -> None:
+    """Write the pages that the tutorial on views frames."""
+    into.mkdir(exist_ok=True, parents=True)
+    scene = wedge().curve()
+    View.of(scene, scene.run()).save(into / "wedge.html")
 
 
 def draw_all(into: Path) -> None:

@@ -11,7 +11,8 @@ solutions in part (:class:`Compact`), hide unknowns (:class:`HidesUnknowns`), br
 kind (:class:`BringsSearches`), and return a Jacobian that is factorised in its own way
 (:class:`StructuredJacobian`).
 
-A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`.
+A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A scene whose
+solutions are states of a body shows them on it by a :class:`BodyPicture`.
 """
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
@@ -34,8 +35,10 @@ from pwscont.linear.factor import Factor, power_of_two
 from pwscont.linear.structured import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.scenes.answer import Answer, Runnable, values_within
+from pwscont.scenes.body_picture import BodyPicture, Shapes
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.scenes.panels import Shown
 from pwscont.search.search import Search
 from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on, land_on_end
@@ -57,6 +60,7 @@ __all__ = [
     "GUARD",
     "Answer",
     "Array",
+    "BodyPicture",
     "BorderedFactor",
     "BringsSearches",
     "Compact",
@@ -93,6 +97,8 @@ __all__ = [
     "SearchScope",
     "Segment",
     "Selection",
+    "Shapes",
+    "Shown",
     "Solution",
     "SpecialPoint",
     "SpecialPointFound",

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from pwscont.two_parameters.maps import plane
     from pwscont.two_parameters.scene import PlaneScene
     from pwscont.two_parameters.transition_locus import TransitionLocus
+    from pwscont.view.view import View
 
 __all__ = [
     "LCP",
@@ -125,6 +126,7 @@ __all__ = [
     "TransitionDetector",
     "TransitionLocus",
     "UnknownNameError",
+    "View",
     "check_detector",
     "check_search",
     "check_stepper",
@@ -161,6 +163,7 @@ LATER = {
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",
     "TransitionLocus": "pwscont.two_parameters.transition_locus",
+    "View": "pwscont.view.view",
     "check_detector": "pwscont.continuation.kit",
     "check_search": "pwscont.continuation.kit",
     "check_stepper": "pwscont.continuation.kit",

@@ -12,7 +12,7 @@ from pwscont import extending
 
 def test_the_page_runs_from_top_to_bottom():
     *codes, package = blocks("extending.rst")
-    assert len(codes) == 10
+    assert len(codes) == 11
     assert package.startswith('"""')  # a file of its own, see test_own_package.py
     names = {}
     for code in codes:

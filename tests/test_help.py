@@ -44,6 +44,10 @@ def test_every_example_of_the_help_runs(capsys, monkeypatch, tmp_path, line):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     program, *arguments = shlex.split(line)
+    if {"view", "--html"} & {*arguments}:
+        pytest.importorskip("bokeh")
+    if "view" in arguments:
+        main(["run", "fig7", "-o", "out"])
     assert program == "pwscont"
     assert main(arguments) == 0
     assert capsys.readouterr().out.strip()

@@ -37,13 +37,13 @@ def run(name, skipped=()):
     return names, answers
 
 
-WRITTEN = {"curve.png", "curve.npz", "run.journal", "most.png", "study.db"}
+WRITTEN = {"curve.png", "curve.npz", "curve.html", "run.journal", "most.png", "study.db"}
 
 
 @pytest.mark.slow
 def test_the_cheat_sheet_runs(tmp_path):
     _, answers = run("cheatsheet.rst")
-    assert answers == 36
+    assert answers == 37
     assert {file.name for file in tmp_path.iterdir()} >= WRITTEN
 
 

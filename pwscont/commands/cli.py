@@ -1,4 +1,4 @@
-"""The command line: ``pwscont scenes``, ``run SCENE``, ``sweep SCENE`` and ``bench``."""
+"""The command line: ``pwscont scenes``, ``run SCENE``, ``view FILE`` and others."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont.basics.errors import PwscontError
-from pwscont.commands import bench_arguments, sweep_arguments
+from pwscont.commands import bench_arguments, sweep_arguments, view_arguments
 from pwscont.commands.arguments import spread
 from pwscont.commands.completion import add_scene, complete
 from pwscont.commands.examples import with_examples
@@ -95,6 +95,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="write picture and data there",
     )
+    run.add_argument(
+        "--html",
+        type=Path,
+        metavar="FILE",
+        help="write a page that shows branches and solutions in a browser",
+    )
     add_settings(run)
     add_looks(run)
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
@@ -102,6 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
     )
+    view_arguments.add_to(commands)
     sweep_arguments.add_to(commands)
     bench_arguments.add_to(commands)
     return parser

@@ -17,7 +17,12 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "pwscont run block -s nodes=8 --at 0.7": "with a setting of the scene",
         "pwscont run example3 -o out": "write picture and graph into the directory out",
         "pwscont run fig7 --json": "for other programs",
+        "pwscont run fig7 --html fig7.html": "a page to look at in a browser",
         "pwscont run example1 --explain": "say which parts the run is made of",
+    },
+    "view": {
+        "pwscont view out/fig7.npz": "a page beside the graph that 'run fig7 -o out' wrote",
+        "pwscont view out/fig7.npz -o fig7.html": "a page of another name",
     },
     "sweep": {
         "pwscont sweep wedge -s nodes=2 --over friction=0.5:2:4": "most solutions",

@@ -15,7 +15,9 @@ from tempfile import TemporaryDirectory
 from pwscont.basics.errors import GraphFileError, InvalidInputError, PwscontError
 from pwscont.commands.looks import look_of, with_panels
 from pwscont.commands.progress import Progress
+from pwscont.commands.view import check_viewable, write_page
 from pwscont.continuation.journal import Journal
+from pwscont.graph.origin import Origin, write_origin
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.scenes.registry import load_scene
@@ -51,6 +53,8 @@ def _failing_in_words(scene: Runnable, settings: Sequence[tuple[str, str]]) -> I
 def _run(scene: Runnable, options: argparse.Namespace) -> int:
     at, look = scene.values(options.at), look_of(options, scene)
     scene = with_panels(options, scene)
+    if options.html:
+        check_viewable(scene, options.html)
     if options.output:
         make_directory(options.output)
     with _journalled(scene, options.output, options.resume) as kept:
@@ -61,11 +65,17 @@ def _run(scene: Runnable, options: argparse.Namespace) -> int:
         text = _as_json(answer, plan, seconds) if options.json else _as_text(answer, plan)
         unprinted = _print(text)
         if options.output:
-            written = write_whole(answer, options.output, look)
-            print(f"written: {', '.join(map(str, written))}", file=sys.stderr)  # noqa: T201
+            origin = Origin(options.scene, dict(options.settings))
+            _say_written(write_whole(answer, options.output, look, origin))
+        if options.html:
+            _say_written([write_page(answer, options.html)])
     if unprinted:
         raise unprinted
     return 0
+
+
+def _say_written(files: Sequence[Path]) -> None:
+    print(f"written: {', '.join(map(str, files))}", file=sys.stderr)  # noqa: T201
 
 
 def _print(text: str) -> OSError | None:
@@ -77,8 +87,12 @@ def _print(text: str) -> OSError | None:
     return None
 
 
-def write_whole(answer: Answer, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
+def write_whole(
+    answer: Answer, directory: Path, look: Look = DEFAULT_LOOK, origin: Origin | None = None
+) -> list[Path]:
     """Write the files of an answer into a directory; where the disk is full, none of them.
+
+    A file of a graph names the scene that it comes from.
 
     Raises
     ------
@@ -88,6 +102,8 @@ def write_whole(answer: Answer, directory: Path, look: Look = DEFAULT_LOOK) -> l
     try:
         with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
             written = [file.relative_to(temporary) for file in answer.write(Path(temporary), look)]
+            if origin and answer.explored():
+                _sign(Path(temporary), origin)
             for name in os.listdir(temporary):
                 os.replace(Path(temporary, name), directory / name)
     except (OSError, GraphFileError) as error:
@@ -96,6 +112,12 @@ def write_whole(answer: Answer, directory: Path, look: Look = DEFAULT_LOOK) -> l
         where = getattr(cause, "filename2", None) or f"to {directory}"
         raise InvalidInputError(f"cannot write {where}: {reason}") from error
     return [directory / file for file in written]
+
+
+def _sign(directory: Path, origin: Origin) -> None:
+    """Let the graphs in a directory name their scene."""
+    for file in directory.glob("*.npz"):
+        write_origin(file, origin)
 
 
 def _solved(scene: Runnable, at: Sequence[float]) -> Answer:

@@ -43,14 +43,15 @@ class Queries(Structure):
             If a curved piece must be corrected and the graph was loaded without its system.
         """
         self._inside(alpha)
-        at_nodes = [self._solution_at(node) for node in self._nodes_at(alpha)]
+        at_nodes = [self.solution_at(node) for node in self._nodes_at(alpha)]
         between = [
             refine(self.system, piece, alpha, self.interval, self.quantities)
             for piece in self._through(alpha)
         ]
         return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
-    def _solution_at(self, node: int) -> Solution:
+    def solution_at(self, node: int) -> Solution:
+        """Return a special point as one of the solutions at its alpha."""
         point, pieces = self.point(node), self.pieces_at(node)
         if not pieces:
             return self._isolated(point)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -88,6 +89,38 @@ def solve_between(
             found.x[-1] = alpha
             return found.x, magnitude(found.x, found.error)
     return _unrefined(segment, s, alpha)
+
+
+def fine_points(
+    system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
+) -> Array:
+    """Return points along a piece, from start to end: those of the cubics between stored points.
+
+    A step was taken only where its cubic solves the selection to a tolerance (docs/theory, F14).
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    piece : Piece
+    interval : tuple of float
+        The interval of the graph, for the metric.
+    parts : int
+        In how many parts each step is cut.
+
+    Returns
+    -------
+    ndarray, shape (k, n + 1)
+    """
+    points = [completed_point(system, x) for x in piece.points]
+    curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
+    found = [points[0]]
+    for a, b in pairwise(points):
+        start, end = next(_tangents(curve, a, b))
+        first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
+        segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
+        inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
+        found += [*(segment.near(s) for s in inner), b]
+    return shown_points(system, np.array(found))
 
 
 def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:

@@ -14,7 +14,9 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report
+from pwscont.graph import BranchGraph
 from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.scenes.panels import Shown
 
 
 class Answer(ABC):
@@ -31,6 +33,10 @@ class Answer(ABC):
     @abstractmethod
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write picture and data into an existing directory; return the files."""
+
+    def explored(self) -> tuple[Shown, BranchGraph] | None:
+        """Return the scene and its branch graph, for a view in the browser; None without one."""
+        return None
 
 
 class Runnable(ABC):

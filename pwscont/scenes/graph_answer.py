@@ -42,6 +42,10 @@ class GraphAnswer(Answer):
             failed[key] = graph.get(key, []) + failures
         return {"scene": self.scene.name} | graph | {"solutions": solutions} | failed
 
+    def explored(self) -> tuple[Shown, BranchGraph]:
+        """Return the scene and its branch graph."""
+        return self.scene, self.graph
+
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write the branch diagrams and the branch graph."""
         from pwscont.scenes.plotting import draw_scene  # noqa: PLC0415  only where asked for

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, final
 
 from pwscont.basics.character import Character
+from pwscont.scenes.body_picture import BodyPicture
 from pwscont.scenes.drawn import What
 from pwscont.system.system import PiecewiseSystem
 
@@ -84,3 +85,7 @@ class Shown(Protocol):
     @property
     def styles(self) -> Mapping[str, Any]:
         """The line style for each mode."""
+
+    @property
+    def body(self) -> BodyPicture | None:
+        """How solutions look on a body, if there is one."""

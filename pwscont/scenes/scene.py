@@ -21,6 +21,7 @@ from pwscont.continuation.plan import (
 )
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
+from pwscont.scenes.body_picture import BodyPicture
 from pwscont.scenes.drawn import check_drawn, quantity_named
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import Panel, ParameterPath
@@ -57,6 +58,8 @@ class Scene(Runnable):
         The pictures, and the line style for each mode.
     journal : Journal, optional
         Where every finished piece is kept at once.
+    body : BodyPicture, optional
+        How solutions look on a body, for a view in the browser.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Scene(Runnable):
     paths: tuple[ParameterPath, ...] = ()
     styles: Mapping[str, Any] = field(default_factory=dict)
     journal: Journal | None = None
+    body: BodyPicture | None = None
 
     resumable: ClassVar[bool] = True
 

@@ -13,18 +13,12 @@ from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph, Piece
+from pwscont.scenes.smooth import SAME, Smooth
 
-#: Pieces with at least so many points are drawn as smooth curves, each step in so many parts.
-LEAST_POINTS, FINER = 4, 8
-#: Points of a piece closer than this part of its length are drawn as one.
-APART = 1e-6
-#: Lines closer than this part of the largest value drawn are one line.
-SAME = 1e-9
 #: Lines of two branches closer than this part of the picture's height look like one.
 NEAR = 3e-3
 #: A common stretch shorter than this part of the picture's width is a crossing.
@@ -195,25 +189,8 @@ def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[n
 
 
 def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Return alpha and a quantity along a piece: a smooth curve through its points.
-
-    Corners of a polygon would look like kinks. The curve's parameter is the length along the
-    points; its cubics never leave the range of their ends (Fritsch and Carlson 1980). Unknowns that
-    change by rounding only do not count for the length; of points that nearly coincide one is kept.
-    """
-    points = piece.points
-    if len(points) < LEAST_POINTS:
-        return points[:, -1], along(points)
-    extent, size = np.ptp(points, axis=0), np.abs(points).max()
-    steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
-    length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
-    apart = np.diff(length) > APART * length[-1]
-    kept = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
-    points, length = points[kept], length[kept]
-    if len(points) < LEAST_POINTS:
+    """Return alpha and a quantity along a piece: a smooth curve through its points."""
+    smooth = Smooth.through(piece.points)
+    if smooth is None:
         return piece.alpha, along(piece.points)
-    points = np.column_stack([points[:, -1], along(points)])
-    ends = np.arange(len(length))
-    fine = np.interp(np.linspace(0.0, ends[-1], FINER * ends[-1] + 1), ends, length)
-    alpha, values = PchipInterpolator(length, points)(fine).T
-    return alpha, values
+    return smooth(piece.alpha), smooth(along(piece.points))

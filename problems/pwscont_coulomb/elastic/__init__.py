@@ -3,6 +3,7 @@
 scikit-fem and meshio (the extra ``fem``) are loaded when the first body is made.
 """
 
+from pwscont_coulomb.elastic.body_picture import ElasticPicture
 from pwscont_coulomb.elastic.condensation import CondensedProblem
 from pwscont_coulomb.elastic.contact_boundary import ContactBoundary
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
@@ -22,6 +23,7 @@ __all__ = [
     "CondensedProblem",
     "ContactBoundary",
     "ElasticBody",
+    "ElasticPicture",
     "ElasticProblem",
     "Elimination",
     "FullProblem",

@@ -86,6 +86,12 @@ class DiscretisedBody:
         return bool(self.f1.any() or self._given[1].any())
 
     @property
+    def clamped(self) -> Indices:
+        """The nodes of which both displacements are prescribed."""
+        held = self.held // 2
+        return np.intersect1d(held[self.held % 2 == 0], held[self.held % 2 == 1])
+
+    @property
     def positions(self) -> Array:
         """The nodes, shape (2, k)."""
         return self.space.positions

@@ -125,26 +125,14 @@ def draw_body(ax: Axes, placement: Placement, state: BodyState, norm: Normalize)
     )
     elements.set_array(largest_shear(state.stresses))
     ax.add_collection(elements)
-    for nodes in parts_of(contact):
-        depth = 0.02 * float(np.ptp(body.positions))
-        _draw_obstacle(ax, placement.obstacle[:, nodes], placement.into[:, nodes], depth)
-    held = body.held // 2
-    clamped = np.intersect1d(held[body.held % 2 == 0], held[body.held % 2 == 1])
-    ax.plot(*moved[:, clamped], "s", color="0.35", markersize=2.5)
+    for line, outline in placement.outlines():
+        ax.fill(*outline, facecolor="0.8", edgecolor="none", zorder=0)
+        ax.plot(*line, color="0.3", linewidth=1.0, zorder=1)
+    ax.plot(*moved[:, body.clamped], "s", color="0.35", markersize=2.5)
     _draw_modes(ax, moved[:, contact.nodes], contact.tangents, state)
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.set_axis_off()
-
-
-def _draw_obstacle(ax: Axes, line: Array, normals: Array, depth: float) -> None:
-    below = line + depth * normals
-    if line.shape[1] == 1:  # a single node: a short piece of the tangent
-        along = 4.0 * depth * np.array([[-1.0, 1.0]]) * np.stack([-normals[1], normals[0]])
-        line, below = line + along, below + along
-    outline = np.hstack([line, below[:, ::-1]])
-    ax.fill(*outline, facecolor="0.8", edgecolor="none", zorder=0)
-    ax.plot(*line, color="0.3", linewidth=1.0, zorder=1)
 
 
 def _draw_modes(ax: Axes, x: Array, tangents: Array, state: BodyState) -> None:

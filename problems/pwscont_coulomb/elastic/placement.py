@@ -31,8 +31,12 @@ def magnification(body: DiscretisedBody, states: Sequence[BodyState]) -> float:
 
     Large gaps, which are magnified as well, keep it down to one.
     """
+    return magnified(body, max(float(np.abs(state.displacements).max()) for state in states))
+
+
+def magnified(body: DiscretisedBody, largest: float) -> float:
+    """Return the factor by which displacements are drawn whose largest is known."""
     size, gap = _size(body), float(body.contact.gap.max(initial=0.0))
-    largest = max(float(np.abs(state.displacements).max()) for state in states)
     if largest == 0.0:
         return 1.0
     wanted = DRAWN * size / largest
@@ -96,6 +100,12 @@ class Placement:
         moved: Array = self.rest + self.factor * state.displacements.T
         return moved
 
+    def outlines(self) -> list[tuple[Array, Array]]:
+        """Return surface and outline of the obstacle along each part of the boundary."""
+        depth = 0.02 * float(np.ptp(self.body.positions))
+        parts = parts_of(self.body.contact)
+        return [_outline(self.obstacle[:, i], self.into[:, i], depth) for i in parts]
+
     def words(self) -> str:
         """Return what is magnified, and by how much."""
         if self.factor == 1.0:
@@ -104,6 +114,15 @@ class Placement:
         if self.factor < 1.0:
             return f"displacements{gaps} drawn at {self.factor:.3g} of their size"
         return f"displacements{gaps} magnified {self.factor:.3g} times"
+
+
+def _outline(line: Array, normals: Array, depth: float) -> tuple[Array, Array]:
+    """Return a surface, and the outline of a strip of this depth below, each of shape (2, k)."""
+    below = line + depth * normals
+    if line.shape[1] == 1:  # a single node: a short piece of the tangent
+        along = 4.0 * depth * np.array([[-1.0, 1.0]]) * np.stack([-normals[1], normals[0]])
+        line, below = line + along, below + along
+    return line, np.hstack([line, below[:, ::-1]])
 
 
 def _straightened(line: Array) -> tuple[Array, float]:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from pwscont import Journal, Panel, Scene
+from pwscont import BranchGraph, Journal, Panel, Scene
 from pwscont.extending import (
     DEFAULT_LOOK,
     Answer,
@@ -18,11 +18,13 @@ from pwscont.extending import (
     Look,
     Report,
     Runnable,
+    Shown,
     Solution,
     named,
     uninterrupted,
     values_within,
 )
+from pwscont_coulomb.elastic.body_picture import ElasticPicture
 from pwscont_coulomb.elastic.elastic_body import ElasticBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import recover
@@ -111,6 +113,7 @@ class ElasticScene(Runnable):
             at=self.at,
             panels=_panels(problem),
             journal=self.journal,
+            body=ElasticPicture(problem, self.units),
         )
         return scene.with_panels(self.panels) if self.panels else scene
 
@@ -164,6 +167,10 @@ class ElasticAnswer(Answer):
     def as_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
         return self.graph.as_dict()
+
+    def explored(self) -> tuple[Shown, BranchGraph]:
+        """Return the scene, which knows the body, and its branch graph."""
+        return self.graph.explored()
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write diagrams and, where solutions are listed, these solutions on the body.

@@ -1,0 +1,91 @@
+"""The work of ``pwscont view`` and of ``pwscont run --html``: pages for a browser."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import webbrowser
+from pathlib import Path
+
+from pwscont.basics.errors import InvalidInputError, PwscontError
+from pwscont.graph import BranchGraph
+from pwscont.graph.origin import Origin, read_origin
+from pwscont.scenes.answer import Answer, Runnable
+from pwscont.scenes.registry import load_scene
+from pwscont.scenes.scene import Scene
+from pwscont.view.belongs import check_belongs
+from pwscont.view.view import View, check_bokeh
+
+
+def view_graph(options: argparse.Namespace) -> int:
+    """Write the page of a graph; returns the exit status."""
+    page = options.output or options.graph.with_suffix(".html")
+    check_page(page)
+    view = _view_of(options.graph)
+    view.save(page)
+    print(f"written: {page}")  # noqa: T201
+    if options.open:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _view_of(path: Path) -> View:
+    """Return the view of a graph with its scene, or of the graph alone, and say why."""
+    plain = BranchGraph.load(path)
+    origin = read_origin(path)
+    if origin is None:
+        _say(f"{path} names no scene: its numbers are shown, and no body")
+        return View(plain, title=path.stem)
+    try:
+        scene = _scene_of(origin)
+        graph = BranchGraph.load(path, scene.system, scene.record)
+        check_belongs(graph, scene.name)
+    except (PwscontError, ArithmeticError, ValueError) as error:
+        _say(f"{error}; only the numbers of {path} are shown")
+        return View(plain, title=path.stem)
+    return View.of(scene, graph)
+
+
+def _scene_of(origin: Origin) -> Scene:
+    scene = load_scene(origin.scene, origin.settings).curve()
+    if not isinstance(scene, Scene):
+        raise InvalidInputError(f"scene {origin.scene} has no branches to show")
+    return scene
+
+
+def _say(words: str) -> None:
+    print(f"pwscont: {words}", file=sys.stderr)  # noqa: T201
+
+
+def check_page(page: Path) -> None:
+    """Refuse, before any work, a page that cannot be written or that Bokeh is missing for.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is a directory, or its directory does not exist.
+    MissingPackageError
+        If Bokeh is not installed.
+    """
+    check_bokeh()
+    if page.is_dir():
+        raise InvalidInputError(f"cannot write {page}: it is a directory")
+    if not page.absolute().parent.is_dir():
+        raise InvalidInputError(f"cannot write {page}: there is no directory {page.parent}")
+
+
+def check_viewable(scene: Runnable, page: Path) -> None:
+    """Refuse a page of a scene without branches; other errors as of :func:`check_page`."""
+    if type(scene).curve is Runnable.curve:
+        raise InvalidInputError(
+            f"--html shows branches over a parameter; scene {scene.name} has none"
+        )
+    check_page(page)
+
+
+def write_page(answer: Answer, page: Path) -> Path:
+    """Write the page of an answer."""
+    explored = answer.explored()
+    if explored is None:
+        raise InvalidInputError("--html: this scene's answer has no branch graph to show")
+    return View.of(*explored).save(page)

@@ -1,0 +1,224 @@
+"""The records of a view as the page reads them: lists, texts, and arrays packed in base64."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from pwscont.basics.character import Character
+from pwscont.basics.kind import Kind
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.graph import BranchGraph, SpecialPoint
+from pwscont.graph.connected import connected
+from pwscont.graph.presentation import as_dict, number
+from pwscont.graph.records import FEW_DIGITS, attempted
+from pwscont.scenes.panels import Panel
+from pwscont.scenes.styles import COLORS, styles_of
+from pwscont.scenes.symbols import GREEK
+from pwscont.view.numbers import Numbers, is_curved
+
+#: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
+MARKERS: dict[str, tuple[str, int, bool]] = {
+    Kind.START: ("asterisk", 11, False),
+    Kind.END: ("dot", 8, False),
+    Kind.TRANSITION: ("circle", 7, True),
+    Kind.NONSMOOTH_FOLD: ("circle", 8, False),
+    Kind.FOLD: ("diamond", 10, False),
+    Kind.BRANCH_POINT: ("plus", 11, False),
+    Kind.CORNER: ("square", 8, False),
+    Kind.PARTIAL_CORNER: ("square", 8, True),
+    Kind.NONSMOOTH_BRANCH_POINT: ("triangle", 9, False),
+    Kind.DEGENERATE: ("inverted_triangle", 9, False),
+    Kind.ISOLATED: ("dot", 14, False),
+    Kind.EVENT: ("star", 12, False),
+    Kind.STOPPED: ("x", 10, False),
+}
+#: The markers of kinds of a user's own detectors.
+OWN_MARKERS = ("hex", "square_pin", "triangle_pin", "diamond_cross", "circle_x", "square_x")
+MINUS = "\N{MINUS SIGN}"
+#: Digits shown of what is interpolated on curved pieces, with and without the system.
+CORRECTED, UNCORRECTED = 4, 3
+#: Most transitions whose marks have their full size, and the size of the smallest.
+FEW, SMALLEST = 12, 4.0
+#: With more transitions their marks are plain dots: to outline each takes most of a picture's time.
+CROWD = 300
+
+
+def packed(values: Any, kind: str) -> dict[str, Any]:
+    """Return an array as the page unpacks it: its type in JavaScript, and its bytes."""
+    types = {"Float64Array": "<f8", "Float32Array": "<f4", "Int32Array": "<i4"}
+    array = np.ascontiguousarray(values, dtype=types[kind])
+    return {"type": kind, "bytes": b64encode(array.tobytes()).decode("ascii")}
+
+
+def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -> dict[str, Any]:
+    """Return what the page knows of a graph.
+
+    Parameters
+    ----------
+    graph : BranchGraph
+    numbers : Numbers
+    wanted : sequence of str
+        Names of quantities for which there must be room.
+    """
+    kept, plain = numbers.fitting(wanted), as_dict(graph)
+    return {
+        "parameter": graph.parameter,
+        "interval": list(graph.interval),
+        "same": SAME_ALPHA,
+        "names": [numbers.names[i] for i in kept],
+        "digits": CORRECTED if graph.system is not None else UNCORRECTED,
+        "left_out": len(numbers.names) - len(kept),
+        "rows": packed(numbers.rows[:, kept], "Float64Array"),
+        "pieces": _pieces(graph, numbers),
+        "points": _points(graph, numbers),
+        "branches": len(graph.components()),
+        "colors": list(COLORS),
+        "stretches": plain["stretches"],
+        "between": plain["between"],
+        "breaks": graph.breaks(),
+        "balances": graph.balances(),
+        "guarantee": plain["guarantee"],
+        "searched": plain["searched"],
+        "complete": graph.is_complete,
+    }
+
+
+def _pieces(graph: BranchGraph, numbers: Numbers) -> dict[str, Any]:
+    branch = {piece.id: i for i, some in enumerate(graph.components()) for piece in some}
+    labels = list(dict.fromkeys(piece.label for piece in graph.pieces))
+    place = {label: i for i, label in enumerate(labels)}
+    ends = np.cumsum([0, *map(len, numbers.pieces)])
+    rows = np.concatenate([np.zeros(0), *numbers.pieces])
+    return {
+        "id": [piece.id for piece in graph.pieces],
+        "first": ends.tolist(),
+        "rows": packed(rows, "Int32Array"),
+        "branch": [branch[piece.id] for piece in graph.pieces],
+        "start": [piece.start for piece in graph.pieces],
+        "end": [piece.end for piece in graph.pieces],
+        "det": [piece.det_sign for piece in graph.pieces],
+        "label": [place[piece.label] for piece in graph.pieces],
+        "labels": labels,
+        "curved": [is_curved(piece) for piece in graph.pieces],
+        "vertical": [piece.is_vertical for piece in graph.pieces],
+    }
+
+
+def _points(graph: BranchGraph, numbers: Numbers) -> list[dict[str, Any]]:
+    """Return the special points; those that are nodes are solutions as well."""
+    branch, points = _branches(graph), graph.special_points()
+    return [
+        _point(graph, point, branch) | {"row": int(row)}
+        for point, row in zip(points, numbers.points, strict=True)
+    ]
+
+
+def _point(graph: BranchGraph, point: SpecialPoint, branch: Mapping[int, int]) -> dict[str, Any]:
+    told = {"node": point.id, "kind": str(point.kind), "words": _words(graph, point)}
+    ends = any(graph.same(point.alpha, end) for end in graph.interval)
+    told |= {"shown": not (ends and point.kind in (Kind.START, Kind.END))}
+    if point.id < 0:  # a start within a piece
+        return told | {"branch": branch[_start_of(graph, point)]}
+    found = graph.solution_at(point.id)
+    known = {"det": found.det_sign, "piece": found.piece, "label": found.label}
+    return told | {"branch": branch[point.id]} | known
+
+
+def _start_of(graph: BranchGraph, point: SpecialPoint) -> int:
+    return next(piece.start for piece in graph.pieces if piece.id == point.piece)
+
+
+def _branches(graph: BranchGraph) -> dict[int, int]:
+    """Return the branch of each node; they are numbered as by ``graph.components()``."""
+    nodes = [point.id for point in graph.special_points() if point.id >= 0]
+    parts = connected(nodes, [(piece.start, piece.end) for piece in graph.pieces])
+    return {node: branch for branch, part in enumerate(parts) for node in part}
+
+
+def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
+    """Return what is said of a special point when the pointer is over it."""
+    name = GREEK.get(graph.parameter, graph.parameter)
+    lines = [f"{name} = {_value(graph.clean(point.alpha))}", point.message]
+    lines += [point.events] if point.events else []
+    lines += [f"{name} = {_value(value)}" for name, value in attempted(point).items()]
+    few = point.digits < FEW_DIGITS
+    return [line for line in lines if line] + [f"only {int(point.digits)} digits known"] * few
+
+
+def _value(value: float | str) -> str:
+    return value if isinstance(value, str) else number(value).replace("-", MINUS)
+
+
+def marks(graph: BranchGraph) -> dict[str, dict[str, Any]]:
+    """Return how each kind of special point in a graph is drawn; many transitions are small."""
+    kinds = [str(point.kind) for point in graph.special_points()]
+    own = zip(sorted({*kinds} - {*MARKERS}), cycle(OWN_MARKERS), strict=False)
+    every = MARKERS | {kind: (marker, 9, False) for kind, marker in own}
+    count = kinds.count(Kind.TRANSITION)
+    small = max(SMALLEST, MARKERS[Kind.TRANSITION][1] * min(1.0, (FEW / max(count, 1)) ** 0.5))
+    looks = {
+        kind: {"marker": marker, "size": size, "hollow": hollow, "lined": True}
+        for kind, (marker, size, hollow) in every.items()
+        if kind in kinds
+    }
+    if count:
+        crowd = count > CROWD
+        looks[Kind.TRANSITION] |= {"size": small, "hollow": not crowd, "lined": not crowd}
+    return looks
+
+
+# -- styles by mode ------------------------------------------------------------------------------
+
+
+def style_records(
+    graph: BranchGraph, panels: Sequence[Panel], wanted: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Return the ways to tell modes apart by line styles: by the whole state, and by panel."""
+    own = graph.system.line_styles if graph.system else {}
+    whole = _style(graph, "all of the state", None, {**own, **wanted})
+    some = {panel.title or "part of the state": panel.mode for panel in panels if panel.mode}
+    parts = [_style(graph, title, mode, {**own, **wanted}) for title, mode in some.items()]
+    return [*(part for part in parts if part["of"] != whole["of"]), whole]
+
+
+def _style(
+    graph: BranchGraph,
+    title: str,
+    mode: Callable[[Character], str] | None,
+    wanted: Mapping[str, Any],
+) -> dict[str, Any]:
+    words = [mode(p.character) if mode else p.label for p in graph.pieces]
+    styles = styles_of(words, wanted)
+    place = {word: i for i, word in enumerate(styles)}
+    return {
+        "title": title,
+        "words": list(styles),
+        "dashes": [dash_of(style) for style in styles.values()],
+        "of": [place[word] for word in words],
+    }
+
+
+#: Line styles of matplotlib by their short names, in widths of the line.
+DASHES = {
+    "-": [],
+    "solid": [],
+    "--": [4, 2],
+    "dashed": [4, 2],
+    "-.": [6, 2, 1, 2],
+    "dashdot": [6, 2, 1, 2],
+    ":": [1, 2],
+    "dotted": [1, 2],
+}
+#: Pixels for each width of the line.
+UNIT = 2
+
+
+def dash_of(style: Any) -> list[int]:
+    """Return a line style of matplotlib as lengths of dashes and gaps in pixels."""
+    lengths = DASHES.get(style, []) if isinstance(style, str) else style[1] or []
+    return [max(1, round(UNIT * float(length))) for length in lengths]

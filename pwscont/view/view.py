@@ -1,0 +1,147 @@
+"""The object that shows a branch graph in a browser or a notebook, and writes it to a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from html import escape
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, final
+
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont.basics.looks import counted, named
+from pwscont.graph import BranchGraph
+from pwscont.scenes.body_picture import BodyPicture
+from pwscont.scenes.drawn import quantity_named
+from pwscont.scenes.panels import Panel, Shown
+from pwscont.view.body import body_records
+from pwscont.view.numbers import Numbers
+from pwscont.view.records import graph_records, marks, style_records
+
+#: Height of a view in a notebook, in pixels.
+TALL = 780
+
+
+@final
+class View:
+    """A branch graph to look at in a browser: one file, without server and network.
+
+    The branch diagram with pan and zoom, any quantity on either axis; a slider over the parameter
+    with all solutions there; the solution that is clicked on as a table, and on its body if there
+    is one; the number of solutions. In a notebook the view shows itself.
+
+    Parameters
+    ----------
+    graph : BranchGraph
+    what : int or str, optional
+        The quantity that the diagram shows first: index or name of an unknown, or a recorded one.
+    title : str
+    panels : sequence of Panel
+        Each with a ``mode`` is one way to tell modes apart by line styles.
+    styles : mapping
+        The line style for each mode.
+    body : BodyPicture, optional
+        How solutions look on a body.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such quantity; UnknownNameError names close ones.
+    MissingPackageError
+        If Bokeh is not installed.
+
+    Examples
+    --------
+    >>> View(graph, "u_t").save("curve.html")  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        graph: BranchGraph,
+        what: int | str = 0,
+        *,
+        title: str = "",
+        panels: Sequence[Panel] = (),
+        styles: Mapping[str, Any] | None = None,
+        body: BodyPicture | None = None,
+    ) -> None:
+        check_bokeh()
+        self.graph, self.title, self.panels, self.body = graph, title, tuple(panels), body
+        self.styles = dict(styles or {})
+        self.what = quantity_named(str(what), graph.names, graph.quantities.record)
+
+    @classmethod
+    def of(cls, scene: Shown, graph: BranchGraph) -> View:
+        """Return the view of a scene's graph, with its title, panels and body."""
+        drawn = [panel.component for panel in scene.panels]
+        first = next((what for what in drawn if isinstance(what, int | str)), 0)
+        title = f"{scene.name}: {scene.title}"
+        return cls(
+            graph,
+            graph.names[first] if isinstance(first, int) else first,
+            title=title,
+            panels=scene.panels,
+            styles=scene.styles,
+            body=scene.body,
+        )
+
+    @cached_property
+    def records(self) -> dict[str, Any]:
+        """Everything that the page knows, as lists, texts and packed arrays."""
+        numbers = Numbers.of(self.graph)
+        told: dict[str, Any] = {"title": self.title, "what": self.what}
+        told |= graph_records(self.graph, numbers, [self.what])
+        told["marks"] = marks(self.graph)
+        told["styles"] = style_records(self.graph, self.panels, self.styles)
+        told["body"] = body_records(self.graph, numbers, self.body) if self.body else None
+        return told
+
+    @cached_property
+    def html(self) -> str:
+        """The whole page."""
+        page = import_module("pwscont.view.page")
+        return str(page.page_of(self.records, self.title or "branches"))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a file, which appears whole or not at all.
+
+        Raises
+        ------
+        InvalidInputError
+            If it cannot be written.
+        """
+        target, content = Path(path), self.html.encode("utf-8")
+        temporary = target.with_name(target.name + ".part")
+        try:
+            temporary.write_bytes(content)
+            os.replace(temporary, target)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
+        return target
+
+    def __repr__(self) -> str:
+        return named(self, self.title or "branches", counted(len(self.graph.pieces), "piece"))
+
+    def _repr_html_(self) -> str:
+        """Return a frame with the page, for notebooks."""
+        style = f"width: 100%; height: {TALL}px; border: none"
+        return f'<iframe srcdoc="{escape(self.html)}" style="{style}"></iframe>'
+
+
+def check_bokeh() -> None:
+    """Refuse a view where Bokeh is not installed.
+
+    Raises
+    ------
+    MissingPackageError
+        The message says what to install.
+    """
+    if find_spec("bokeh") is None:
+        raise MissingPackageError(
+            "a view in the browser needs Bokeh: pip install bokeh, or pip install '.[view]' in a "
+            "checkout of pwscont"
+        )
