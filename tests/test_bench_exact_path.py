@@ -191,6 +191,7 @@ def test_refuses_a_test_that_vanishes_all_along():
 # -- the block -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_exact_and_arclength_agree_on_block_with_20_contact_nodes(block20):
     """Issue 5: the same pieces, and the same places to rounding."""
     assert block20.truth.known_by == KNOWN_BY
@@ -304,6 +305,7 @@ def few(is_straight: bool, quick: bool) -> list[Contestant]:
     return [Contestant("arclength", size, PseudoArclength(step_size=size))]
 
 
+@pytest.mark.slow
 def test_blocks_by_mesh_size_from_the_command_line(capsys):
     assert main(["bench", "block", "-s", "nodes=5", "--quick"]) == 0
     printed = capsys.readouterr().out

@@ -266,6 +266,7 @@ def test_peak_memory_is_at_most_one_and_a_half_times_the_factor():
     assert peak < 1.5 * 8 * found.stored
 
 
+@pytest.mark.slow
 def test_friction_as_the_parameter():
     """At the friction coefficient of the contact boundary both systems have the same solution."""
     problem = BODIES["P1"]().condensed()

@@ -32,6 +32,7 @@ class CancellingConstants(PiecewiseLinearSystem):
         return np.array([rest, 1.0 + 0.5 * first - second])
 
 
+@pytest.mark.slow
 def test_a_solution_on_an_interface_because_constants_cancel():
     system = CancellingConstants()
     for alpha in np.linspace(-2.0, 3.0, 201):

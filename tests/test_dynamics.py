@@ -193,6 +193,7 @@ def test_equilibria_of_a_curved_field():
             assert system.growth(solution.z, mu) == pytest.approx(-2.0 * x, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_stability_of_equilibria():
     """Eigenvalues of the field; and of the sliding field, written out by hand."""
     A = np.array([[-1, 1], [-0.3, -0.5]])

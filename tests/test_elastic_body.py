@@ -241,6 +241,7 @@ def test_hertz():
 # -- invariance ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_units():
     """N-mm-MPa and N-m-Pa: the same curve, scaled, to 1e-9."""
     mm = pressed(strip(), material=Young(2.1e5, 0.3), friction=0.7)

@@ -111,7 +111,9 @@ def assert_short(thing):
     assert not re.search(r"object at 0x|array\(", text), text
 
 
-@pytest.mark.parametrize("things", [of_the_plug_in, of_scenes, of_the_framework])
+@pytest.mark.parametrize(
+    "things", [pytest.param(of_the_plug_in, marks=pytest.mark.slow), of_scenes, of_the_framework]
+)
 def test_public_objects_are_short(things):
     for thing in things():
         assert_short(thing)
