@@ -12,6 +12,7 @@ from pwscont_coulomb.elastic.full import FullProblem
 from pwscont_coulomb.elastic.loads import BodyForce, Support, Traction
 from pwscont_coulomb.elastic.material import Lame, PlaneStrain, PlaneStress, Young
 from pwscont_coulomb.elastic.multifrontal import Multifrontal
+from pwscont_coulomb.elastic.mumps import Mumps
 from pwscont_coulomb.elastic.problem import ElasticProblem
 from pwscont_coulomb.elastic.recovery import BodyState, recover
 from pwscont_coulomb.elastic.superlu import SuperLU
@@ -29,6 +30,7 @@ __all__ = [
     "FullProblem",
     "Lame",
     "Multifrontal",
+    "Mumps",
     "PlaneStrain",
     "PlaneStress",
     "SuperLU",

@@ -22,6 +22,7 @@ from scipy.sparse.linalg import splu
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
+from pwscont_coulomb.elastic.solved_interior import SolvedInterior
 
 #: Right-hand sides solved at once.
 BLOCK = 32
@@ -34,7 +35,11 @@ class SuperLU(Elimination):
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
         """Eliminate all but the kept unknowns; see :class:`Elimination`."""
-        return SolvedInterior(A, kept)
+        A = A.tocsr()
+        interior = np.setdiff1d(np.arange(A.shape[0]), kept)
+        solve = _solver(A[interior][:, interior]) if len(interior) else np.zeros_like
+        schur = _complement(A[kept][:, kept].toarray(), A[kept][:, interior], solve)
+        return SolvedInterior(A, kept, interior, solve, schur)
 
 
 def _solver(interior: Matrix) -> Callable[[Array], Array]:
@@ -51,45 +56,10 @@ def _solver(interior: Matrix) -> Callable[[Array], Array]:
     return lu.solve  # type: ignore[no-any-return]
 
 
-@final
-class SolvedInterior(Eliminated):
-    """An elimination by solutions with the factorised interior.
-
-    Parameters
-    ----------
-    A : scipy.sparse, shape (n, n)
-    kept : ndarray of int, shape (k,)
-    """
-
-    def __init__(self, A: Matrix, kept: Indices) -> None:
-        A = A.tocsr()
-        self._n, self._kept = A.shape[0], kept
-        self._interior = np.setdiff1d(np.arange(self._n), kept)
-        self._coupling = A[self._interior][:, kept].tocsc()
-        inner = A[self._interior][:, self._interior]
-        self._solve = _solver(inner) if len(self._interior) else np.zeros_like
-        self._schur = self._complement(A[kept][:, kept].toarray())
-
-    def _complement(self, block: Array) -> Array:
-        across = self._coupling.T.tocsr()
-        for first in range(0, len(block), BLOCK):
-            columns = slice(first, first + BLOCK)
-            block[:, columns] -= across @ self._solve(self._coupling[:, columns].toarray())
-        return 0.5 * (block + block.T)
-
-    @property
-    def schur(self) -> Array:
-        """The Schur complement, shape (k, k)."""
-        return self._schur
-
-    def reduce(self, f: Array) -> Array:
-        """Return the condensed load, shape (k,)."""
-        condensed: Array = f[self._kept] - self._coupling.T @ self._solve(f[self._interior])
-        return condensed
-
-    def recover(self, f: Array, kept: Array) -> Array:
-        """Return all unknowns, shape (n,)."""
-        found = np.empty(self._n)
-        found[self._kept] = kept
-        found[self._interior] = self._solve(f[self._interior] - self._coupling @ kept)
-        return found
+def _complement(block: Array, across: Matrix, solve: Callable[[Array], Array]) -> Array:
+    """Return the Schur complement, made in the place of the kept block of the matrix."""
+    coupling = across.T.tocsc()
+    for first in range(0, len(block), BLOCK):
+        columns = slice(first, first + BLOCK)
+        block[:, columns] -= across @ solve(coupling[:, columns].toarray())
+    return 0.5 * (block + block.T)
