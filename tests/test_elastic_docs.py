@@ -71,3 +71,44 @@ def test_the_table_of_the_wedge(row):
 
 def test_both_tables_are_found():
     assert (len(CONDENSED), len(WEDGE)) == (5, 4)
+
+
+# -- memory of ranks -----------------------------------------------------------------------------
+
+RANKS = re.findall(
+    r'^   "([\d,]+)", "(\d) ranks?", (?:"[\d.]+", ){3}"[\d,]+", '
+    r'"([\d,]+)", "([\d,]+)", "([\d,]*)"$',
+    PAGE,
+    re.MULTILINE,
+)
+EXPECTED = re.findall(r'^   "10\\ :sup:`(\d)`", "(\d+)", "([\d.]+)", "(\d+)"$', PAGE, re.MULTILINE)
+
+
+def number(text):
+    return float(text.replace(",", ""))
+
+
+def growth(n):
+    """Return the page's bytes for MUMPS on all ranks."""
+    return 67.0 * n * np.log2(n)
+
+
+def test_memory_of_ranks_grows_as_is_said():
+    assert len(RANKS) == 8
+    for n, ranks, mumps, first, other in RANKS:
+        used, whole = 1e6 * number(mumps), growth(number(n))
+        low, high = {"1": (65 / 67, 68 / 67), "2": (0.55, 0.58)}[ranks]
+        assert low - 0.01 < used / whole < high + 0.01
+        if ranks == "2":
+            assert number(other) == pytest.approx(number(mumps) + 110, rel=0.05)
+        later = 1.6e-3 * number(n) + number(mumps)
+        assert number(first) == pytest.approx(max(later, 2.2e-3 * number(n)) + 100, rel=0.15)
+
+
+def test_memory_of_many_ranks_follows_from_the_growth():
+    assert len(EXPECTED) == 6
+    for power, ranks, other, first in EXPECTED:
+        n = 10.0 ** int(power)
+        part = 1.15 * growth(n) / int(ranks)
+        assert float(other) == pytest.approx(1e-9 * part + 0.1, rel=0.02)
+        assert float(first) == pytest.approx(1e-9 * max(2200 * n, 1600 * n + part), rel=0.01)
