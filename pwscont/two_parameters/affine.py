@@ -8,14 +8,16 @@ Failure modes and answers
 -------------------------
 - The family is not affine in mu, as with a coefficient of friction: H, its Jacobian and the tests
   are compared with the affine model at a third value of mu, which is no middle.
+- A small window: terms of s and t are small, and where those of z cancel much of a row is lost.
+  By how much is kept as growth of rounding.
 - Inequalities that every solution satisfies, but whose matrix varies: they are left out. They only
   make the search shorter.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import TypeAlias, final
 
 import numpy as np
@@ -23,6 +25,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
@@ -86,7 +89,22 @@ class AffineFamily:
         check_blocks(system, len(tests[1]))
         sizes = np.append(scale, [1.0, 1.0])
         problem = problem_of(system, rows, tests, coefficients.necessary(), sizes)
-        return cls(system, window, problem, scale)
+        return cls(system, window, problem and _with_growth(problem, [*rows, tests]), scale)
+
+
+def _with_growth(problem: Problem, forms: Iterable[Form]) -> Problem:
+    """Return a problem that knows how much of its rows is lost where their terms cancel.
+
+    In a small window the terms of s and t are small. Where those of z cancel, as in a singular
+    cell, what is left of a row may be little more than rounding.
+    """
+    worst = problem.growth
+    for matrix, _ in forms:
+        left = np.linalg.norm(matrix @ problem.basis, axis=1)
+        terms = np.linalg.norm(np.abs(matrix) @ np.abs(problem.basis), axis=1)
+        some = left > GUARD * EPS * terms
+        worst = max(worst, float((terms[some] / left[some]).max(initial=1.0)))
+    return replace(problem, growth=worst)
 
 
 def is_affine(make: MakeSystem, window: Window) -> bool:

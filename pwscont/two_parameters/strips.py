@@ -17,7 +17,8 @@ from scipy.optimize import linprog
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.face import has_interior, satisfies
 from pwscont.enumeration.options import Problem
 
@@ -60,7 +61,8 @@ def strip_of(problem: Problem, one: Choices) -> Strip | None:
         return None
     onto = problem.basis[-2:] @ directions
     origin = problem.basis[-2:] @ start + problem.origin[-2:]
-    shadow = _Shadow(matrix, vector, onto)
+    rounding = GUARD * EPS * float(one.growth[0])
+    shadow = _Shadow(matrix, vector, onto, rounding)
     return Strip(problem.character(picks), shadow.hull() + origin, shadow.has_no_bound())
 
 
@@ -68,9 +70,12 @@ def strip_of(problem: Problem, one: Choices) -> Strip | None:
 class _Shadow:
     """The shadow of the polyhedron {w : matrix w + vector >= 0} under w -> onto w."""
 
-    def __init__(self, matrix: Array, vector: Array, onto: Array) -> None:
-        moving = np.abs(matrix).max(axis=1) > SLACK
-        self._matrix, self._vector, self._onto = -matrix[moving], vector[moving], onto
+    def __init__(self, matrix: Array, vector: Array, onto: Array, rounding: float) -> None:
+        lengths = np.linalg.norm(matrix, axis=1)
+        moving = lengths > rounding
+        size = lengths[moving]
+        self._matrix, self._vector = -matrix[moving] / size[:, np.newaxis], vector[moving] / size
+        self._onto = onto
 
     def hull(self) -> Array:
         """Return its corners counter-clockwise."""
