@@ -395,3 +395,49 @@ def test_without_shapely_scenes_follow_loci(monkeypatch):
     (remark,) = found.remarks
     assert "pip install '.[maps]'" in remark
     assert sorted(sector.count for sector in found.sectors) == [1, 1, 1, 3]
+
+
+def in_window(f, n, centre, half):
+    """Return the map around a point of a system of n unknowns."""
+    alphas, mus = ((c - half, c + half) for c in centre)
+    return plane(lambda mu: Switched(n, lambda z, t, sw: f(z, t, mu, sw), linear=True), alphas, mus)
+
+
+def test_small_windows_take_no_rounding_of_singular_cells_for_solutions():
+    """Both equations give -z0 - z1 another value: there is no solution."""
+
+    def contradicting(z, t, mu, sw):
+        return np.array([-z[0] - z[1] + 2.0 * mu - 2.0, -z[0] - z[1] - sw.abs(-t - mu)])
+
+    found = in_window(contradicting, 2, (1.0, 2.0), 2.0**-20)
+    assert found.count(1.0, 2.0) == 0
+    assert found.guarantee == "complete"
+
+
+def test_one_solution_in_a_small_window_beside_a_singular_cell():
+    def one(z, t, mu, sw):
+        y = sw.abs(-2.0 * z[0] - z[1] + 3.0 * mu - 3.0)
+        first = -2.0 * z[0] - z[1] - y - 2.0 * t - mu - 2.0
+        return np.array([first, -z[0] + z[1] - y + 2.0 * t + 2.0 * mu + 2.0])
+
+    found = in_window(one, 2, (1.0, -1.0), 2.0**-20)
+    (solution,) = found.solutions(1.0, -1.0)
+    np.testing.assert_allclose(solution.z, [-4.0 / 3.0, -11.0 / 6.0], rtol=1e-12)
+
+
+def test_a_singular_cell_decided_by_rounding_is_refused():
+    def undecided(z, t, mu, sw):
+        y = sw.min(z[0] - z[1] + t, 0.0)
+        return np.array([-y + 2.0 * t - 2.0 * mu, y - 2.0 * t + 2.0])
+
+    with pytest.raises(InvalidSystemError, match="by rounding only"):
+        in_window(undecided, 2, (1.0, 1.0), 2.0**-20)
+
+
+def test_switches_that_coincide_at_an_end_are_refused():
+    def f(z, t, mu, sw):
+        first = sw.min(z[0] - t - 2.0 * mu - 2.0, 0.0)
+        return first + sw.min(z[0] - t - 3.0 * mu - 1.0, 0.0) + z[0]
+
+    with pytest.raises(InvalidInputError, match="move the end"):
+        in_window(f, 1, (1.0, 0.0), 1.0)

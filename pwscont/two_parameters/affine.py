@@ -81,6 +81,7 @@ class AffineFamily:
         """
         family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
         system = _checked(family.sample)
+        _check_sizes(family, window)
         scale = family.scale(window.mus)
         coefficients = _Coefficients(family, system, window, scale)
         modes = range(most_modes(system.blocks()))
@@ -130,6 +131,23 @@ def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
             "leave them out, and look at the solutions"
         )
     return system
+
+
+def _check_sizes(family: Family, window: Window) -> None:
+    """Refuse a family whose systems have other numbers of unknowns or of tests at the ends."""
+    alpha, (lo, hi) = float(window.centre[0]), window.mus
+    known = _sizes(family.sample, alpha)
+    for mu in (lo, hi):
+        if (here := _sizes(family.at(mu), alpha)) != known:
+            raise InvalidInputError(
+                f"the family has {here[0]} unknowns and {here[1]} tests at {mu:g}, but {known[0]} "
+                f"and {known[1]} in the middle of the window; where two switches coincide there, "
+                "move the end"
+            )
+
+
+def _sizes(system: PiecewiseSystem, alpha: float) -> tuple[int, int]:
+    return system.size, len(system.test_functions(np.zeros(system.size), alpha))
 
 
 @final

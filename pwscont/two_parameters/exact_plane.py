@@ -263,6 +263,8 @@ def _doubts(
         yield f"the regions fill {area / 4.0:.6g} of the window"
     if solved.tolerance > COARSE:
         yield f"rounding moves edges by up to {0.5 * solved.tolerance:.1g} of the window"
+    if singular := sum(cell.det_sign == 0 for cell in solved.cells):
+        yield f"{counted(singular, 'cell')} with solutions are singular but for rounding"
     if joined.doubtful:
         alpha, mu = family.window.inside(joined.doubtful[0])
         number = counted(len(joined.doubtful), "edge")

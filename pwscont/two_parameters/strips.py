@@ -17,6 +17,7 @@ from scipy.optimize import linprog
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.face import has_interior, satisfies
@@ -104,7 +105,13 @@ class _Shadow:
             yield from self._beyond(point, b)
 
     def _farthest(self, way: Array) -> Array:
-        point: Array = self._onto @ self._program(way @ self._onto).x
+        found = self._program(way @ self._onto)
+        if found.x is None:
+            raise InvalidSystemError(
+                "a cell in which H is singular has solutions or none by rounding only, so that the "
+                f"map is not known ({found.message}); choose a larger window, or other units"
+            )
+        point: Array = self._onto @ found.x
         return point
 
     def _program(self, way: Array) -> Any:
