@@ -16,6 +16,7 @@ import pytest
 from pwscont import BranchGraph, enumerate_solutions
 from pwscont.commands.cli import main
 from pwscont.scenes.registry import scene_names
+from pwscont.two_parameters.exact_plane import ExactPlane
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -106,8 +107,9 @@ def inner_kinds(graph):
 )
 def test_every_example_prints_and_draws(path):
     namespace, printed, figures = run_example(path.name)
-    graphs = [value for value in namespace.values() if isinstance(value, BranchGraph)]
-    assert graphs
+    answers = [value for value in namespace.values() if isinstance(value, BranchGraph | ExactPlane)]
+    assert answers
+    graphs = [answer for answer in answers if isinstance(answer, BranchGraph)]
     assert not any(graph.special_points("stopped") for graph in graphs)
     assert figures
     assert printed

@@ -504,3 +504,12 @@ def test_a_run_that_fails_keeps_its_journal(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Scene, "solve", fails)
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 2
     assert (tmp_path / "fig7.journal").exists()
+
+
+def test_damage_that_sqlite_has_no_memory_for_is_said_in_words(tmp_path, monkeypatch):
+    def endless(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(Journal, "_value", endless)
+    with pytest.raises(InvalidInputError, match="cannot use the journal .* it is damaged"):
+        Journal(tmp_path / "journal")

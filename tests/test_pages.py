@@ -43,7 +43,7 @@ WRITTEN = {"curve.png", "curve.npz", "curve.html", "run.journal", "most.png", "s
 @pytest.mark.slow
 def test_the_cheat_sheet_runs(tmp_path):
     _, answers = run("cheatsheet.rst")
-    assert answers == 37
+    assert answers == 42
     assert {file.name for file in tmp_path.iterdir()} >= WRITTEN
 
 

@@ -109,6 +109,8 @@ class Journal:
                 raise
         except (sqlite3.Error, UnicodeDecodeError) as error:  # damage may be quoted in the error
             self._judge(error)
+        except MemoryError as error:
+            raise self._refusal(f"it is damaged (its pages have no end); {ADVICE}") from error
 
     def __len__(self) -> int:
         """Return the number of finished pieces."""

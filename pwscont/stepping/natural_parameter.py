@@ -46,7 +46,8 @@ class NaturalParameter(Stepper):
         length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
         length = min(length, longest)
         lo, hi = interval
-        while length >= self.step_size.smallest:
+        # beside a fold alpha hardly changes along the tangent: to creep there is not to turn
+        while length * abs(state.tangent[-1]) >= self.step_size.smallest * (hi - lo):
             alpha = min(max(state.alpha + length * state.tangent[-1], lo), hi)
             segment = land_on(curve, state, state.tangent, alpha, self.step_size)
             if not isinstance(segment, Failure):

@@ -10,7 +10,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 from itertools import islice
 from typing import Any
@@ -57,7 +57,7 @@ def _rows(
     finished = distributed.as_completed(list(sent), loop=client.loop)
     for future in finished:
         number = sent.pop(future)
-        yield _row(distributed.wait, future, run, number)
+        yield _row(future, run, number)
         for following in islice(numbers, 1):
             more = _sent(client, run, following)
             sent[more] = following
@@ -74,10 +74,10 @@ def _sent(client: Any, run: CaseRunner, number: int) -> Any:
     return client.submit(run_alone, run, number, pure=False)
 
 
-def _row(wait: Callable[[Any], Any], future: Any, run: CaseRunner, number: int) -> StudyRow:
+def _row(future: Any, run: CaseRunner, number: int) -> StudyRow:
     # a worker may die with a row that was finished but not fetched: Dask computes it again
     if future.status in ("lost", "pending"):
-        wait(future)
+        future.exception()  # waits
     if future.status == "finished":
         return future.result()  # type: ignore[no-any-return]
     if future.status != "error":

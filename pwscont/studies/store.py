@@ -81,6 +81,8 @@ class Store:
                 raise
         except (sqlite3.Error, UnicodeDecodeError) as error:
             raise self._in_words(error) from error
+        except MemoryError as error:
+            raise self.refusal(f"it is damaged (its pages have no end); {ADVICE}") from error
 
     def __repr__(self) -> str:
         return named(self, self.path or "in memory", counted(len(self), "row"))
