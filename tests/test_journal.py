@@ -511,5 +511,5 @@ def test_damage_that_sqlite_has_no_memory_for_is_said_in_words(tmp_path, monkeyp
         raise MemoryError
 
     monkeypatch.setattr(Journal, "_value", endless)
-    with pytest.raises(InvalidInputError, match="cannot use the journal .* it is damaged"):
+    with pytest.raises(InvalidInputError, match=r"cannot use the journal .* it is damaged"):
         Journal(tmp_path / "journal")
