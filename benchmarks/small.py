@@ -31,7 +31,7 @@ SOLVES = 1000
 IMPORT = """
 import numpy, scipy.linalg, scipy.sparse, time
 begin = time.perf_counter()
-import pwscont
+from pwscont import explore, trace
 print(time.perf_counter() - begin)
 """
 
