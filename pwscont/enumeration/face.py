@@ -8,13 +8,13 @@ from itertools import combinations
 from typing import final
 
 import numpy as np
-from scipy.optimize import linprog
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.polyhedron import Polyhedron
 
 #: Corners of a face are listed up to this dimension.
 MOST_DIMENSIONS = 3
@@ -54,7 +54,11 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     span = problem.basis @ directions
     if dimension > MOST_DIMENSIONS:
         return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)), span)]
-    if not has_interior(matrix, vector):
+    rounding = GUARD * EPS * float(one.growth[0]) * (1.0 + float(np.abs(start).max(initial=0.0)))
+    rounding = min(rounding, SLACK)
+    around = Polyhedron.of(matrix, vector, rounding)
+    inside = around and around.inside(rounding)
+    if inside is None or inside[1].shape[1] < dimension:
         return []
     corners = _corners(matrix, vector)
     y = start + corners @ directions.T
@@ -62,29 +66,15 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]), span)]
 
 
-def satisfies(chosen: Sequence[Option], y: Array) -> bool:
-    """Tell whether a point satisfies the equations of a singular cell, but for rounding."""
+def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool:
+    """Tell whether a point satisfies the equations of a singular cell, but for rounding.
+
+    By how much rounding may have grown is said by ``growth``.
+    """
     E = np.vstack([option.E for option in chosen])
     e = np.concatenate([option.e for option in chosen])
     terms = np.abs(E) @ np.abs(y) + np.abs(e)
-    return bool((np.abs(E @ y + e) <= GUARD * EPS * (terms + terms.max())).all())
-
-
-def has_interior(matrix: Array, vector: Array) -> bool:
-    """Tell whether {s : matrix s + vector >= 0} has more than one point, bounded or not."""
-    q = matrix.shape[1]
-    moving = np.abs(matrix).max(axis=1) > SLACK
-    if (vector[~moving] < -SLACK).any():
-        return False
-    rows = np.column_stack([-matrix[moving], np.ones(int(moving.sum()))])
-    result = linprog(
-        np.append(np.zeros(q), -1.0),
-        A_ub=rows,
-        b_ub=vector[moving],
-        bounds=[(None, None)] * q + [(None, 1.0)],
-        method="highs",
-    )
-    return bool(result.status == 0 and -result.fun > SLACK)
+    return bool((np.abs(E @ y + e) <= growth * EPS * (1.0 + terms + terms.max())).all())
 
 
 def _corners(matrix: Array, vector: Array) -> Array:

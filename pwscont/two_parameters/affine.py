@@ -8,8 +8,9 @@ Failure modes and answers
 -------------------------
 - The family is not affine in mu, as with a coefficient of friction: H, its Jacobian and the tests
   are compared with the affine model at a third value of mu, which is no middle.
-- A small window: terms of s and t are small, and where those of z cancel much of a row is lost.
-  By how much is kept as growth of rounding.
+- A small window: terms of s and t are small, and where those of z cancel, as in a singular cell,
+  they are hardly more than rounding. So the unknowns are scaled as in a window in which s and t
+  weigh as much as z.
 - Inequalities that every solution satisfies, but whose matrix varies: they are left out. They only
   make the search shorter.
 """
@@ -17,7 +18,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import EPS
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
@@ -61,12 +62,15 @@ class AffineFamily:
         Blocks, options and what bounds them, with unknowns (z, s, t); None if nothing solves it.
     scale : ndarray, shape (n,)
         Typical magnitudes of z.
+    typical : ndarray, shape (2,)
+        Magnitudes of s and t by which the unknowns of the problem are scaled.
     """
 
     system: PiecewiseLinearSystem
     window: Window
     problem: Problem | None
     scale: Array
+    typical: Array
 
     @classmethod
     def of(cls, make: MakeSystem, window: Window) -> AffineFamily:
@@ -75,10 +79,12 @@ class AffineFamily:
         Raises
         ------
         InvalidInputError
-            If the systems are not piecewise linear, have bounds, or are not affine in mu.
+            If the systems are not piecewise linear, have bounds, or are not affine in mu, or the
+            window is so narrow that rounding hides by how much its parameters differ.
         InvalidSystemError
             If the family returns no systems, or one breaks its promise to be affine in (z, alpha).
         """
+        _check_widths(window)
         family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
         system = _checked(family.sample)
         _check_sizes(family, window)
@@ -88,24 +94,26 @@ class AffineFamily:
         rows = [coefficients.form(_residuals(coefficients, k), "H") for k in modes]
         tests = coefficients.form(coefficients.tests, "the test functions")
         check_blocks(system, len(tests[1]))
-        sizes = np.append(scale, [1.0, 1.0])
+        sizes = np.append(scale, _typical([*rows, tests], scale))
         problem = problem_of(system, rows, tests, coefficients.necessary(), sizes)
-        return cls(system, window, problem and _with_growth(problem, [*rows, tests]), scale)
+        return cls(system, window, problem, scale, sizes[-2:])
 
 
-def _with_growth(problem: Problem, forms: Iterable[Form]) -> Problem:
-    """Return a problem that knows how much of its rows is lost where their terms cancel.
+def _typical(forms: Iterable[Form], scale: Array) -> Array:
+    """Return magnitudes of (s, t) at which they weigh as much as z in some row, at least one.
 
-    In a small window the terms of s and t are small. Where those of z cancel, as in a singular
-    cell, what is left of a row may be little more than rounding.
+    They are that of the square or larger: a small window is a small part of the plane, and what is
+    singular does not depend on it.
     """
-    worst = problem.growth
+    most = np.zeros(2)
     for matrix, _ in forms:
-        left = np.linalg.norm(matrix @ problem.basis, axis=1)
-        terms = np.linalg.norm(np.abs(matrix) @ np.abs(problem.basis), axis=1)
-        some = left > GUARD * EPS * terms
-        worst = max(worst, float((terms[some] / left[some]).max(initial=1.0)))
-    return replace(problem, growth=worst)
+        terms = np.abs(matrix[:, :-2]) @ scale
+        some = terms > 0.0
+        weights = np.abs(matrix[some, -2:]) / terms[some, np.newaxis]
+        most = np.maximum(most, weights.max(axis=0, initial=0.0))
+    most[most <= EPS] = 1.0  # as good as none
+    typical: Array = np.maximum(1.0, 1.0 / most)
+    return typical
 
 
 def is_affine(make: MakeSystem, window: Window) -> bool:
@@ -131,6 +139,16 @@ def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
             "leave them out, and look at the solutions"
         )
     return system
+
+
+def _check_widths(window: Window) -> None:
+    """Refuse a window in which half of the digits of a parameter are the same everywhere."""
+    for name, ends in (("alphas", window.alphas), ("mus", window.mus)):
+        if ends[1] - ends[0] < BENT * max(map(abs, ends)):
+            raise InvalidInputError(
+                f"{name} = {ends} differ by less than {BENT:.1g} of their size, of which rounding "
+                "leaves too few digits: take a wider window, or count the parameter from its middle"
+            )
 
 
 def _check_sizes(family: Family, window: Window) -> None:

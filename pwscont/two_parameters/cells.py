@@ -55,9 +55,12 @@ class Cell:
     tests : ndarray of int, shape (k,)
         The test function that vanishes on each side.
     polygon : ndarray, shape (v, 2)
-        The part of the square over which the cell has a solution, counter-clockwise.
+        The part of the square over which the cell has a solution, counter-clockwise; a little
+        wider where that is a point or a segment.
     blur : float
         Estimate of how far rounding moves its sides.
+    rounding : float
+        Estimate of the rounding error of z, in parts of its typical magnitudes.
     """
 
     character: Character
@@ -68,6 +71,7 @@ class Cell:
     tests: Indices
     polygon: Array
     blur: float
+    rounding: float
 
     def at(self, point: Array) -> Array:
         """Return z at a point of the square, shape (n,)."""
@@ -92,9 +96,9 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
     metric = Metric.of(family.system, family.window.alphas)
     for choices in leaves(family.problem, PRICES):
         check_budget()
-        is_regular, inverses = _inverses(family.problem, choices)
+        is_regular, inverses = _inverses(family, choices)
         for i in np.flatnonzero(~is_regular):
-            strip = strip_of(family.problem, choices[i : i + 1])
+            strip = strip_of(family.problem, family.typical, choices[i : i + 1])
             strips += [] if strip is None else [strip]
         regular = np.flatnonzero(is_regular)
         if not len(regular):
@@ -103,16 +107,16 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
     return cells, strips
 
 
-def _inverses(problem: Problem, choices: Choices) -> tuple[Signs, Array]:
+def _inverses(family: AffineFamily, choices: Choices) -> tuple[Signs, Array]:
     """Tell which choices are decided by (s, t), and return the coordinates that (s, t) have there.
 
     The second is of shape (N, 2, 2): the inverse of d(s, t) / d(free directions).
     """
-    number, free = len(choices), choices.directions.shape[-1]
-    if free != 2:
+    problem, number, free = family.problem, len(choices), choices.directions.shape[-1]
+    if problem is None or free != 2:
         return np.zeros(number, dtype=bool), np.zeros((number, 2, 2))
     maps = problem.basis[-2:] @ choices.directions
-    smallest = np.linalg.svd(maps, compute_uv=False)[:, -1]
+    smallest = np.linalg.svd(maps / family.typical[:, np.newaxis], compute_uv=False)[:, -1]
     is_regular: Signs = smallest > GUARD * EPS * choices.growth
     maps[~is_regular] = np.eye(2)
     return is_regular, np.asarray(np.linalg.inv(maps), dtype=float)
@@ -126,21 +130,31 @@ def _cells(
     assert problem is not None
     points = _over_the_square(problem, choices, inverses)
     sides, tests = _sides(problem, choices, points)
-    sizes = np.linalg.norm(inverses, axis=(1, 2)) * (1.0 + np.abs(choices.starts).max(axis=1))
+    sizes = np.linalg.norm(inverses * family.typical, axis=(1, 2))
+    sizes *= 1.0 + np.abs(choices.starts).max(axis=1)
     rounding = EPS * choices.growth * sizes
     for i in np.flatnonzero(_may_hold(sides, rounding)):
         lengths = np.hypot(*sides[i, :, :2].T)
         moves = lengths > GUARD * rounding[i]
         own = sides[i, moves] / lengths[moves, np.newaxis]
-        polygon = clipped(own)
+        off = 4.0 * float(rounding[i])
+        polygon = _polygon(own, 0.5 * off / lengths[moves])
         if len(polygon) > 2:
             character = problem.character(choices.picks[:, i])
             z = (problem.basis @ points[i])[:-2]
             z[:, 2] += problem.origin[:-2]
             sign = _det_sign(family, metric, character, z, polygon)
-            label, blur = family.system.label(character), 4.0 * float(rounding[i])
-            blur /= float(lengths[moves].min(initial=np.inf))
-            yield Cell(character, label, sign, z, own, tests[i, moves], polygon, blur)
+            label, blur = (
+                family.system.label(character),
+                off / float(lengths[moves].min(initial=np.inf)),
+            )
+            yield Cell(character, label, sign, z, own, tests[i, moves], polygon, blur, off)
+
+
+def _polygon(sides: Array, blur: Array) -> Array:
+    """Return what sides leave of the square, in outline where it is a point or a segment."""
+    polygon = clipped(sides)
+    return polygon if len(polygon) > 2 else clipped(sides + np.outer(blur, [0.0, 0.0, 1.0]))
 
 
 def _det_sign(

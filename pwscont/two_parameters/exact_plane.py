@@ -70,10 +70,11 @@ class ExactPlane(Plane):
         """Cut a window of the plane of a family; parameters and errors as :func:`pwscont.plane`."""
         family = AffineFamily.of(make, window)
         cells, strips = cells_of(family)
-        tolerance = max([TOLERANCE, *(cell.blur for cell in cells)])
+        tolerance = max([TOLERANCE, *(c.blur for c in cells), *(s.blur for s in strips)])
         wide = [cell for cell in cells if width_of(cell.polygon) > tolerance]
         labels = [family.system.label(strip.character) for strip in strips]
-        solved = Solved(wide, strips, labels, family.scale, tolerance)
+        thin = [cell for cell in cells if width_of(cell.polygon) <= tolerance]
+        solved = Solved(wide, thin, strips, labels, family.scale, tolerance)
         return _drawn(family, solved, arrange(_segments(solved), tolerance))
 
     @property
@@ -102,10 +103,13 @@ class ExactPlane(Plane):
     @property
     def searched(self) -> str:
         """What was searched, in words."""
-        number = len(self._known[1].cells)
+        solved = self._known[1]
+        over = counted(len(solved.cells), "polygon")
+        if solved.thin:
+            over += f", {len(solved.thin)} that are points or segments,"
         return (
-            f"all cells; {counted(number, 'polygon')} over which they have solutions, cut with "
-            f"each other; points closer than {self.resolution:.1g} of the window are one"
+            f"all cells; {over} over which they have solutions, cut with each other; points "
+            f"closer than {self.resolution:.1g} of the window are one"
         )
 
     @property
@@ -151,10 +155,7 @@ class ExactPlane(Plane):
         """
         family, solved = self._known
         point = self._squared(alpha, mu)
-        members = solved.members(
-            point, -GUARD * EPS - max((c.blur for c in solved.cells), default=0.0)
-        )
-        return _found(family, solved, members, point)
+        return _found(family, solved, solved.touching(point), point)
 
     def meetings(self) -> Iterator[tuple[Meeting, Array]]:
         """Yield the points inside the window at which edges of common cells end."""
@@ -203,7 +204,7 @@ def _segments(solved: Solved) -> Array:
 def _drawn(family: AffineFamily, solved: Solved, arrangement: Arrangement) -> ExactPlane:
     """Return the plane from the patches between all sides."""
     patches, window = arrangement.patches, family.window
-    members = [solved.members(patch.inside, 0.0) for patch in patches]
+    members = [solved.around(patch.inside) for patch in patches]
     pairs = zip(members, patches, strict=True)
     solutions = [solved.groups(cells, patch.inside) for cells, patch in pairs]
     joined = joints(solved, arrangement, solutions)
@@ -239,7 +240,7 @@ def _found(
 ) -> tuple[Found, ...]:
     """Return the solutions of some cells at a point of the square, those of several cells once."""
     size = shown_size(family.system)
-    groups = [[solved.cells[i] for i in group] for group in solved.groups(cells, point)]
+    groups = [[solved.cell(i) for i in group] for group in solved.groups(cells, point)]
     return tuple(
         Found(
             group[0].at(point)[:size],
@@ -265,6 +266,8 @@ def _doubts(
         yield f"rounding moves edges by up to {0.5 * solved.tolerance:.1g} of the window"
     if singular := sum(cell.det_sign == 0 for cell in solved.cells):
         yield f"{counted(singular, 'cell')} with solutions are singular but for rounding"
+    if undecided := sum(not strip.is_certain for strip in solved.strips):
+        yield f"{counted(undecided, 'cell')} with solutions are singular by rounding or not at all"
     if joined.doubtful:
         alpha, mu = family.window.inside(joined.doubtful[0])
         number = counted(len(joined.doubtful), "edge")

@@ -67,6 +67,10 @@ class Solved:
     Attributes
     ----------
     cells : sequence of Cell
+        Those over a polygon.
+    thin : sequence of Cell
+        Those that have solutions over a point or a segment only. They count as what follows the
+        cells: number ``len(cells)`` is the first of them.
     strips : sequence of Strip
     strip_labels : sequence of str
     scale : ndarray, shape (n,)
@@ -76,6 +80,7 @@ class Solved:
     """
 
     cells: Sequence[Cell]
+    thin: Sequence[Cell]
     strips: Sequence[Strip]
     strip_labels: Sequence[str]
     scale: Array
@@ -93,15 +98,24 @@ class Solved:
         return groups
 
     def _share(self, i: int, j: int, point: Array) -> bool:
-        one, other = self.cells[i], self.cells[j]
+        one, other = self.cell(i), self.cell(j)
         slopes = np.abs(one.z[:, :2]).sum(axis=1) + np.abs(other.z[:, :2]).sum(axis=1)
-        limit = 2.0 * self.tolerance * (slopes + self.scale)
-        limit += GUARD * EPS * self.scale * (slopes / self.scale).max()
+        limit = 2.0 * self.tolerance * slopes + GUARD * (one.rounding + other.rounding) * self.scale
         return bool((np.abs(one.at(point) - other.at(point)) <= limit).all())
 
-    def members(self, point: Array, margin: float) -> list[int]:
-        """Return the cells whose sides are farther than a margin from a point inside."""
-        return [i for i, cell in enumerate(self.cells) if cell.margin(point) >= margin]
+    def cell(self, i: int) -> Cell:
+        """Return a cell by its number, a thin one too."""
+        return self.cells[i] if i < len(self.cells) else self.thin[i - len(self.cells)]
+
+    def around(self, point: Array) -> list[int]:
+        """Return the cells, by number, around a point inside of a patch."""
+        return [i for i, cell in enumerate(self.cells) if cell.margin(point) >= 0.0]
+
+    def touching(self, point: Array) -> list[int]:
+        """Return the cells, by number, that have a solution over a point, but for rounding."""
+        blur = GUARD * EPS + max((cell.blur for cell in self.cells), default=0.0)
+        every = enumerate([*self.cells, *self.thin])
+        return [i for i, cell in every if cell.margin(point) >= -max(blur, cell.blur)]
 
     def strips_at(self, point: Array) -> list[int]:
         """Return the singular cells, by number, with infinitely many solutions over a point."""

@@ -30,10 +30,9 @@ def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, flo
     Raises
     ------
     InvalidInputError
-        If a range is none, or a parameter does not enter affinely.
+        If a range is none or has too few digits, or a parameter does not enter affinely.
     InvalidSystemError
-        If the family does not return systems, one of them is not what its class promises, or a
-        singular cell has solutions by rounding only.
+        If the family does not return systems, or one of them is not what its class promises.
     MissingPackageError
         If Shapely is not installed.
     """

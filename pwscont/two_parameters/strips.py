@@ -7,26 +7,25 @@ then beyond every edge of what is known, until nothing is farther.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from scipy.optimize import linprog
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.face import has_interior, satisfies
-from pwscont.enumeration.options import Problem
+from pwscont.enumeration.face import satisfies
+from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.polyhedron import Polyhedron
 
+#: With less accurate inequalities than this a cell is not looked at, and the map is not certain.
+COARSE = EPS**0.5
 #: A point counts as farther if it is by this part of the square: linear programs know no more.
 FARTHER = 1e-9
-#: What scipy's linprog calls a program without a largest value.
-UNBOUNDED = 3
 
 
 @final
@@ -42,41 +41,104 @@ class Strip:
         square over which there are infinitely many solutions.
     is_unbounded : bool
         Whether solutions over one point are as large as one likes.
+    blur : float
+        Estimate of how far rounding moves the shadow.
+    is_certain : bool
+        Whether the cell is singular, and not only so close to it that rounding does not tell.
     """
 
     character: Character
     shadow: Array
     is_unbounded: bool
+    blur: float
+    is_certain: bool
 
 
-def strip_of(problem: Problem, one: Choices) -> Strip | None:
-    """Return the shadow of a singular cell, if it has infinitely many solutions over a point."""
-    start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
-    chosen = problem.chosen(picks)
-    if not satisfies(chosen, start):
+def strip_of(problem: Problem, typical: Array, one: Choices) -> Strip | None:
+    """Return the shadow of a singular cell, if it has infinitely many solutions over a point.
+
+    Parameters
+    ----------
+    problem : Problem
+        With unknowns (z, s, t), and the sides of the square as its last inequalities.
+    typical : ndarray, shape (2,)
+        Magnitudes of s and t by which its unknowns are scaled.
+    one : Choices
+        The cell.
+    """
+    picks, chosen = one.picks[:, 0], problem.chosen(one.picks[:, 0])
+    above = _Above.of(problem, typical, one)
+    off = EPS * float(one.growth[0]) * (1.0 + float(np.abs(above.start).max()))
+    around = above.polyhedron(chosen, GUARD * off)
+    if around is None or not satisfies(chosen, above.start, GUARD * float(one.growth[0])):
         return None
-    G = np.vstack([*(option.G for option in chosen), problem.A])
-    g = np.concatenate([*(option.g for option in chosen), problem.b])
-    matrix, vector = G @ directions, G @ start + g
-    if not has_interior(matrix, vector):
+    if GUARD * off > COARSE:
+        return Strip(problem.character(picks), np.zeros((1, 2)), False, 1.0, False)
+    inside = around.inside(GUARD * off)
+    if inside is None or not _is_infinite(above.onto @ inside[1], typical):
         return None
-    onto = problem.basis[-2:] @ directions
-    origin = problem.basis[-2:] @ start + problem.origin[-2:]
-    rounding = GUARD * EPS * float(one.growth[0])
-    shadow = _Shadow(matrix, vector, onto, rounding)
-    return Strip(problem.character(picks), shadow.hull() + origin, shadow.has_no_bound())
+    shadow = _Shadow(around.moved(inside[0]), above.onto)
+    hull = shadow.hull() + above.onto @ inside[0] + above.origin
+    blur, is_unbounded = 4.0 * off * float(typical.max()), shadow.has_no_bound()
+    return Strip(problem.character(picks), hull, is_unbounded, blur, above.is_certain)
+
+
+def _is_infinite(onto: Array, typical: Array) -> bool:
+    """Tell whether several of the points inside a cell lie over one point of the square."""
+    rank = np.linalg.matrix_rank(onto / typical[:, np.newaxis], tol=GUARD * EPS)
+    return bool(onto.shape[1] > rank)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Above:
+    """The points start + directions @ w of a cell, which lie over origin + onto @ w.
+
+    Directions that stay over one point do so exactly, whatever rounding says: solutions may be as
+    far along them as one likes.
+    """
+
+    problem: Problem
+    typical: Array
+    start: Array
+    directions: Array
+    onto: Array
+    is_certain: bool
+
+    @classmethod
+    def of(cls, problem: Problem, typical: Array, one: Choices) -> _Above:
+        start, directions = one.starts[0], one.directions[0]
+        U, sigma, Vt = np.linalg.svd(
+            problem.basis[-2:] / typical[:, np.newaxis] @ directions, full_matrices=True
+        )
+        rank = int((sigma > GUARD * EPS * float(one.growth[0])).sum())
+        onto = np.zeros((2, directions.shape[1]))
+        onto[:, :rank] = typical[:, np.newaxis] * U[:, :rank] * sigma[:rank]
+        is_certain = bool((sigma[rank:] <= GUARD * EPS).all())
+        return cls(problem, typical, start, directions @ Vt.T, onto, is_certain)
+
+    @property
+    def origin(self) -> Array:
+        """The point of the square under the start."""
+        point: Array = self.problem.basis[-2:] @ self.start + self.problem.origin[-2:]
+        return point
+
+    def polyhedron(self, chosen: Sequence[Option], rounding: float) -> Polyhedron | None:
+        """Return the inequalities of the cell and of the square; None if they contradict."""
+        G = np.vstack([*(option.G for option in chosen), self.problem.A[:-4]])
+        g = np.concatenate([*(option.g for option in chosen), self.problem.b[:-4]])
+        square = np.vstack([self.onto, -self.onto]) / np.tile(self.typical, 2)[:, np.newaxis]
+        sides = (1.0 + np.append(self.origin, -self.origin)) / np.tile(self.typical, 2)
+        matrix = np.vstack([G @ self.directions, square])
+        return Polyhedron.of(matrix, np.append(G @ self.start + g, sides), rounding)
 
 
 @final
 class _Shadow:
-    """The shadow of the polyhedron {w : matrix w + vector >= 0} under w -> onto w."""
+    """The shadow of a polyhedron under w -> onto w; w = 0 lies inside."""
 
-    def __init__(self, matrix: Array, vector: Array, onto: Array, rounding: float) -> None:
-        lengths = np.linalg.norm(matrix, axis=1)
-        moving = lengths > rounding
-        size = lengths[moving]
-        self._matrix, self._vector = -matrix[moving] / size[:, np.newaxis], vector[moving] / size
-        self._onto = onto
+    def __init__(self, polyhedron: Polyhedron, onto: Array) -> None:
+        self._polyhedron, self._onto = polyhedron, onto
 
     def hull(self) -> Array:
         """Return its corners counter-clockwise."""
@@ -90,10 +152,8 @@ class _Shadow:
 
     def has_no_bound(self) -> bool:
         """Tell whether the polyhedron goes on for ever: the shadow does not, so over one point."""
-        ways = np.eye(self._matrix.shape[1])
-        return any(
-            self._program(sign * way).status == UNBOUNDED for way in ways for sign in (1, -1)
-        )
+        ways = np.eye(self._onto.shape[1])
+        return any(self._polyhedron.is_unbounded(way) for way in (*ways, *-ways))
 
     def _beyond(self, a: Array, b: Array) -> Iterator[Array]:
         """Yield the corners between two neighbouring ones, on the outer side."""
@@ -105,19 +165,10 @@ class _Shadow:
             yield from self._beyond(point, b)
 
     def _farthest(self, way: Array) -> Array:
-        found = self._program(way @ self._onto)
-        if found.x is None:
-            raise InvalidSystemError(
-                "a cell in which H is singular has solutions or none by rounding only, so that the "
-                f"map is not known ({found.message}); choose a larger window, or other units"
-            )
-        point: Array = self._onto @ found.x
+        """Return the farthest point of the shadow: the middle where rounding leaves no program."""
+        found = self._polyhedron.farthest(way @ self._onto)
+        point: Array = np.zeros(2) if found is None else self._onto @ found
         return point
-
-    def _program(self, way: Array) -> Any:
-        """Return the result of the linear program that goes as far in one way as it can."""
-        free = [(None, None)] * self._matrix.shape[1]
-        return linprog(-way, A_ub=self._matrix, b_ub=self._vector, bounds=free, method="highs")
 
 
 def _same(a: Array, b: Array) -> bool:
