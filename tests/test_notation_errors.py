@@ -152,6 +152,24 @@ def test_switches_of_saturated_arguments_are_not_taken_for_one(steepness):
     assert found == pytest.approx(z + np.maximum(0.0, np.tanh(steepness * z)), abs=1e-15)
 
 
+def test_switches_whose_arguments_saturate_wherever_they_are_tried_are_refused_where_they_differ():
+    def f(z, t, sw):
+        return z - t + np.stack([sw.relu(np.tanh(1e9 * each)) for each in z])
+
+    system, z = Switched(6, f), np.array([0.3, -0.3, 0.3, -0.3, -0.3, 0.3])
+    with pytest.raises(InvalidSystemError, match="same arguments wherever the function was tried"):
+        system.residual(z, 0.0, system.character(z, 0.0))
+
+
+def test_one_switch_that_is_called_twice_and_differs_by_rounding_is_one():
+    def f(z, t, sw):
+        return np.array([z[0] - t + sw.relu(z[0]) + sw.relu(2.0 * z[0] * 0.5)])
+
+    system, z = Switched(1, f), np.array([0.3])
+    assert system.residual(z, 0.5, system.character(z, 0.5)) == pytest.approx([0.4], abs=1e-15)
+    assert len(system.test_functions(z, 0.5)) == 1
+
+
 def test_functions_of_the_math_module_are_not_called_outside_their_domain():
     def f(z, t, sw):
         return np.array([math.asin(z[0]) - t + sw.relu(sw.relu(z[0]) - 0.1)])

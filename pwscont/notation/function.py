@@ -6,6 +6,8 @@ Failure modes and answers
   call.
 - Number, order or shapes of its switches change with z and alpha: refused at the call at which that
   is seen.
+- Calls of sw with equal arguments are one switch. Where the function was tried, arguments of others
+  may be equal, too, as where all of them saturate: refused at the call at which they differ.
 """
 
 from __future__ import annotations
@@ -18,14 +20,17 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.rounding import EPS
 from pwscont.notation.array_functions import where
-from pwscont.notation.dual import as_operand, joined, value_of
+from pwscont.notation.dual import as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import Call, Layout
 from pwscont.notation.operations import Operation
 from pwscont.notation.switches import Switches, forms_of
 
 #: f(z, alpha, sw) -> (n,)
 Function = Callable[[Any, Any, Switches], Any]
+#: Arguments that differ by this part are no more the same but for rounding.
+ALIKE = EPS**0.5
 #: Number of the call, its tests and branches -> the value of each of its switches.
 Pick = Callable[[int, Sequence[Any], Sequence[Any]], Any]
 
@@ -142,9 +147,10 @@ class _Survey:
 class _Replay:
     """The switches of a later call, which must be those of the first one."""
 
-    __slots__ = ("_calls", "_clips", "_layout", "_pick", "_values", "branches", "tests")
+    __slots__ = ("_args", "_calls", "_clips", "_layout", "_pick", "_values", "branches", "tests")
 
     def __init__(self, layout: Layout, pick: Pick) -> None:
+        self._args: list[Any] = []
         self._layout, self._pick = layout, pick
         self._calls = self._clips = 0
         self._values: list[Any] = []
@@ -166,11 +172,24 @@ class _Replay:
         if not layout.has(made, operation, shape):
             self._refuse(f"{Call(operation, shape)} is number {made + 1} of its switches")
         number = layout.numbers[made]
-        if number == len(self._values):  # else it has been called before
-            self.tests += tests
-            self.branches += branches
-            self._values.append(self._pick(number, tests, branches))
+        if number < len(self._values):  # it has been called before
+            self._check_repeated(made, number, (*tests, *branches))
+            return self._values[number]
+        self.tests += tests
+        self.branches += branches
+        self._args.append((*tests, *branches))
+        self._values.append(self._pick(number, tests, branches))
         return self._values[number]
+
+    def _check_repeated(self, made: int, number: int, args: Sequence[Any]) -> None:
+        """Refuse a call that was taken for an earlier one and has other arguments here."""
+        if any(map(_differ, args, self._args[number])):
+            first = self._layout.numbers.index(number)
+            raise InvalidSystemError(
+                f"calls {first + 1} and {made + 1} of sw have had the same arguments wherever the "
+                "function was tried, but they differ: give bounds within which they are not alike "
+                "(arguments may saturate), or write one call where only one is meant"
+            )
 
     def close(self) -> None:
         """Refuse a call with fewer switches than the first one."""
@@ -185,6 +204,16 @@ class _Replay:
             f"{len(numbers)} calls before ({first}{more}); their number, order and shapes must be "
             "the same for all z and alpha"
         )
+
+
+def _differ(a: Any, b: Any) -> bool:
+    """Tell whether arguments of two calls differ by more than rounding may make of one."""
+    if is_traced(a) or is_traced(b):
+        return False
+    one, other = value_of(a), value_of(b)
+    sizes = np.abs(one) + np.abs(other)
+    with np.errstate(invalid="ignore"):
+        return bool((np.abs(one - other) > ALIKE * (sizes + sizes.max(initial=0.0))).any())
 
 
 def _true(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
