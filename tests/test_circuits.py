@@ -324,6 +324,11 @@ def test_errors_name_the_line(line, words):
         parse_netlist(text)
 
 
+def test_errors_count_lines_before_the_title():
+    with pytest.raises(InvalidInputError, match="line 4 of the netlist"):
+        parse_netlist("\n  \ntitle\nC1 a 0 1u\n")
+
+
 # -- wrong circuits ----------------------------------------------------------------------
 
 BACK = Resistor("RB", "a", "0", 1.0)

@@ -437,6 +437,7 @@ def test_the_scene_of_the_strut():
         (lambda: SofteningBar(remaining=2.0), "remaining must be from 0 to the modulus, got 2"),
         (lambda: string(0, lambda x: -x), "a string needs a node"),
         (lambda: ObstacleProblem([[1.0, 2.0], [0.0, 1.0]], [0, 0], [1, 1]), "symmetric"),
+        (lambda: ObstacleProblem(1.0, [0], [1]), r"square matrix, shape \(n, n\), got shape \(\)"),
         (lambda: ObstacleProblem(-np.eye(2), [0, 0], [1, 1]), "positive diagonal"),
         (lambda: Strut(1), "at least two elements, got 1"),
         (lambda: Strut(4, [Support(1.0, 0.1)]), "between the ends of the rod"),

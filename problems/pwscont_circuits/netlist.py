@@ -114,9 +114,11 @@ def parse_netlist(text: str) -> Netlist:
     InvalidInputError
         Naming the line that is not understood, or what is wrong with the circuit.
     """
-    title, *rest = text.strip().splitlines() or [""]
+    every = text.removeprefix("\ufeff").splitlines()
+    before = next((i for i, line in enumerate(every) if line.strip()), 0)
+    title, *rest = every[before:] or [""]
     reader = _Reader()
-    lines = list(_lines(rest))
+    lines = list(_lines(rest, before + 2))
     for cards in (True, False):  # a model may stand after the elements that refer to it
         for number, words in lines:
             if (words[0].lower() == ".model") == cards:
@@ -124,10 +126,10 @@ def parse_netlist(text: str) -> Netlist:
     return Netlist(title.strip(), Circuit(reader.elements.values()), reader.sweep)
 
 
-def _lines(rest: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+def _lines(rest: Sequence[str], first: int) -> Iterator[tuple[int, list[str]]]:
     """Yield the words of each line with its number, lines that go on put together."""
     found: list[tuple[int, str]] = []
-    for number, line in enumerate(rest, 2):
+    for number, line in enumerate(rest, first):
         code = line.partition(";")[0].strip()
         if code.lower() == ".end":
             break

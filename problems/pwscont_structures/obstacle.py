@@ -171,7 +171,13 @@ def string(
 
 
 def _symmetric(stiffness: Any) -> Matrix:
-    K = sp.csr_array(stiffness if sp.issparse(stiffness) else finite_array("stiffness", stiffness))
+    if not sp.issparse(stiffness):
+        stiffness = finite_array("stiffness", stiffness)
+        if stiffness.ndim != 2:
+            raise InvalidInputError(
+                f"stiffness must be a square matrix, shape (n, n), got shape {stiffness.shape}"
+            )
+    K = sp.csr_array(stiffness)
     if K.shape[0] != K.shape[1] or abs(K - K.T).max() > 1e-10 * abs(K).max():
         raise InvalidInputError("stiffness must be square and symmetric")
     if (K.diagonal() <= 0.0).any():

@@ -19,7 +19,7 @@ from pwscont.basics.arrays import Array
 from pwscont.enumeration.choices import Subspace
 from pwscont.enumeration.options import Option, Problem
 
-Signs: TypeAlias = npt.NDArray[np.int8]
+Asked: TypeAlias = npt.NDArray[np.int8]
 
 #: What may be asked of a form, as bits: both of them mean that it vanishes.
 ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
@@ -46,8 +46,8 @@ class Forms:
 
     rows: Array
     constants: Array
-    always: Signs
-    options: Signs
+    always: Asked
+    options: Asked
     numbers: npt.NDArray[np.intp]
 
     @classmethod
@@ -116,7 +116,7 @@ def _negated(sign: int) -> int:
     return {NOT_NEGATIVE: NOT_POSITIVE, NOT_POSITIVE: NOT_NEGATIVE}.get(sign, sign)
 
 
-def _bits(asked: Iterable[tuple[int, int]], number: int) -> Signs:
+def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
     signs = np.zeros(number, dtype=np.int8)
     for place, sign in asked:
         signs[place] |= sign

@@ -33,7 +33,7 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.enumeration.choices import SLACK
-from pwscont.enumeration.forms import ANY, NOT_NEGATIVE, NOT_POSITIVE, Forms, Signs
+from pwscont.enumeration.forms import ANY, NOT_NEGATIVE, NOT_POSITIVE, Forms, Asked
 
 Flags = npt.NDArray[np.bool_]
 
@@ -71,7 +71,7 @@ class Vertices:
     points: Array
     directions: Array
     basis: Indices
-    signs: Signs
+    signs: Asked
 
     def __len__(self) -> int:
         """Return the number of programs."""
@@ -82,7 +82,7 @@ class Vertices:
         parts = self.points[index], self.directions[index], self.basis[index]
         return Vertices(*parts, self.signs[index])
 
-    def asking(self, signs: Signs) -> Vertices:
+    def asking(self, signs: Asked) -> Vertices:
         """Return the programs with more signs asked, shape (N, forms)."""
         return Vertices(self.points, self.directions, self.basis, self.signs | signs)
 
