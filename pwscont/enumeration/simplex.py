@@ -33,7 +33,7 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.enumeration.choices import SLACK
-from pwscont.enumeration.forms import ANY, NOT_NEGATIVE, NOT_POSITIVE, Forms, Asked
+from pwscont.enumeration.forms import ANY, NOT_NEGATIVE, NOT_POSITIVE, Asked, Forms
 
 Flags = npt.NDArray[np.bool_]
 
