@@ -166,7 +166,7 @@ def check_affine(graph, A, b, c, alpha):
     assert agree(truth, states(graph, alpha))
 
 
-@pytest.mark.parametrize("seed", swept(range(2), range(2, 200)))
+@pytest.mark.parametrize("seed", swept(range(2), range(2, 80)))
 def test_random_boundary_equilibria(seed):
     rng, n = np.random.default_rng(seed), 2 + seed % 2
     A, (b, c, d) = rng.normal(size=(n, n)), rng.normal(size=(3, n))

@@ -383,9 +383,9 @@ def test_a_damaged_journal_is_refused_or_gives_an_equal_graph(scene, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [fig7, example1, example3])
-@pytest.mark.parametrize("seed", [6, 7])
+@pytest.mark.parametrize("seed", [6])
 def test_many_damages(scene, tmp_path, seed):
-    check_damages(scene, tmp_path / "journal", 350, seed)
+    check_damages(scene, tmp_path / "journal", 250, seed)
 
 
 @pytest.mark.parametrize("step", swept([23], [1]))

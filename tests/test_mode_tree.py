@@ -93,7 +93,7 @@ def same_slices(together, searched):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("p", "slices"), [(5, 300), (6, 200), (7, 60), (8, 10)])
+@pytest.mark.parametrize(("p", "slices"), [(5, 120), (6, 80), (7, 25), (8, 5)])
 def test_the_search_against_all_cells_together(p, slices, monkeypatch):
     """Same solutions, in the same cells, with the same signs."""
     for seed in range(slices):

@@ -178,7 +178,7 @@ def random_qp(seed, convex):
     return Q, rng.normal(size=n), A[: m + 2 * n], b, 2.0 * rng.normal(size=n), e
 
 
-@pytest.mark.parametrize("seed", swept(range(4), range(4, 200)))
+@pytest.mark.parametrize("seed", swept(range(4), range(4, 80)))
 @pytest.mark.parametrize("convex", [True, False])
 def test_random_quadratic_programs(seed, convex):
     Q, q, A, b, d, e = random_qp(seed, convex)
@@ -295,7 +295,7 @@ def test_kojima_shindo_turns_back():
 # -- games ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", swept(range(6), range(6, 300)))
+@pytest.mark.parametrize("seed", swept(range(6), range(6, 120)))
 def test_random_games(seed):
     rng, n = np.random.default_rng(seed), 1 + seed % 6
     B = rng.normal(size=(n, n)) * (1.0 - np.eye(n))
@@ -352,7 +352,7 @@ def test_games_with_curved_payoffs():
 # -- ReLU layers ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", swept(range(6), range(6, 300)))
+@pytest.mark.parametrize("seed", swept(range(6), range(6, 120)))
 def test_random_layers(seed):
     rng, n = np.random.default_rng(seed), 1 + seed % 10
     W, (b, c) = rng.normal(size=(n, n)) / np.sqrt(n), rng.normal(size=(2, n))
