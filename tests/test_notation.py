@@ -120,6 +120,14 @@ def has_few_cells(seed):
 FEW = [seed for seed in range(60) if has_few_cells(seed)]
 
 
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1.0, 1e6])
+def test_small_loads_beside_a_unit_matrix_are_affine(unit):
+    """z - (z + q) is q but for rounding of z."""
+    system = LCP(np.eye(2), [-unit, unit], [0.0, -2.0 * unit])
+    (solution,) = enumerate_solutions(system, 1.0)
+    np.testing.assert_allclose(solution.z, [unit, unit], rtol=1e-9)
+
+
 @pytest.mark.parametrize("seed", swept(FEW[:3], FEW[3:]))
 def test_nested_switches(seed):
     trees = nested(seed)

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.notation.dual import Dual, as_dual
 from pwscont.notation.function import Pick, UserFunction
 from pwscont.notation.layout import Layout
@@ -39,14 +39,14 @@ def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Mat
     values = [_called(function, size, layout, u) for u in points]
     traced = _traced(function, size, layout, zero)
     if traced is not None and not any(
-        _bent(*each, traced, rest).any() for each in zip(points, values, strict=True)
+        _bent(layout, *each, traced, rest).any() for each in zip(points, values, strict=True)
     ):
         return traced, rest
     units = np.eye(len(zero))
     columns = [_called(function, size, layout, u) - rest for u in units]
     matrix = sp.csr_array(np.stack(columns, axis=1))
     for u, value in zip(points, values, strict=True):
-        _check(layout, size, _bent(u, value, matrix, rest))
+        _check(layout, size, _bent(layout, u, value, matrix, rest))
     return matrix, rest
 
 
@@ -77,12 +77,24 @@ def _given(layout: Layout, y: Any) -> Pick:
     return pick
 
 
-def _bent(u: Array, value: Array, matrix: Matrix, rest: Array) -> Signs:
+def _bent(layout: Layout, u: Array, value: Array, matrix: Matrix, rest: Array) -> Signs:
     """Tell which rows are not what the coefficients say."""
     terms = np.abs(value) + np.abs(rest) + abs(matrix) @ np.abs(u)
     with np.errstate(invalid="ignore"):
-        right: Signs = np.abs(value - rest - matrix @ u) <= BENT * terms
+        off = np.abs(value - rest - matrix @ u)
+        right: Signs = off <= BENT * terms + _rounding(layout, value)
     return ~right
+
+
+def _rounding(layout: Layout, value: Array) -> Array:
+    """Return how far rounding moves each row: a test is the difference of two branches."""
+    count = int(layout.branches.max(initial=-1)) + 1
+    tests = slice(len(value) - count - layout.number_of_tests, len(value) - count)
+    branches = np.abs(value[len(value) - count :])
+    branches[~np.isfinite(branches)] = 0.0
+    rounding = np.zeros(len(value))
+    rounding[tests] = GUARD * EPS * branches[layout.branches].max(axis=1)[layout.switch_of]
+    return rounding
 
 
 def _check(layout: Layout, size: int, bent: Signs) -> None:
