@@ -67,13 +67,12 @@ class Lasso(PiecewiseLinearSystem):
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return both tests of coefficients that are zero, one of each other."""
-        sign = np.tile(self.sign(character), 2)
-        half = np.repeat([1.0, -1.0], self.size)
-        return np.flatnonzero(sign * half >= 0.0).tolist()
+        sign = self.sign(character)
+        return np.flatnonzero(np.concatenate([sign >= 0.0, sign <= 0.0])).tolist()
 
     def sign(self, character: Character) -> np.ndarray:
         """Return the sign of each coefficient."""
-        positive, negative = np.split(character.array, 2)
+        positive, negative = character.array[: self.size], character.array[self.size :]
         return positive.astype(float) - negative
 
 
