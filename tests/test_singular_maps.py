@@ -83,6 +83,18 @@ def test_a_system_without_parameters_that_is_singular():
     assert [sector.count for sector in found.sectors] == [math.inf]
 
 
+def test_an_unknown_that_common_equations_decide():
+    """The sum of both equations says that the second switch is one, which it always is."""
+
+    def decided(z, t, mu, sw):
+        first, second = sw.max(z[1] - z[0] + 1.0 + 0.0 * t, 0.0), sw.max(1.0 + 0.0 * z[0], 0.0)
+        return np.array([first - z[1] - second + 1.0, z[1] - first - second + 1.0])
+
+    found = in_window(decided, 2, (0.0, 0.0), 1.0)
+    assert found.guarantee == "complete"
+    assert [sector.count for sector in found.sectors] == [math.inf]
+
+
 def test_close_solutions_in_a_small_window_are_two():
     """-2 z - 1 + 2 t >= 0 and z >= 0, one of them zero: 0 and t - 1/2."""
     M, q, d = np.array([[-2.0]]), np.array([-1.0]), np.array([2.0])
