@@ -1,8 +1,12 @@
-"""Linear complementarity problems of small integers, solved in rational numbers."""
+"""Piecewise-linear families of small integers, solved in rational numbers."""
 
 import math
 from fractions import Fraction
 from itertools import product
+
+import numpy as np
+
+from pwscont import Switched
 
 
 def integer_family(rng):
@@ -24,14 +28,92 @@ def number_of_solutions(M, q, d, e, alpha, mu):
     n = len(q)
     rows = [[Fraction(int(v)) for v in row] for row in M]
     rest = [int(q[i]) + alpha * int(d[i]) + mu * int(e[i]) for i in range(n)]
+
+    def cell(free):
+        lines = [((_unit(i, n), Fraction(0)), (rows[i], rest[i])) for i in range(n)]
+        return [pair[f] for pair, f in zip(lines, free, strict=True)], [
+            pair[not f] for pair, f in zip(lines, free, strict=True)
+        ]
+
+    return _count(map(cell, product((False, True), repeat=n)))
+
+
+#: What each kink multiplies its argument by, where it is negative and where not.
+KINKS = {"abs": (-1, 1), "relu": (0, 1), "least": (1, 0)}
+
+
+class SwitchedFamily:
+    """A z + B y + c (1, alpha, mu) = 0 with y_j a kink of G_j z + H_j y + g_j (1, alpha, mu).
+
+    Each kink depends on the earlier ones only. All numbers are small integers.
+    """
+
+    def __init__(self, rng):
+        self.n, self.k = n, k = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+        most = int(rng.choice([1, 2, 5]))
+        shapes = (n, n), (n, k), (n, 3), (k, n), (k, k), (k, 3)
+        A, B, c, G, H, g = (rng.integers(-most, most + 1, shape) for shape in shapes)
+        self.kinks = [str(kink) for kink in rng.choice(list(KINKS), k)]
+        H[:] = np.tril(H, -1) * int(rng.integers(2))
+        c[:, 1:] *= int(rng.integers(3) > 0)
+        g[:, 1:] *= int(rng.integers(3) > 0)
+        if n > 1 and rng.integers(3) == 0:
+            A[1] = A[0] * int(rng.integers(-1, 2))
+        self.A, self.B, self.c, self.G, self.H, self.g = A, B, c, G, H, g
+
+    def system(self, mu):
+        """Return the system at one mu, written with switches."""
+        A, B, c, G, H, g = (
+            m.astype(float) for m in (self.A, self.B, self.c, self.G, self.H, self.g)
+        )
+
+        def f(z, t, sw):
+            y = []
+            for j, kink in enumerate(self.kinks):
+                argument = G[j] @ z + g[j, 0] + g[j, 1] * t + g[j, 2] * mu
+                argument = argument + sum(H[j, i] * y[i] for i in range(j))
+                call = {"abs": sw.abs, "relu": sw.relu, "least": lambda a: sw.min(a, 0.0)}[kink]
+                y.append(call(argument))
+            rows = (A[i] @ z + sum(B[i, j] * y[j] for j in range(self.k)) for i in range(self.n))
+            return np.stack(
+                [row + r[0] + r[1] * t + r[2] * mu for row, r in zip(rows, c, strict=True)]
+            )
+
+        return Switched(self.n, f, linear=True)
+
+    def number_of_solutions(self, alpha, mu):
+        """Return how many solutions there are; None as :func:`number_of_solutions`."""
+        at = (Fraction(1), Fraction(alpha), Fraction(mu))
+
+        def combined(line, by_y, constants, y):
+            """Return line z + by_y y + constants as (coefficients of z, rest)."""
+            a, b = [Fraction(int(v)) for v in line], _dot(map(int, constants), at)
+            for weight, (coefficients, rest) in zip(map(int, by_y), y, strict=False):
+                a = [x + weight * v for x, v in zip(a, coefficients, strict=True)]
+                b += weight * rest
+            return a, b
+
+        def cell(signs):
+            y, sides = [], []
+            for j, sign in enumerate(signs):
+                a, b = combined(self.G[j], self.H[j], self.g[j], y)
+                factor, side = KINKS[self.kinks[j]][sign], 1 if sign else -1
+                y.append(([factor * v for v in a], factor * b))
+                sides.append(([side * v for v in a], side * b))
+            rows = zip(self.A, self.B, self.c, strict=True)
+            return [combined(*row, y) for row in rows], sides
+
+        return _count(map(cell, product((False, True), repeat=self.k)))
+
+
+def _count(cells):
+    """Return the number of points that solve the equations and inequalities of some cell."""
     found, infinite = set(), False
-    for free in product((False, True), repeat=n):
-        equations = [rows[i] if free[i] else _unit(i, n) for i in range(n)]
-        solved = _solve(equations, [-rest[i] if free[i] else Fraction(0) for i in range(n)])
+    for equations, sides in cells:
+        solved = _solve([a for a, _ in equations], [-b for _, b in equations])
         if solved is None:
             continue
         start, ways = solved
-        sides = [(_unit(i, n), Fraction(0)) if free[i] else (rows[i], rest[i]) for i in range(n)]
         around = [[*(_dot(a, way) for way in ways), _dot(a, start) + b] for a, b in sides]
         if not ways:
             found |= {tuple(start)} if min(row[0] for row in around) >= 0 else set()

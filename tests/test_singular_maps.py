@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from rational import integer_family, number_of_solutions
+from rational import SwitchedFamily, integer_family, number_of_solutions
 from sweeps import swept
 
 from pwscont import LCP, Switched, plane
@@ -158,6 +158,18 @@ def test_switches_that_coincide_at_an_end_are_refused():
 
     with pytest.raises(InvalidInputError, match="move the end"):
         in_window(f, 1, (1.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize("seed", swept(range(12), range(12, 300)))
+def test_integer_switches_against_rational_enumeration(seed):
+    family, rng = SwitchedFamily(np.random.default_rng(seed)), np.random.default_rng([seed, 1])
+    (a, b), (c, f) = WINDOWS[seed % 3]
+    found = plane(family.system, (a, b), (c, f))
+    if found.guarantee != "complete":
+        return
+    for alpha, mu in [*(rng.random((6, 2)) * [b - a, f - c] + [a, c]).tolist(), (b, f)]:
+        expected = family.number_of_solutions(alpha, mu)
+        assert expected is None or found.count(alpha, mu) == expected
 
 
 def test_windows_of_few_digits_are_refused():

@@ -212,9 +212,11 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     if (np.abs(beyond) > tolerance * (size + np.abs(inner).max(initial=0.0))).any():
         return None
     growth = 1.0 / float(np.abs(np.diagonal(R))[:rank].min(initial=1.0))
-    free = Q[:, rank:]
-    free[np.abs(free) <= GUARD * EPS * growth] = 0.0  # what the common equations decide
-    return scale * (Q[:, :rank] @ inner), scale[:, np.newaxis] * free, growth
+    decided, free = Q[:, :rank] @ inner, Q[:, rank:]
+    # what is nothing but rounding is zero: other equations are measured by it
+    decided[np.abs(decided) <= GUARD * EPS * growth * np.abs(inner).max(initial=0.0)] = 0.0
+    free[np.abs(free) <= GUARD * EPS * growth] = 0.0
+    return scale * decided, scale[:, np.newaxis] * free, growth
 
 
 def _option(

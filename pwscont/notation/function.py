@@ -12,7 +12,8 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS
 from pwscont.notation.array_functions import where
 from pwscont.notation.dual import as_operand, is_traced, joined, value_of
@@ -76,15 +78,28 @@ class UserFunction:
     def layout(self, points: Sequence[Array], forms: Sequence[Any]) -> Layout:
         """Return the switches of the function, whose clips have these kinds of bounds.
 
-        Calls that have the same arguments, to the last digit, at all of several points are one.
+        Calls that have the same arguments, to the last digit, at all of several points are one,
+        whatever the values of the switches before.
         """
         surveys = [_Survey(forms) for _ in points]
         for x, survey in zip(points, surveys, strict=True):
             self._called(x[:-1], float(x[-1]), survey)
         calls = surveys[0].calls
+        surveys += self._with_any_values(points, forms, len(calls))
         several = len(points) > 1 and all(each.calls == calls for each in surveys)
         prints = list(zip(*(each.prints for each in surveys), strict=True)) if several else []
         return Layout(calls, forms, [prints.index(each) for each in prints] or None)
+
+    def _with_any_values(
+        self, points: Sequence[Array], forms: Sequence[Any], calls: int
+    ) -> Iterator[_Survey]:
+        """Yield surveys in which switches take any values, where the function knows an answer."""
+        for x in points:
+            survey = _AnyValues(forms)
+            with np.errstate(all="ignore"), suppress(Exception):
+                self._called(x[:-1], float(x[-1]), survey)
+            if len(survey.calls) == calls:
+                yield survey
 
     def outcome(self, z: Any, alpha: Any, layout: Layout, pick: Pick | None = None) -> Outcome:
         """Call the function; default with the true values of its switches."""
@@ -142,6 +157,20 @@ class _Survey:
 
     def close(self) -> None:
         """Accept any number of switches."""
+
+
+class _AnyValues(_Survey):
+    """The same with any values of switches: equal ones for equal arguments."""
+
+    def __init__(self, forms: Sequence[Any]) -> None:
+        super().__init__(forms)
+        self._values: dict[Any, Any] = {}
+
+    def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
+        """Note the arguments of a switch, and return generic numbers."""
+        true, key = super().choose(operation, tests, branches), self.prints[-1]
+        any_values = generic(np.size(true), len(self._values)).reshape(np.shape(true))
+        return self._values.setdefault(key, any_values)
 
 
 class _Replay:

@@ -161,7 +161,10 @@ def _problem(
     tests = np.array([switch.test for switch in found], dtype=np.intp)
     g = dense(system.some_test_gradients(z, alpha, tests))
     g = g * np.where(base.array[tests], 1.0, -1.0)[:, np.newaxis]
-    g = g / np.linalg.norm(g * metric.scale, axis=1, keepdims=True)
+    lengths = np.linalg.norm(g * metric.scale, axis=1, keepdims=True)
+    if not lengths.all():  # a test that is zero all over
+        return None
+    g = g / lengths
     jacobian = Selection(system, base).jacobian(x)
     factor = bordered(jacobian, generic(len(x)) / metric.scale, metric.binary)
     if factor.is_singular():
