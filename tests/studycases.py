@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
-from pwscont import InvalidInputError, MultiStart, Scene, Study, explore
+from pwscont import InvalidInputError, MultiStart, PiecewiseSystem, Scene, Study, explore
 
 
 def one_node(friction=4.0, f_nu=0.25):
@@ -84,3 +84,23 @@ def slow_study():
 def number_of_pieces(graph):
     """Return the number of pieces."""
     return len(graph.pieces)
+
+
+class Parabola(PiecewiseSystem):
+    """z^2 = alpha / unit."""
+
+    size = 1
+
+    def __init__(self, unit):
+        self._unit = unit
+
+    def test_functions(self, z, alpha):
+        return z + 9.0
+
+    def residual(self, z, alpha, character):
+        return z**2 - alpha / self._unit
+
+
+def parabola(unit):
+    """Return a smooth fold at zero between none and two solutions."""
+    return Parabola(unit), (-unit, unit)

@@ -14,13 +14,14 @@ import pytest
 from PIL import Image
 from sweeps import swept
 
-from pwscont import BranchGraph, Scene
+from pwscont import BranchGraph, PiecewiseSystem, Scene
 from pwscont.basics.errors import SceneNotFoundError
 from pwscont.commands import run as running
 from pwscont.commands.cli import main
 from pwscont.commands.progress import EVERY, FIRST, Progress
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.registry import GROUP, load_scene, scene_names
+from pwscont.scenes.table import report
 from pwscont.two_parameters.scene import PlaneScene
 
 NAMES = scene_names()
@@ -562,3 +563,27 @@ def test_answers_are_those_of_the_graph(name):
     scene = load_scene(name)
     data = scene.solve(scene.at, lambda *_: None).as_dict()
     assert len(data["solutions"]) == sum(len(scene.run().solutions(alpha)) for alpha in scene.at)
+
+
+class StressAndDisplacement(PiecewiseSystem):
+    """A stress in pascals beside a displacement in metres, and one that is zero."""
+
+    size = 3
+
+    def names(self):
+        return ["stress", "u", "zero"]
+
+    def scale(self, lo, hi):
+        return np.array([1e9, 1e-4, 1e-4])
+
+    def test_functions(self, z, alpha):
+        return z[:1] + 1e12
+
+    def residual(self, z, alpha, character):
+        third = (z[2] + z[1]) / 1e-4 - 0.5 * alpha
+        return np.array([z[0] / 1e9 - alpha, z[1] / 1e-4 - 0.5 * alpha, third])
+
+
+def test_unknowns_in_small_units_are_not_zero_beside_those_in_large_ones():
+    scene = Scene("units", "units", StressAndDisplacement(), (-1.0, 1.0))
+    assert "stress = 7e+08, u = 3.5e-05, zero = 0\n" in report(scene, scene.run(), [0.7]) + "\n"

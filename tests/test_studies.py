@@ -24,6 +24,7 @@ from studycases import (
     known_graph,
     number_of_pieces,
     one_node,
+    parabola,
     recorded,
     refused,
     slow_study,
@@ -568,3 +569,53 @@ def test_no_scheduler_is_said_in_words(monkeypatch):
         InvalidInputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"
     ):
         given(scheduler="tcp://127.0.0.1:9")
+
+
+# -- what is not there, or no number ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_parabola_turns_at_zero_and_not_beside_it(unit):
+    over, measure = {"unit": [unit]}, ["first-fold", "non-unique", "max-count"]
+    (row,) = Study(parabola, over, measure).run()
+    assert row.values == {"first-fold": 0.0, "non-unique": ((0.0, unit),), "max-count": 2}
+
+
+def test_an_unknown_quantity_is_said_where_there_are_no_solutions_too():
+    measure = {"wrong": QuantityAt("u", -0.5), "right": QuantityAt("z[0]", -0.5)}
+    (row,) = Study(parabola, {"unit": [1.0]}, measure).run()
+    assert row.values == {"wrong": None, "right": None}
+    assert row.failure == "wrong: there is no 'u'; names are z[0]"
+
+
+@pytest.mark.parametrize("measure", [CountAt, partial(QuantityAt, "z[0]")])
+@pytest.mark.parametrize("alpha", [float("nan"), inf, "x", None])
+def test_alpha_of_a_measure_is_a_finite_number(measure, alpha):
+    with pytest.raises(InvalidInputError, match="alpha must be a finite number"):
+        measure(alpha)
+
+
+def test_what_is_no_measure_is_refused():
+    with pytest.raises(InvalidInputError, match="measure must be several names, got None"):
+        Study(one_node, {"friction": [1.0]}, None)
+
+
+def test_files_in_the_way_are_said(tmp_path):
+    (tmp_path / "graphs").touch()
+    (tmp_path / "study.csv").mkdir()
+    study = Study(known_graph, {"number": [0]}, ["max-count"])
+    with pytest.raises(InvalidInputError, match=r"cannot make the directory .*graphs: File exists"):
+        study.run(graphs=tmp_path / "graphs")
+    with pytest.raises(InvalidInputError, match=r"cannot write .*study.csv: "):
+        study.run().write_csv(tmp_path / "study.csv")
+    assert {file.name for file in tmp_path.iterdir()} == {"graphs", "study.csv"}
+
+
+def test_texts_that_no_encoding_has_are_kept(tmp_path):
+    study = Study(known_graph, {"number": ["\udcff.cir"]}, {"name": lambda graph: "\ud800"})
+    result = study.run(store=tmp_path / "study.db")
+    result.write_csv(tmp_path / "study.csv")
+    (row,) = result
+    result.close()
+    assert (row.settings, row.values) == ({"number": "\udcff.cir"}, {"name": "\ud800"})
+    assert "\\udcff.cir" in (tmp_path / "study.csv").read_text(encoding="utf-8")

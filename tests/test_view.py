@@ -350,3 +350,27 @@ def test_a_page_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     with pytest.raises(InvalidInputError, match="cannot write"):
         View(fig7().run()).save(tmp_path / "page.html")
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+
+
+def test_a_page_never_takes_the_place_of_its_graph(tmp_path, capsys):
+    file = tmp_path / "fig7.npz"
+    fig7().run().save(file)
+    before = file.read_bytes()
+    assert main(["view", str(file), "-o", str(file)]) == 2
+    assert "it is the graph" in capsys.readouterr().err
+    page = file.rename(tmp_path / "fig7.html")
+    assert main(["view", str(page)]) == 2
+    assert page.read_bytes() == before
+
+
+def test_an_empty_name_is_refused_in_words(capsys):
+    assert main(["view", ""]) == 2
+    assert "cannot read" in capsys.readouterr().err
+    with pytest.raises(InvalidInputError, match="names no file"):
+        View(fig7().run()).save("")
+
+
+def test_marks_tell_parameters_of_a_short_interval_apart():
+    system = LCP(np.eye(1), [1e6 + 0.25], [-1.0])
+    words = [row["words"][0] for row in View(explore(system, (1e6, 1e6 + 1))).records["points"]]
+    assert words == ["α = 1000000", "α = 1000000.25", "α = 1000001"]

@@ -8,7 +8,7 @@ from pwscont_coulomb.scenes import fig7, fig12
 from pwscont_structures.scenes import truss_stop
 from view_pages import browser, complaints, drawn, in_browser, opened
 
-from pwscont import View
+from pwscont import LCP, BranchGraph, PiecewiseSystem, Switched, View, explore
 from pwscont.scenes.registry import load_scene
 
 pytestmark = in_browser
@@ -266,6 +266,156 @@ def test_a_click_changes_the_body(driver, pages):
         assert len(drawn(driver, name)["x"]) == words.count(name)
     assert len(drawn(driver, "slip")["x"]) == sum(word.startswith("slip") for word in words)
     assert not complaints(driver)
+
+
+class Parabola(PiecewiseSystem):
+    """z^2 = alpha in units of their own: two solutions where alpha > 0, a fold at zero."""
+
+    size = 1
+
+    def __init__(self, z_unit=1.0, alpha_unit=1.0, name="z"):
+        self._units, self._name = (z_unit, alpha_unit), name
+
+    def names(self):
+        return [self._name]
+
+    def scale(self, lo, hi):
+        return np.array(self._units[:1])
+
+    def test_functions(self, z, alpha):
+        return z + 9.0 * self._units[0]
+
+    def residual(self, z, alpha, character):
+        return (z / self._units[0]) ** 2 - alpha / self._units[1]
+
+
+class Kink(Parabola):
+    """abs(z) = alpha - shift, in units of its own."""
+
+    shift = 0.0
+
+    def residual(self, z, alpha, character):
+        return np.abs(z) / self._units[0] - (alpha - self.shift) / self._units[1]
+
+
+def written(driver, alphas):
+    """Return the heading, the box and the values of all solutions as the page writes them."""
+    code = """
+    return arguments[0].map((alpha) => {
+      pwscont.move(alpha);
+      const buttons = [...document.querySelectorAll("#list li button")];
+      const cells = () => [...document.querySelectorAll("#table tr td:last-child")];
+      const values = buttons.map((button) => {
+        button.click();
+        return cells().map((cell) => cell.textContent);
+      });
+      const [box, head] = ["alpha", "count"].map((id) => document.getElementById(id));
+      return { box: box.value, head: head.textContent, values };
+    });
+    """
+    return driver.execute_script(code, [float(alpha) for alpha in alphas])
+
+
+def read(word):
+    """Return a number of the page, and the unit of its last digit."""
+    plain = word.replace("\N{MINUS SIGN}", "-").replace("\N{ALMOST EQUAL TO}", "").strip()
+    digits, _, power = plain.partition("e")
+    decimals = len(digits.partition(".")[2])
+    return float(plain), 10.0 ** (int(power or 0) - decimals)
+
+
+def shown(driver, tmp_path, graph, alphas):
+    """Open the page of a graph and return what it writes at some alphas."""
+    opened(driver, View(graph).save(tmp_path / "page.html"))
+    return written(driver, alphas)
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0), (1e-4, 1e9), (1.0, 1e-9), (1e-4, 1e15)])
+def test_every_digit_on_a_parabola_is_right_in_any_units(driver, tmp_path, units):
+    z_unit, alpha_unit = units
+    graph = explore(Parabola(*units), (-alpha_unit, alpha_unit))
+    parts = np.array([1e-7, 0.002, 0.04, 0.1, 0.35, 0.5, 0.77, 1.0])
+    rows = shown(driver, tmp_path, graph, parts * alpha_unit)
+    for part, row in zip(parts, rows, strict=True):
+        found = sorted(read(values[1]) for values in row["values"])
+        for (value, unit), sign in zip(found, (-1, 1), strict=True):
+            assert abs(value - sign * z_unit * part**0.5) <= max(unit, 5e-4 * z_unit * (not value))
+        if part > 1e-6:
+            assert all(value for value, _ in found)
+    assert not complaints(driver)
+
+
+def test_small_unknowns_beside_a_large_parameter_are_not_zero(driver, tmp_path):
+    graph = explore(Kink(1e-4, 1e9), (-1e9, 1e9))
+    (row,) = shown(driver, tmp_path, graph, [0.25e9])
+    assert sorted(read(values[1])[0] for values in row["values"]) == [-2.5e-5, 2.5e-5]
+
+
+def test_the_parameter_is_told_apart_in_a_short_interval_far_from_zero(driver, tmp_path):
+    system = Kink()
+    system.shift = 1e9
+    row, none = shown(driver, tmp_path, explore(system, (1e9 - 1, 1e9 + 1)), [1e9 + 0.25, 1e9 - 1])
+    assert row["box"] == "1000000000.25"
+    assert row["head"] == "At least 2 solutions at α = 1000000000.25"
+    assert {values[0] for values in row["values"]} == {"1000000000.25"}
+    assert none["head"] == "No solution found at α = 999999999"
+
+
+def test_what_is_recorded_is_not_straight_where_the_solution_is(driver, tmp_path):
+    record = {"square": lambda z, alpha: float(z[0] ** 2), "twice": lambda z, alpha: 2.0 * z[0]}
+    graph = explore(LCP(np.eye(1), [0.0], [-1.0]), (-1.0, 1.0), record=record)
+    (row,) = shown(driver, tmp_path, graph, [0.37])
+    assert row["values"][0][1] == "0.37"
+    assert row["values"][0][2] == "≈ 0.1369"
+    driver.execute_script("pwscont.move(1)")
+    (end,) = written(driver, [1.0])
+    assert end["values"] == [["1", "1", "1", "2"]]
+
+
+def test_rounding_of_an_unknown_that_is_zero_reads_as_zero(driver, tmp_path):
+    M = np.array([[1 / 3, 0.1], [0.7, 0.2]])  # M z = (alpha + 1 / 3) M e_1 / 7, so z[1] is zero
+
+    def residual(z, alpha, switch):
+        return M @ z - (alpha + 1 / 3) * M[:, 0] / 7 + 0.0 * switch.max(z[0], 0.0)
+
+    graph = explore(Switched(2, residual, linear=True), (0.1, 1.0))
+    assert any(piece.z[:, 1].any() for piece in graph.pieces)
+    for row in shown(driver, tmp_path, graph, np.linspace(0.1, 1.0, 9)):
+        assert all(values[2] == "0" for values in row["values"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["__proto__", "</script><b>", "'\"&\u2028", "constructor"])
+def test_any_name_is_shown_as_it_is(driver, tmp_path, name):
+    graph = explore(Parabola(name=name), (-1.0, 1.0))
+    opened(driver, View(graph, title=name).save(tmp_path / "page.html"))
+    cell = "return document.querySelectorAll('#table tr td:first-child')[1].textContent"
+    assert driver.execute_script(cell) == name
+    assert driver.execute_script("return document.querySelector('h1').textContent") == name
+    assert not complaints(driver)
+
+
+@pytest.mark.slow
+def test_a_click_in_a_tiny_interval_shows_the_solution_there(driver, tmp_path):
+    graph = explore(Kink(1.0, 1e-20), (-1e-20, 1e-20))
+    opened(driver, View(graph).save(tmp_path / "page.html"))
+    click(driver, 0.5e-20, 0.5)
+    alpha = driver.execute_script("return pwscont.state.alpha")
+    assert alpha == pytest.approx(0.5e-20, rel=0.02)
+
+
+@pytest.mark.slow
+def test_digits_without_a_system_are_right_as_far_as_they_are_shown(driver, tmp_path):
+    graph = truss_stop().run()
+    graph.save(tmp_path / "truss.npz")
+    alphas = np.random.default_rng(1).uniform(*graph.interval, 40)
+    rows = shown(driver, tmp_path, BranchGraph.load(tmp_path / "truss.npz"), alphas)
+    largest = max(np.abs(piece.z).max() for piece in graph.pieces)
+    for alpha, row in zip(alphas, rows, strict=True):
+        for solution, values in zip(graph.solutions(alpha), row["values"], strict=True):
+            for word, exact in zip(values[1:], solution.z, strict=True):
+                value, unit = read(word)
+                assert abs(value - exact) <= max(1.01 * unit, 0.01 * largest * (not value))
 
 
 @pytest.mark.slow

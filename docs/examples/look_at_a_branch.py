@@ -77,7 +77,10 @@ plot(jam, "u_t,1", ax=ax)
 #
 # On straight pieces, and at special points, the numbers of a page are those of the graph. On curved
 # pieces the page holds points of the cubics between the computed points; what lies between those is
-# interpolated, marked by ≈ and shown with fewer digits. Ask the graph for all of them:
+# interpolated along the curve, marked by ≈ and shown with the digits that two coarser
+# interpolations share, four at most. The same holds for recorded quantities along straight pieces,
+# unless they are straight, too. What is smaller than the error of its column reads as 0. Ask the
+# graph for all digits:
 for solution in jam.solutions(0.07):
     print(f"u_t,1 = {solution['u_t,1']:+.8f}, det {solution.det_sign:+d}")
 

@@ -19,8 +19,10 @@ from pwscont.view.view import View, check_bokeh
 
 def view_graph(options: argparse.Namespace) -> int:
     """Write the page of a graph; returns the exit status."""
-    page = options.output or options.graph.with_suffix(".html")
+    page = options.output or options.graph.parent / f"{options.graph.stem}.html"
     check_page(page)
+    if page.resolve() == options.graph.resolve():
+        raise InvalidInputError(f"cannot write {page}: it is the graph; name another file with -o")
     view = _view_of(options.graph)
     view.save(page)
     print(f"written: {page}")  # noqa: T201

@@ -48,9 +48,7 @@ class Smooth:
         """Return the curve through points (z, alpha), shape (k, n + 1), None through too few."""
         if len(points) < LEAST_POINTS:
             return None
-        extent, size = np.ptp(points, axis=0), np.abs(points).max()
-        steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
-        length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
+        length = length_along(points)
         apart = np.diff(length) > APART * length[-1]
         kept = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
         length = length[kept]
@@ -64,3 +62,10 @@ class Smooth:
         """Return values along the curve from those at all points, shape (k,) or (k, m)."""
         along: Array = PchipInterpolator(self.length, values[self.kept])(self.fine)
         return along
+
+
+def length_along(points: Array) -> Array:
+    """Return the length along points, shape (k, m), at each; columns count by their extent."""
+    extent, size = np.ptp(points, axis=0), np.abs(points).max()
+    steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
+    return np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))

@@ -11,14 +11,19 @@ from math import isinf
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
+from pwscont.graph.exports import magnitudes
 from pwscont.graph.presentation import number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 
 #: Kinds of points whose solutions need no remark: they are like the solutions around them.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
+#: What is smaller than this part of its largest value, or than its error, reads as zero.
+DUST = 1e-12
 HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
 
@@ -111,12 +116,13 @@ def _balance(graph: BranchGraph) -> str:
 
 def _solutions(scene: Shown, graph: BranchGraph, alpha: float) -> Iterator[str]:
     found = graph.solutions(alpha)
+    largest = magnitudes(graph)[:-1] if graph.pieces else 0.0
     given = number(alpha) if float(number(alpha)) == alpha else repr(float(alpha))
     yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {given}"
     for i, solution in enumerate(found, start=1):
         kind = f", {solution.kind}" if solution.kind not in UNREMARKABLE else ""
         yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}{kind}{_error(solution)}"
-        yield f"     {_state(scene, solution)}"
+        yield f"     {_state(scene, solution, largest)}"
 
 
 def _error(solution: Solution) -> str:
@@ -126,9 +132,10 @@ def _error(solution: Solution) -> str:
     return f", error {10.0**-solution.digits:.0e}{few and f', {few}'}"
 
 
-def _state(scene: Shown, solution: Solution) -> str:
-    # adding zero turns -0 into 0; rounding dust below 1e-12 of the largest entry reads as 0
-    dust = 1e-12 * np.abs(solution.z).max(initial=0.0)
+def _state(scene: Shown, solution: Solution, largest: Array | float) -> str:
+    # each unknown by its own: one in metres beside one in pascals is no dust
+    error = solution.error[:-1] if len(solution.error) else 0.0
+    dust = np.maximum(DUST * largest, CONFIDENCE * error)
     z = np.where(np.abs(solution.z) <= dust, 0.0, solution.z)
     pairs = zip(scene.system.names(), z, strict=True)
     return ", ".join(f"{name} = {number(float(value))}" for name, value in pairs)

@@ -96,6 +96,8 @@ def checked_measures(given: Mapping[str, Any] | Iterable[str]) -> dict[str, Meas
     """
     if isinstance(given, str):
         raise InvalidInputError(f"measure must be several names, as in [{given!r}], got a text")
+    if not isinstance(given, Iterable):
+        raise InvalidInputError(f"measure must be several names, got {short(repr(given))}")
     if not isinstance(given, Mapping):
         names = list(given)
         if twice := [name for i, name in enumerate(names) if name in names[:i]]:

@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import isfinite, isnan
+from numbers import Real
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -18,6 +19,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.looks import short
 from pwscont.graph import BranchGraph
+from pwscont.scenes.drawn import quantity_named
 from pwscont.studies.explored import ExploredCase
 from pwscont.studies.problem import described
 
@@ -64,6 +66,10 @@ class CountAt(Measure):
     """The number of solutions at one alpha; infinite on a vertical piece."""
 
     alpha: float
+
+    def __post_init__(self) -> None:
+        """Check the parameter."""
+        _check_alpha(self.alpha)
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the number of solutions."""
@@ -126,8 +132,9 @@ class FirstFold(Measure):
 
     def of(self, case: ExploredCase) -> Measured:
         """Return alpha of the first fold."""
-        folds = [case.graph.special_points(kind) for kind in (Kind.FOLD, Kind.NONSMOOTH_FOLD)]
-        return min((point.alpha for some in folds for point in some), default=None)
+        graph = case.graph
+        folds = [graph.special_points(kind) for kind in (Kind.FOLD, Kind.NONSMOOTH_FOLD)]
+        return min((graph.clean(point.alpha) for some in folds for point in some), default=None)
 
 
 @final
@@ -147,10 +154,21 @@ class QuantityAt(Measure):
     alpha: float
     of_all: Callable[[Iterable[float]], Any] = max
 
+    def __post_init__(self) -> None:
+        """Check the parameter."""
+        _check_alpha(self.alpha)
+
     def of(self, case: ExploredCase) -> Measured:
         """Return what ``of_all`` makes of the values; None without solutions."""
-        values = [solution[self.quantity] for solution in case.graph.solutions(self.alpha)]
+        graph = case.graph
+        quantity_named(self.quantity, graph.names, graph.quantities.record)
+        values = [solution[self.quantity] for solution in graph.solutions(self.alpha)]
         return plain(self.of_all(values)) if values else None
+
+
+def _check_alpha(alpha: Any) -> None:
+    if not (isinstance(alpha, Real) and isfinite(alpha)):
+        raise InvalidInputError(f"alpha must be a finite number, got {short(repr(alpha))}")
 
 
 def has_several(graph: BranchGraph) -> bool:

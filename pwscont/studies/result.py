@@ -216,14 +216,29 @@ class StudyResult:
         self.to_xarray().to_netcdf(path, engine="scipy")
 
     def write_csv(self, path: str | Path) -> None:
-        """Write one line a case; the file is there as a whole or not at all."""
+        """Write one line a case; the file is there as a whole or not at all.
+
+        Raises
+        ------
+        InvalidInputError
+            If it cannot be written.
+        """
         unfinished = Path(f"{path}.unfinished")
-        with unfinished.open("w", encoding="utf-8", newline="") as file:
+        try:
+            self._write_lines(unfinished)
+            os.replace(unfinished, path)
+        except OSError as error:
+            if unfinished.is_file():
+                unfinished.unlink()
+            raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
+
+    def _write_lines(self, path: Path) -> None:
+        # names of files that are no texts, as the command line takes them, stand as their escapes
+        with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
             writer = csv.DictWriter(file, self._columns())
             writer.writeheader()
             for row in self:
                 writer.writerow({k: _text(value) for k, value in self._record(row).items()})
-        os.replace(unfinished, path)
 
     def _kept(self) -> Mapping[str, Any]:
         return {name: what for name, what in self.provenance.items() if name != "over"}

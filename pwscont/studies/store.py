@@ -114,7 +114,7 @@ class Store:
         InvalidInputError
             If it cannot be written.
         """
-        self._write(row.case, json.dumps(_parts(row), ensure_ascii=False))
+        self._write(row.case, json.dumps(_parts(row)))
 
     @property
     def about(self) -> Any:
@@ -136,7 +136,7 @@ class Store:
         """
         given, known = json.loads(json.dumps(about)), self.about
         if known is None:
-            self._write(ABOUT, json.dumps(given, ensure_ascii=False))
+            self._write(ABOUT, json.dumps(given))
             return
         different = [
             f"{name}: {_short(known.get(name))} when it was begun, {_short(now)} now"

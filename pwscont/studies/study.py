@@ -228,5 +228,10 @@ def _directory(path: str | Path | None) -> Path | None:
     if path is None:
         return None
     directory = Path(path).absolute()
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInputError(
+            f"cannot make the directory {directory}: {error.strerror or error}"
+        ) from error
     return directory

@@ -9,12 +9,17 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.refinement import fine_points
-from pwscont.scenes.smooth import FINER, Smooth
+from pwscont.scenes.smooth import APART, FINER, Smooth, length_along
 
 #: Most numbers of a file: eight bytes each, a third more as text.
 MOST_NUMBERS = 400_000
+#: What differs from a straight line by less than this part of the largest value is straight.
+STRAIGHT = 1e-9
+#: What is smaller than this part of the largest value of its column is rounding.
+DUST = 1e-12
 
 
 @final
@@ -60,6 +65,31 @@ class Numbers:
         """The solutions (z, alpha) of all rows, shape (r, n + 1)."""
         return np.roll(self.rows[:, : self.unknowns + 1], -1, axis=1)
 
+    @property
+    def along(self) -> list[Array]:
+        """For each piece the lengths along it at its rows, which increase."""
+        return [_increasing(length_along(self.states[rows])) for rows in self.pieces]
+
+    @property
+    def largest(self) -> Array:
+        """The largest magnitude of each column."""
+        largest: Array = np.nan_to_num(np.abs(self.rows)).max(axis=0, initial=0.0)
+        return largest
+
+    def dust(self, graph: BranchGraph) -> Array:
+        """Return for each column up to what its values are nothing but rounding.
+
+        An unknown that is zero throughout has no magnitude of its own, but an estimated error.
+        """
+        dust = DUST * self.largest
+        errors = [point.error[:-1] for point in graph.special_points() if len(point.error)]
+        if errors:
+            unknowns = slice(1, 1 + self.unknowns)
+            least = np.nan_to_num(np.min(errors, axis=0), posinf=0.0)
+            dust[unknowns] = np.maximum(dust[unknowns], CONFIDENCE * least)
+        dust[0] = SAME_ALPHA * np.ptp(graph.interval)
+        return dust
+
     def fitting(self, wanted: Sequence[str]) -> Indices:
         """Return as many columns as a file has room for, those that are wanted first."""
         most = max(MOST_NUMBERS // max(len(self.rows), 1), 2 + len(wanted))
@@ -75,17 +105,41 @@ def is_curved(piece: Piece) -> bool:
 
 
 def _finer(graph: BranchGraph) -> int:
-    """Return in how many parts the steps of curved pieces are drawn: as many as there is room."""
-    curved = sum(len(piece.track.inner) + 2 for piece in graph.pieces if is_curved(piece))
-    columns = 1 + len(graph.names) + len(graph.quantities.record)
-    return int(np.clip(MOST_NUMBERS // max(curved * columns, 1), 1, FINER))
+    """Return in how many parts the steps of pieces are drawn: as many as there is room."""
+    record = graph.quantities.record
+    cut = [piece for piece in graph.pieces if is_curved(piece) or record]
+    rows = sum(len(piece.track.inner) + 2 for piece in cut)
+    columns = 1 + len(graph.names) + len(record)
+    return int(np.clip(MOST_NUMBERS // max(rows * columns, 1), 1, FINER))
 
 
 def _line(graph: BranchGraph, piece: Piece, finer: int) -> Array:
     """Return the rows of a piece."""
     points = piece.points
-    if is_curved(piece) and not piece.is_vertical and finer > 1:
+    if not is_curved(piece):
+        return _straight(graph, points, finer)
+    if not piece.is_vertical and finer > 1:
         points = _fine(graph, piece, finer)
+    return _rows(graph, points)
+
+
+def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
+    """Return the rows of a straight piece: its ends, if what is recorded is straight, too."""
+    if not graph.quantities.record:
+        return _rows(graph, ends)
+    rows = _rows(graph, np.linspace(ends[0], ends[-1], max(finer, 2) + 1))
+    off = np.abs(rows - np.linspace(rows[0], rows[-1], len(rows)))
+    is_straight = bool((off <= STRAIGHT * np.abs(rows).max(axis=0)).all())
+    return rows[[0, -1]] if is_straight else rows
+
+
+def _increasing(length: Array) -> Array:
+    """Return lengths of which none are equal, so that one can interpolate."""
+    least = APART * (length[-1] or 1.0)
+    return np.append(0.0, np.cumsum(np.maximum(np.diff(length), least)))
+
+
+def _rows(graph: BranchGraph, points: Array) -> Array:
     return np.array([_row(graph, x) for x in points])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
+from math import ceil, log10
 from typing import Any
 
 import numpy as np
@@ -40,8 +41,11 @@ MARKERS: dict[str, tuple[str, int, bool]] = {
 #: The markers of kinds of a user's own detectors.
 OWN_MARKERS = ("hex", "square_pin", "triangle_pin", "diamond_cross", "circle_x", "square_x")
 MINUS = "\N{MINUS SIGN}"
-#: Digits shown of what is interpolated on curved pieces, with and without the system.
-CORRECTED, UNCORRECTED = 4, 3
+#: Most digits shown of what is interpolated, and how far it may be off, as a part of the largest
+#: value: with the system, whose cubics a step was accepted by, and without.
+CORRECTED, UNCORRECTED = (4, 1e-5), (3, 3e-3)
+#: Digits of the parameter at a special point.
+DIGITS = 8
 #: Most transitions whose marks have their full size, and the size of the smallest.
 FEW, SMALLEST = 12, 4.0
 #: With more transitions their marks are plain dots: to outline each takes most of a picture's time.
@@ -66,12 +70,16 @@ def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -
         Names of quantities for which there must be room.
     """
     kept, plain = numbers.fitting(wanted), as_dict(graph)
+    digits, rough = CORRECTED if graph.system is not None else UNCORRECTED
     return {
         "parameter": graph.parameter,
         "interval": list(graph.interval),
         "same": SAME_ALPHA,
         "names": [numbers.names[i] for i in kept],
-        "digits": CORRECTED if graph.system is not None else UNCORRECTED,
+        "digits": digits,
+        "rough": (rough * numbers.largest[kept]).tolist(),
+        "unknowns": int((kept <= numbers.unknowns).sum()) - 1,
+        "dust": numbers.dust(graph)[kept].tolist(),
         "left_out": len(numbers.names) - len(kept),
         "rows": packed(numbers.rows[:, kept], "Float64Array"),
         "pieces": _pieces(graph, numbers),
@@ -98,6 +106,7 @@ def _pieces(graph: BranchGraph, numbers: Numbers) -> dict[str, Any]:
         "id": [piece.id for piece in graph.pieces],
         "first": ends.tolist(),
         "rows": packed(rows, "Int32Array"),
+        "along": packed(np.concatenate([np.zeros(0), *numbers.along]), "Float64Array"),
         "branch": [branch[piece.id] for piece in graph.pieces],
         "start": [piece.start for piece in graph.pieces],
         "end": [piece.end for piece in graph.pieces],
@@ -143,11 +152,17 @@ def _branches(graph: BranchGraph) -> dict[int, int]:
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
     """Return what is said of a special point when the pointer is over it."""
     name = GREEK.get(graph.parameter, graph.parameter)
-    lines = [f"{name} = {_value(graph.clean(point.alpha))}", point.message]
+    lines = [f"{name} = {_alpha(graph, point.alpha)}", point.message]
     lines += [point.events] if point.events else []
     lines += [f"{name} = {_value(value)}" for name, value in attempted(point).items()]
     few = point.digits < FEW_DIGITS
     return [line for line in lines if line] + [f"only {int(point.digits)} digits known"] * few
+
+
+def _alpha(graph: BranchGraph, alpha: float) -> str:
+    """Return a parameter as users read it, with more digits in an interval far from zero."""
+    further = ceil(log10(max(map(abs, graph.interval)) / np.ptp(graph.interval)))
+    return f"{graph.clean(alpha):.{DIGITS + max(further, 0)}g}".replace("-", MINUS)
 
 
 def _value(value: float | str) -> str:

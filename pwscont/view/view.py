@@ -114,6 +114,8 @@ class View:
             If it cannot be written.
         """
         target, content = Path(path), self.html.encode("utf-8")
+        if not target.name:
+            raise InvalidInputError(f"cannot write {str(path)!r}: it names no file")
         temporary = target.with_name(target.name + ".part")
         try:
             temporary.write_bytes(content)

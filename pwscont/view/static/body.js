@@ -5,10 +5,11 @@
   const STATES = ["no contact", "stick", "slip+", "slip-"];
 
   // Return so many numbers of a packed array at a place.
-  function interpolated(array, size, place) {
+  function interpolated(array, size, { rows, weights }) {
     const found = new Float64Array(size);
-    const [a, b] = [place.a * size, place.b * size];
-    for (let i = 0; i < size; i++) found[i] = array[a + i] + place.t * (array[b + i] - array[a + i]);
+    rows.forEach((row, k) => {
+      for (let i = 0; i < size; i++) found[i] += weights[k] * array[row * size + i];
+    });
     return found;
   }
 

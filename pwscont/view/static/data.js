@@ -4,9 +4,8 @@ window.pwscont = {};
 
 (function (pwscont) {
   const ARRAYS = { Float64Array, Float32Array, Int32Array };
-  // Digits of what is exact; what is smaller than a part of the largest value is rounding.
-  const DIGITS = 6;
-  const DUST = 1e-12;
+  // Digits of what is exact, and of the parameter where it is chosen.
+  const [DIGITS, CHOSEN] = [6, 10];
 
   function unpack(packed) {
     const bytes = Uint8Array.from(atob(packed.bytes), (letter) => letter.charCodeAt(0));
@@ -18,6 +17,7 @@ window.pwscont = {};
     const data = JSON.parse(document.getElementById("records").textContent);
     data.rows = unpack(data.rows);
     data.pieces.rows = unpack(data.pieces.rows);
+    data.pieces.along = unpack(data.pieces.along);
     data.pieces.count = data.pieces.id.length;
     if (data.body) {
       for (const name of ["positions", "shade", "curves"]) {
@@ -34,21 +34,36 @@ window.pwscont = {};
     return String(Number(value.toPrecision(digits))).replaceAll("-", "\u2212");
   }
 
-  pwscont.number = (value) => written(value, DIGITS);
+  // Return so many digits more as it takes to tell the parameters of a short interval apart.
+  function furtherDigits() {
+    const [lo, hi] = pwscont.data.interval;
+    return Math.max(0, Math.ceil(Math.log10(Math.max(Math.abs(lo), Math.abs(hi)) / (hi - lo))));
+  }
 
-  // Return a value of a solution as it is written; one on a curved piece is interpolated.
+  const clean = (value, column) => (Math.abs(value) <= pwscont.data.dust[column] ? 0 : value);
+
+  // Return a value of the parameter as it is written, and as it is chosen.
+  pwscont.alpha = (value) => written(clean(value, 0), DIGITS + furtherDigits());
+  pwscont.chosen = (value) => Number(value.toPrecision(Math.min(17, CHOSEN + furtherDigits())));
+
+  // Return a value of a solution as it is written; what is interpolated has the digits it can have.
   pwscont.valueOf = function (solution, column) {
-    const size = Math.max(...pwscont.data.names.map((_, i) => Math.abs(pwscont.at(solution, i)) || 0));
-    const value = pwscont.at(solution, column);
-    const clean = Math.abs(value) <= DUST * size ? 0 : value;
-    const isExact = !solution.curved || column === 0 || clean === 0;
-    return isExact ? written(clean, DIGITS) : `\u2248 ${written(clean, pwscont.data.digits)}`;
+    const value = clean(pwscont.at(solution, column), column);
+    if (column === 0) return pwscont.alpha(value);
+    if (pwscont.isExact(solution, column) || value === 0) return written(value, DIGITS);
+    if (!Number.isFinite(value)) return written(value, DIGITS);
+    return `\u2248 ${interpolated(value, pwscont.doubt(solution, column))}`;
   };
+
+  function interpolated(value, doubt) {
+    const certain = Math.floor(Math.log10(Math.abs(value) / doubt));
+    return certain < 1 ? "0" : written(value, Math.min(certain, pwscont.data.digits));
+  }
 
   pwscont.sign = (det) => (det > 0 ? "+" : det < 0 ? "\u2212" : "") + Math.abs(det);
 
-  const GREEK = { alpha: "α", phi: "φ" };
-  pwscont.symbol = (name) => GREEK[name] || name;
+  const GREEK = new Map([["alpha", "α"], ["phi", "φ"]]);
+  pwscont.symbol = (name) => GREEK.get(name) || name;
 
   pwscont.escaped = function (words) {
     const letters = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#39;" };

@@ -16,7 +16,7 @@
   // Set what an axis shows, also after a reset, with a margin.
   pwscont.setRange = function (range, low, high) {
     const size = Math.max(Math.abs(low), Math.abs(high)) || 1;
-    const half = high - low > 1e-9 * size ? 0.06 * (high - low) : 0.05 * size;
+    const half = high - low > 1e-12 * size ? 0.06 * (high - low) : 0.05 * size;
     const [start, end] = [low - half, high + half];
     range.setv({ start, end, reset_start: start, reset_end: end });
   };
@@ -95,6 +95,7 @@
         if (value < low) low = value;
         if (value > high) high = value;
       }
+      if (Math.max(-low, high) <= pwscont.data.dust[column]) [low, high] = [0, 0];
       if (column === 0) [low, high] = pwscont.data.interval;
       pwscont.setRange(range, ...(low <= high ? [low, high] : [0, 1]));
       axis.axis_label = pwscont.symbol(pwscont.data.names[column]);
@@ -134,7 +135,7 @@
     const strip = pwscont.find("strip");
     pwscont.setRange(strip.x_range, ...interval);
     pwscont.setRange(strip.y_range, Math.min(0, ...sums.y), Math.max(1, ...steps.y));
-    const endless = verticals().map((at) => `${parameter()} = ${pwscont.number(at)}`).join(", ");
+    const endless = verticals().map((at) => `${parameter()} = ${pwscont.alpha(at)}`).join(", ");
     element("verticals").textContent = endless && `Infinitely many solutions, on a vertical piece: ${endless}`;
     if (!endless) pwscont.find("strip legend").items = pwscont.find("strip legend").items.slice(0, 2);
     strip.below[0].axis_label = parameter();

@@ -13,10 +13,11 @@
 
   function countWords() {
     const count = pwscont.count(state.alpha);
-    const at = `at ${parameter()} = ${pwscont.number(state.alpha)}`;
+    const at = `at ${parameter()} = ${pwscont.alpha(state.alpha)}`;
     if (count === Infinity) return `Infinitely many solutions ${at}; the ends of the vertical piece:`;
     const known = Number.isNaN(count) ? state.listed.length : count;
     const least = pwscont.data.complete ? "" : "At least ";
+    if (known === 0) return `No solution ${least && "found "}${at}`;
     return `${least}${pwscont.plural(known, "solution")} ${at}`;
   }
 
@@ -43,7 +44,7 @@
   }
 
   const isSame = (one, other) =>
-    one.piece === other.piece && one.a === other.a && one.b === other.b && one.t === other.t;
+    one.piece === other.piece && `${one.rows}` === `${other.rows}` && `${one.weights}` === `${other.weights}`;
 
   function list() {
     element("count").textContent = countWords();
@@ -117,7 +118,7 @@
     state.listed = pwscont.solutions(state.alpha);
     const slide = element("slide");
     slide.value = String(Math.round((Number(slide.max) * (state.alpha - lo)) / (hi - lo)));
-    element("alpha").value = String(Number(state.alpha.toPrecision(10)));
+    element("alpha").value = String(pwscont.chosen(state.alpha));
   }
 
   // Go to a value of the parameter.
@@ -162,17 +163,17 @@
     const [lo, hi] = pwscont.data.interval;
     const range = pwscont.find("diagram").x_range;
     const width = state.x === 0 ? Math.abs(range.end - range.start) : hi - lo;
-    const digits = Math.min(15, Math.max(0, 3 - Math.floor(Math.log10(width))));
+    const digits = Math.min(100, Math.max(0, 3 - Math.floor(Math.log10(width))));
     const alpha = Number(pwscont.at(place, 0).toFixed(digits));
     const on = pwscont.placeOn(place.piece, alpha);
-    return on.t > 0 && on.t < 1 ? on : place;
+    return pwscont.same(pwscont.at(on, 0), alpha) ? on : place;
   }
 
   function goTo(solution) {
     setAlpha(pwscont.at(solution, 0));
     const { vertical } = pwscont.data.pieces;
     const listed = state.listed.find((other) => other.piece === solution.piece);
-    const sameRow = state.listed.find((other) => other.a === solution.a && solution.t === 0);
+    const sameRow = state.listed.find((other) => solution.rows.length === 1 && `${other.rows}` === `${solution.rows}`);
     choose(vertical[solution.piece] ? solution : sameRow || listed || solution);
   }
 
@@ -299,15 +300,15 @@
   function onStep(step) {
     const [lo, hi] = pwscont.data.interval;
     const part = step / Number(element("slide").max);
-    return part === 1 ? hi : part === 0 ? lo : Number((lo + part * (hi - lo)).toPrecision(10));
+    return part === 1 ? hi : part === 0 ? lo : pwscont.chosen(lo + part * (hi - lo));
   }
 
   function notes() {
-    const { guarantee, searched, pieces } = pwscont.data;
+    const { guarantee, searched, pieces, names, unknowns } = pwscont.data;
     element("guarantee").textContent = `Guarantee: ${guarantee}. Searched: ${searched}.`;
     const said = [];
-    if (pieces.curved.some(Boolean)) {
-      said.push("\u2248: interpolated between computed points of a curved piece; the graph itself gives all digits.");
+    if (pieces.curved.some(Boolean) || names.length > 1 + unknowns) {
+      said.push("\u2248: interpolated between points along a piece; the graph itself gives all digits.");
     }
     element("notes").textContent = said.join(" ");
   }

@@ -1,10 +1,13 @@
 // The solutions at a value of the parameter, and the one next to a point of the diagram.
 //
-// A place is {piece, a, b, t}: between rows a and b of the piece, at the part t of the way. It is
-// exact on straight pieces and at computed points, interpolated elsewhere.
+// A place is {piece, rows, weights}: the sum of some rows of a piece, each with its weight. It is
+// exact on straight pieces and at computed points, interpolated elsewhere. What two interpolations
+// by fewer rows, its `others`, differ by is how far it may be off.
 "use strict";
 
 (function (pwscont) {
+  const WINDOW = 4; // rows that a solution is interpolated from
+  const [EPS, HALVES] = [1e-15, 60];
   const rowOf = (piece, k) => pwscont.data.pieces.rows[pwscont.data.pieces.first[piece] + k];
   const length = (piece) => {
     const first = pwscont.data.pieces.first;
@@ -14,11 +17,24 @@
   pwscont.length = length;
 
   // Return the value of a column at a place.
-  pwscont.at = function (place, column) {
-    const a = pwscont.value(place.a, column);
-    if (place.t === 0) return a;
-    return a + place.t * (pwscont.value(place.b, column) - a);
+  pwscont.at = function ({ rows, weights }, column) {
+    if (rows.length === 1) return pwscont.value(rows[0], column);
+    return rows.reduce((sum, row, i) => sum + weights[i] * pwscont.value(row, column), 0);
   };
+
+  // Tell whether the value of a column at a place is that of the graph.
+  pwscont.isExact = ({ piece, rows, curved }, column) =>
+    rows.length === 1 || (!curved && (column <= pwscont.data.unknowns || length(piece) === 2));
+
+  // Return how far an interpolated value may be off.
+  pwscont.doubt = function ({ others }, column) {
+    const rough = pwscont.data.rough[column];
+    if (!others) return rough;
+    return Math.max(rough, Math.abs(pwscont.at(others[0], column) - pwscont.at(others[1], column)));
+  };
+
+  pwscont.onRow = (row) => ({ rows: [row], weights: [1] });
+  const onChord = (a, b, t) => ({ rows: [a, b], weights: [1 - t, t] });
 
   // Tell whether values of the parameter are one, but for rounding; as the graph does.
   pwscont.same = function (a, b) {
@@ -42,10 +58,42 @@
       if (pwscont.value(rowOf(piece, middle), 0) < alpha === rising) low = middle;
       else high = middle;
     }
-    const [a, b] = [rowOf(piece, low), rowOf(piece, high)];
-    const [from, to] = [pwscont.value(a, 0), pwscont.value(b, 0)];
-    return { piece, a, b, t: to === from ? 0 : (alpha - from) / (to - from) };
+    const first = Math.max(0, Math.min(low - 1, length(piece) - WINDOW));
+    const window = Array.from({ length: Math.min(WINDOW, length(piece)) }, (_, i) => first + i);
+    const others = [window.slice(0, -1), window.slice(1)];
+    const place = { piece, ...interpolated(piece, window, low, alpha) };
+    if (window.length === 2) return place;
+    return { ...place, others: others.map((some) => interpolated(piece, some, low, alpha)) };
   };
+
+  // Return the place at a parameter between rows k and k + 1 on the polynomial through some rows.
+  // Its variable is the length along the piece: near a fold alpha is no good variable.
+  function interpolated(piece, window, k, alpha) {
+    const along = (i) => pwscont.data.pieces.along[pwscont.data.pieces.first[piece] + i];
+    const rows = window.map((i) => rowOf(piece, i));
+    const nodes = window.map(along);
+    const at = (s) => ({ rows, weights: lagrange(nodes, s) });
+    return at(root((s) => pwscont.at(at(s), 0) - alpha, along(k), along(k + 1)));
+  }
+
+  function lagrange(nodes, s) {
+    const factor = (own, other) => (own === other ? 1 : (s - other) / (own - other));
+    return nodes.map((own) => nodes.reduce((product, other) => product * factor(own, other), 1));
+  }
+
+  // Return where a function is zero: by the secant, which is exact on straight lines, or bisection.
+  function root(f, low, high) {
+    const [from, to] = [f(low), f(high)];
+    const secant = low - (from * (high - low)) / (to - from);
+    if (!(secant > low && secant < high)) return Math.abs(from) <= Math.abs(to) ? low : high;
+    if (Math.abs(f(secant)) <= EPS * Math.abs(to - from)) return secant;
+    for (let i = 0; i < HALVES; i++) {
+      const middle = 0.5 * (low + high);
+      if (f(middle) < 0 === from < 0) low = middle;
+      else high = middle;
+    }
+    return low;
+  }
 
   function between(piece, alpha) {
     const pieces = pwscont.data.pieces;
@@ -58,7 +106,7 @@
   pwscont.atPoint = function (point) {
     const piece = pwscont.data.pieces.id.indexOf(point.piece);
     const told = { kind: point.kind, det: point.det, label: point.label, branch: point.branch };
-    return { piece, a: point.row, b: point.row, t: 0, ...told, curved: false };
+    return { piece, ...pwscont.onRow(point.row), ...told, curved: false };
   };
 
   // Return all solutions at a parameter, by piece, as the graph lists them.
@@ -110,7 +158,7 @@
         const found = toSegment(x * scale[0], y * scale[1], ...pixels(k - 1), ...pixels(k));
         if (found.distance < least) {
           least = found.distance;
-          best = { piece, a: rowOf(piece, k - 1), b: rowOf(piece, k), t: found.t };
+          best = { piece, ...onChord(rowOf(piece, k - 1), rowOf(piece, k), found.t) };
         }
       }
     }
