@@ -214,8 +214,8 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     growth = 1.0 / float(np.abs(np.diagonal(R))[:rank].min(initial=1.0))
     decided, free = Q[:, :rank] @ inner, Q[:, rank:]
     # what is nothing but rounding is zero: other equations are measured by it
-    decided[np.abs(decided) <= GUARD * EPS * growth * np.abs(inner).max(initial=0.0)] = 0.0
-    free[np.abs(free) <= GUARD * EPS * growth] = 0.0
+    decided[np.abs(decided) <= GUARD * EPS * np.abs(inner).max(initial=0.0)] = 0.0
+    free[np.abs(free) <= GUARD * EPS] = 0.0
     return scale * decided, scale[:, np.newaxis] * free, growth
 
 
