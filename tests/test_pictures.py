@@ -13,7 +13,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import StepPatch
 from paper_systems import CASES
 
-from pwscont import PiecewiseSystem, PwscontError, draw_counts, explore, plot, trace
+from pwscont import (
+    PiecewiseSystem,
+    PwscontError,
+    Switched,
+    draw_counts,
+    explore,
+    plot,
+    trace,
+)
 from pwscont.scenes.drawn import Drawn
 from pwscont.scenes.layout import arrange, place_legend
 from pwscont.scenes.look import FORMATS, Look
@@ -130,6 +138,18 @@ def test_whatever_has_a_value_is_drawn(what, label):
     quantity = Drawn.of(graph, what).along
     for piece in graph.pieces:
         assert np.abs(drawn - quantity(piece.points)[0]).min() < 1e-12
+    plt.close(ax.figure)
+
+
+def test_a_recorded_quantity_is_no_chord_of_a_straight_piece():
+    """z = alpha all along: what is recorded is alpha^2, from 1 over 0 to 1."""
+    system = Switched(1, lambda z, t, sw: z - t + sw.min(z + 5.0, 0.0), linear=True)
+    graph = explore(system, (-1.0, 1.0), record={"square": lambda z, alpha: float(z[0] ** 2)})
+    ax = plot(graph, "square")
+    drawn = np.concatenate(lines(ax))
+    np.testing.assert_allclose(drawn[:, 1], drawn[:, 0] ** 2, rtol=0, atol=1e-12)
+    assert np.abs(drawn[:, 1]).min() < 1e-3
+    assert ax.get_ylim()[0] < 0.0 < 1.0 < ax.get_ylim()[1]
     plt.close(ax.figure)
 
 

@@ -17,6 +17,7 @@ from pwscont.scenes.counting import is_one_number
 from pwscont.scenes.drawn import Drawn
 from pwscont.scenes.panels import Panel, ParameterPath, Shown
 from pwscont.scenes.paths import is_at_rest
+from pwscont.scenes.strokes import line_of
 from pwscont.scenes.symbols import number_of, symbol
 
 Content: TypeAlias = Panel | ParameterPath
@@ -49,7 +50,7 @@ def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
 def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
     """Return the one value of a quantity on all branches; None where it has several."""
     quantity = Drawn.of(graph, panel.component)
-    values = [quantity.along(piece.points) for piece in graph.pieces]
+    values = [line_of(piece, quantity.along)[1] for piece in graph.pieces]
     return float(values[0][0]) if quantity.is_constant(values) else None
 
 

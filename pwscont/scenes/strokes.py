@@ -23,6 +23,8 @@ from pwscont.scenes.smooth import SAME, Smooth
 NEAR = 3e-3
 #: A common stretch shorter than this part of the picture's width is a crossing.
 LEAST_STRETCH = 0.01
+#: Parts of a straight piece at which it is seen whether a quantity is straight, too.
+TRIED = np.array([0.0, 0.37, 0.71, 1.0])
 #: Number of points at which common stretches are compared and drawn.
 SAMPLES = 17
 
@@ -191,6 +193,21 @@ def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[n
 def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return alpha and a quantity along a piece: a smooth curve through its points."""
     smooth = Smooth.through(piece.points)
-    if smooth is None:
-        return piece.alpha, along(piece.points)
-    return smooth(piece.alpha), smooth(along(piece.points))
+    if smooth is not None:
+        return smooth(piece.alpha), smooth(along(piece.points))
+    points = piece.points
+    if len(points) == 2 and not _is_straight(points, along):
+        points = _between(points, np.linspace(0.0, 1.0, SAMPLES))
+    return points[:, -1], along(points)
+
+
+def _is_straight(ends: Array, along: Callable[[Array], Array]) -> bool:
+    """Tell whether a quantity is straight along a straight piece: what is recorded need not be."""
+    values = along(_between(ends, TRIED))
+    off = np.abs(values - (values[0] + TRIED * (values[-1] - values[0])))
+    return bool((off <= SAME * np.abs(values).max()).all())
+
+
+def _between(ends: Array, parts: Array) -> Array:
+    points: Array = ends[0] + parts[:, np.newaxis] * (ends[1] - ends[0])
+    return points
