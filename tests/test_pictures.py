@@ -149,7 +149,9 @@ def test_a_recorded_quantity_is_no_chord_of_a_straight_piece():
     drawn = np.concatenate(lines(ax))
     np.testing.assert_allclose(drawn[:, 1], drawn[:, 0] ** 2, rtol=0, atol=1e-12)
     assert np.abs(drawn[:, 1]).min() < 1e-3
-    assert ax.get_ylim()[0] < 0.0 < 1.0 < ax.get_ylim()[1]
+    low, high = ax.get_ylim()
+    assert low < 0.0
+    assert high > 1.0
     plt.close(ax.figure)
 
 

@@ -23,6 +23,8 @@ from pwscont.scenes.smooth import SAME, Smooth
 NEAR = 3e-3
 #: A common stretch shorter than this part of the picture's width is a crossing.
 LEAST_STRETCH = 0.01
+#: Parts in which a straight piece is drawn where a quantity is not straight along it.
+FINE = 64
 #: Parts of a straight piece at which it is seen whether a quantity is straight, too.
 TRIED = np.array([0.0, 0.37, 0.71, 1.0])
 #: Number of points at which common stretches are compared and drawn.
@@ -197,7 +199,7 @@ def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array
         return smooth(piece.alpha), smooth(along(piece.points))
     points = piece.points
     if len(points) == 2 and not _is_straight(points, along):
-        points = _between(points, np.linspace(0.0, 1.0, SAMPLES))
+        points = _between(points, np.linspace(0.0, 1.0, FINE + 1))
     return points[:, -1], along(points)
 
 
