@@ -221,6 +221,17 @@ def test_import_pwscont_is_lean():
     assert not loaded & HEAVY
 
 
+def test_straight_pieces_need_no_optimizer():
+    """It takes as long to import as all the rest."""
+    code = (
+        "import sys\nfrom pwscont import LCP, explore\n"
+        "graph = explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0))\n"
+        "print(len(graph.pieces), 'scipy.optimize' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["2", "False"]
+
+
 @pytest.mark.parametrize("module", [*PACKAGES, "pwscont.extending"])
 def test_import_of_plug_ins_loads_no_plotting(module):
     loaded = loaded_by(f"import {module}")

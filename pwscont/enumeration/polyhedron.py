@@ -17,7 +17,6 @@ from typing import Any, final
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.optimize import linprog
 
 from pwscont.basics.arrays import Array
 
@@ -124,5 +123,7 @@ class Polyhedron:
 
     def _program(self, way: Array, vector: Array) -> Any:
         """Return scipy's answer for the largest ``way @ w`` with matrix w + vector >= 0."""
+        from scipy.optimize import linprog  # noqa: PLC0415  it takes as long to import as all the rest
+
         free, A = [(None, None)] * len(way), -self.matrix
         return linprog(-way, A_ub=A, b_ub=vector, bounds=free, method="highs", options=TIGHT)

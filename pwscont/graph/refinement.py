@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
@@ -158,6 +157,8 @@ def _where(segment: CurvedSegment, alpha: float) -> float:
     ends = segment.start.alpha - alpha, segment.end.alpha - alpha
     if ends[0] * ends[1] >= 0.0:
         return 0.0 if abs(ends[0]) <= abs(ends[1]) else segment.length
+    from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
+
     return float(brentq(lambda s: segment.near(s)[-1] - alpha, 0.0, segment.length))
 
 

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
@@ -200,7 +199,11 @@ def _first_change(event: UserEvent, segment: Segment, places: Array, sign: float
         return None
     if before is None:
         before = _still_positive(value, float(s))
-    return None if before is None else float(brentq(value, before, s, xtol=EPS * s, rtol=4.0 * EPS))
+    if before is None:
+        return None
+    from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
+
+    return float(brentq(value, before, s, xtol=EPS * s, rtol=4.0 * EPS))
 
 
 def _still_positive(value: Callable[[float], float], s: float) -> float | None:

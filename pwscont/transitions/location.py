@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
@@ -146,6 +145,8 @@ def locate_sign_change(
     """
     if not isinstance(segment, CurvedSegment):
         return locate_point(segment, bracket[0])
+    from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
+
     known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
 
     def along(s: float) -> float:
