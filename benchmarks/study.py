@@ -81,7 +81,7 @@ def graph() -> BranchGraph:
 
 def over_many(count: int) -> dict[str, range]:
     """Return settings with so many combinations."""
-    return {"number": range(count // 100), "further": range(100)}
+    return {"number": range(max(count // 100, 1)), "further": range(min(count, 100))}
 
 
 def known(number: int, further: int) -> BranchGraph:

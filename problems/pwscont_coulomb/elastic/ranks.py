@@ -49,8 +49,8 @@ def _loaded(name: str) -> Any:
     except (ImportError, RuntimeError) as error:  # RuntimeError: mpi4py without an MPI library
         raise MissingPackageError(
             f"Mumps needs MUMPS and pymumps, and {name} cannot be loaded: apt-get install "
-            "libmumps-dev libopenmpi-dev openmpi-bin (or your cluster's MUMPS), then "
-            "pip install '.[mumps]' in a checkout of pwscont"
+            "libmumps-dev libopenmpi-dev openmpi-bin libopenblas0-pthread (or your cluster's "
+            "MUMPS), then pip install '.[mumps]' in a checkout of pwscont"
         ) from error
 
 
