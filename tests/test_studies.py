@@ -262,6 +262,23 @@ def has_ended(group):
     return False
 
 
+def test_ctrl_c_does_not_reach_workers_that_are_starting():
+    """Even the first one begins with the signal blocked."""
+    script = (
+        "import signal, pickle\n"
+        "from pwscont.studies.workers import SPAWN, _no_interrupts\n"
+        "blocked = lambda: signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())\n"
+        "with _no_interrupts():\n"
+        "    process = SPAWN.Process(target=print, args=('started',))\n"
+        "    process.start()\n"
+        "    print(blocked())\n"
+        "process.join()\n"
+        "print(blocked())\n"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert sorted(run.stdout.split()) == ["False", "True", "started"]
+
+
 @pytest.mark.slow
 def test_ctrl_c_ends_all_processes_and_keeps_what_is_done(tmp_path):
     path = tmp_path / "study.db"
