@@ -52,6 +52,13 @@ class Choices:
         """Return the number of choices."""
         return len(self.starts)
 
+    @property
+    def rounding(self) -> Array:
+        """Estimate of the rounding error of the starts, shape (N,)."""
+        sizes = 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
+        rounding: Array = EPS * self.growth * sizes
+        return rounding
+
     def __getitem__(self, index: Indices | slice) -> Choices:
         """Return some of the choices."""
         parts = self.starts[index], self.directions[index], self.growth[index]

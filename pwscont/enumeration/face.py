@@ -54,8 +54,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
     span = problem.basis @ directions
     if dimension > MOST_DIMENSIONS:
         return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)), span)]
-    rounding = GUARD * EPS * float(one.growth[0]) * (1.0 + float(np.abs(start).max(initial=0.0)))
-    rounding = min(rounding, SLACK)
+    rounding = min(GUARD * float(one.rounding[0]), SLACK)
     around = Polyhedron.of(matrix, vector, rounding)
     inside = around and around.inside(rounding)
     if inside is None or inside[1].shape[1] < dimension:

@@ -11,6 +11,8 @@ from pwscont.graph.balance import Balance
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
 from pwscont.graph.verdict import verdict
 
+#: What is smaller than this part of the largest value of its kind is rounding, and reads as zero.
+DUST = 1e-12
 #: The recorded quantities of a state by name; a text says why one failed.
 Attempt = Mapping[str, float | str]
 

@@ -39,14 +39,14 @@ def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Mat
     values = [_called(function, size, layout, u) for u in points]
     traced = _traced(function, size, layout, zero)
     if traced is not None and not any(
-        _bent(layout, *each, traced, rest).any() for each in zip(points, values, strict=True)
+        _bent(layout, size, *each, traced, rest).any() for each in zip(points, values, strict=True)
     ):
         return traced, rest
     units = np.eye(len(zero))
     columns = [_called(function, size, layout, u) - rest for u in units]
     matrix = sp.csr_array(np.stack(columns, axis=1))
     for u, value in zip(points, values, strict=True):
-        _check(layout, size, _bent(layout, u, value, matrix, rest))
+        _check(layout, size, _bent(layout, size, u, value, matrix, rest))
     return matrix, rest
 
 
@@ -77,24 +77,21 @@ def _given(layout: Layout, y: Any) -> Pick:
     return pick
 
 
-def _bent(layout: Layout, u: Array, value: Array, matrix: Matrix, rest: Array) -> Signs:
+def _bent(layout: Layout, size: int, u: Array, value: Array, matrix: Matrix, rest: Array) -> Signs:
     """Tell which rows are not what the coefficients say."""
     terms = np.abs(value) + np.abs(rest) + abs(matrix) @ np.abs(u)
     with np.errstate(invalid="ignore"):
         off = np.abs(value - rest - matrix @ u)
-        right: Signs = off <= BENT * terms + _rounding(layout, value)
+        right: Signs = off <= BENT * terms + _rounding(layout, size, value)
     return ~right
 
 
-def _rounding(layout: Layout, value: Array) -> Array:
+def _rounding(layout: Layout, size: int, value: Array) -> Array:
     """Return how far rounding moves each row: a test is the difference of two branches."""
-    count = int(layout.branches.max(initial=-1)) + 1
-    tests = slice(len(value) - count - layout.number_of_tests, len(value) - count)
-    branches = np.abs(value[len(value) - count :])
+    branches = np.abs(value[size + layout.number_of_tests :])
     branches[~np.isfinite(branches)] = 0.0
-    rounding = np.zeros(len(value))
-    rounding[tests] = GUARD * EPS * branches[layout.branches].max(axis=1)[layout.switch_of]
-    return rounding
+    sizes = branches[layout.branches].max(axis=1)[layout.switch_of]
+    return GUARD * EPS * np.concatenate([np.zeros(size), sizes, np.zeros(len(branches))])
 
 
 def _check(layout: Layout, size: int, bent: Signs) -> None:

@@ -85,9 +85,9 @@ class UserFunction:
         for x, survey in zip(points, surveys, strict=True):
             self._called(x[:-1], float(x[-1]), survey)
         calls = surveys[0].calls
-        surveys += self._with_any_values(points, forms, len(calls))
-        several = len(points) > 1 and all(each.calls == calls for each in surveys)
-        prints = list(zip(*(each.prints for each in surveys), strict=True)) if several else []
+        prints = _prints(surveys) if len(points) > 1 else []
+        if len(set(prints)) < len(prints):  # else there is nothing to tell apart
+            prints = _prints([*surveys, *self._with_any_values(points, forms, len(calls))])
         return Layout(calls, forms, [prints.index(each) for each in prints] or None)
 
     def _with_any_values(
@@ -126,6 +126,12 @@ class UserFunction:
                 f"of the {self._size} unknowns is expected, shape ({self._size},)"
             )
         return found if found.shape else found.reshape(1)
+
+
+def _prints(surveys: Sequence[_Survey]) -> list[Any]:
+    """Return the arguments of each call in all surveys, none where their calls differ."""
+    several = all(each.calls == surveys[0].calls for each in surveys)
+    return list(zip(*(each.prints for each in surveys), strict=True)) if several else []
 
 
 class _Survey:

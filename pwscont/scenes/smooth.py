@@ -64,6 +64,12 @@ class Smooth:
         return along
 
 
+def is_straight(values: Array, parts: Array) -> bool:
+    """Tell whether values, (k,) or (k, m), at parts of the way lie on the line of their ends."""
+    line = values[0] + np.multiply.outer(parts, values[-1] - values[0])
+    return bool((np.abs(values - line) <= SAME * np.abs(values).max(axis=0)).all())
+
+
 def length_along(points: Array) -> Array:
     """Return the length along points, shape (k, m), at each; columns count by their extent."""
     extent, size = np.ptp(points, axis=0), np.abs(points).max()

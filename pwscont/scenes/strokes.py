@@ -17,7 +17,7 @@ import numpy.typing as npt
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph, Piece
-from pwscont.scenes.smooth import SAME, Smooth
+from pwscont.scenes.smooth import SAME, Smooth, is_straight
 
 #: Lines of two branches closer than this part of the picture's height look like one.
 NEAR = 3e-3
@@ -198,16 +198,9 @@ def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array
     if smooth is not None:
         return smooth(piece.alpha), smooth(along(piece.points))
     points = piece.points
-    if len(points) == 2 and not _is_straight(points, along):
+    if len(points) == 2 and not is_straight(along(_between(points, TRIED)), TRIED):
         points = _between(points, np.linspace(0.0, 1.0, FINE + 1))
     return points[:, -1], along(points)
-
-
-def _is_straight(ends: Array, along: Callable[[Array], Array]) -> bool:
-    """Tell whether a quantity is straight along a straight piece: what is recorded need not be."""
-    values = along(_between(ends, TRIED))
-    off = np.abs(values - (values[0] + TRIED * (values[-1] - values[0])))
-    return bool((off <= SAME * np.abs(values).max()).all())
 
 
 def _between(ends: Array, parts: Array) -> Array:

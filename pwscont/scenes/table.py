@@ -16,14 +16,12 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.exports import magnitudes
-from pwscont.graph.presentation import number
+from pwscont.graph.presentation import DUST, number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 
 #: Kinds of points whose solutions need no remark: they are like the solutions around them.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
-#: What is smaller than this part of its largest value, or than its error, reads as zero.
-DUST = 1e-12
 HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
 

@@ -130,9 +130,7 @@ def _cells(
     assert problem is not None
     points = _over_the_square(problem, choices, inverses)
     sides, tests = _sides(problem, choices, points)
-    sizes = np.linalg.norm(inverses * family.typical, axis=(1, 2))
-    sizes *= 1.0 + np.abs(choices.starts).max(axis=1)
-    rounding = EPS * choices.growth * sizes
+    rounding = choices.rounding * np.linalg.norm(inverses * family.typical, axis=(1, 2))
     for i in np.flatnonzero(_may_hold(sides, rounding)):
         lengths = np.hypot(*sides[i, :, :2].T)
         moves = lengths > GUARD * rounding[i]
@@ -144,11 +142,8 @@ def _cells(
             z = (problem.basis @ points[i])[:-2]
             z[:, 2] += problem.origin[:-2]
             sign = _det_sign(family, metric, character, z, polygon)
-            label, blur = (
-                family.system.label(character),
-                off / float(lengths[moves].min(initial=np.inf)),
-            )
-            yield Cell(character, label, sign, z, own, tests[i, moves], polygon, blur, off)
+            label, blur = family.system.label(character), off / lengths[moves].min(initial=np.inf)
+            yield Cell(character, label, sign, z, own, tests[i, moves], polygon, float(blur), off)
 
 
 def _polygon(sides: Array, blur: Array) -> Array:

@@ -30,12 +30,11 @@ from pwscont.two_parameters.joints import Joints, Solved, joints
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
 from pwscont.two_parameters.regions import Region
+from pwscont.two_parameters.strips import COARSE
 from pwscont.two_parameters.window import Window
 
 #: Points of the window's square closer than this are one, or more where cells are ill-conditioned.
 TOLERANCE = 2.0**-36
-#: With less accurate sides than this the map is not called complete.
-COARSE = EPS**0.5
 #: Narrow regions may be missing from the area by this many tolerances.
 SLIVERS = 1e4
 HEADINGS = {

@@ -32,7 +32,8 @@ def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, flo
     InvalidInputError
         If a range is none or has too few digits, or a parameter does not enter affinely.
     InvalidSystemError
-        If the family does not return systems, or one of them is not what its class promises.
+        If the family does not return systems, one of them is not what its class promises, or a
+        singular cell has solutions by rounding only.
     MissingPackageError
         If Shapely is not installed.
     """

@@ -16,13 +16,14 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.face import satisfies
 from pwscont.enumeration.options import Option, Problem
 from pwscont.enumeration.polyhedron import Polyhedron
 
-#: With less accurate inequalities than this a cell is not looked at, and the map is not certain.
+#: With less accurate inequalities than this the map is not certain.
 COARSE = EPS**0.5
 #: A point counts as farther if it is by this part of the square: linear programs know no more.
 FARTHER = 1e-9
@@ -68,7 +69,7 @@ def strip_of(problem: Problem, typical: Array, one: Choices) -> Strip | None:
     """
     picks, chosen = one.picks[:, 0], problem.chosen(one.picks[:, 0])
     above = _Above.of(problem, typical, one)
-    off = EPS * float(one.growth[0]) * (1.0 + float(np.abs(above.start).max()))
+    off = float(one.rounding[0])
     around = above.polyhedron(chosen, GUARD * off)
     if around is None or not satisfies(chosen, above.start, GUARD * float(one.growth[0])):
         return None
@@ -165,9 +166,13 @@ class _Shadow:
             yield from self._beyond(point, b)
 
     def _farthest(self, way: Array) -> Array:
-        """Return the farthest point of the shadow: the middle where rounding leaves no program."""
         found = self._polyhedron.farthest(way @ self._onto)
-        point: Array = np.zeros(2) if found is None else self._onto @ found
+        if found is None:
+            raise InvalidSystemError(
+                "a cell in which H is singular has solutions or none by rounding only, so that the "
+                "map is not known; choose a larger window, or other units"
+            )
+        point: Array = self._onto @ found
         return point
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pwscont.graph.presentation import number
+from pwscont.graph.presentation import DUST, number
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Plane, Sector
@@ -56,7 +56,7 @@ def _extent(scene: PlaneShown, part: LocusPart) -> str:
 def _point(scene: PlaneShown, alpha: float, mu: float) -> str:
     """Return a point of the plane without rounding dust."""
     scales = np.ptp([scene.alphas, scene.mus], axis=1)
-    values = [x if abs(x) > 1e-12 * s else 0.0 for x, s in zip((alpha, mu), scales, strict=True)]
+    values = [x if abs(x) > DUST * s else 0.0 for x, s in zip((alpha, mu), scales, strict=True)]
     return f"({scene.axes.alpha}, {scene.axes.mu}) = ({number(values[0])}, {number(values[1])})"
 
 

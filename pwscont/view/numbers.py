@@ -11,15 +11,12 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont.graph.presentation import DUST
 from pwscont.graph.refinement import fine_points
-from pwscont.scenes.smooth import APART, FINER, Smooth, length_along
+from pwscont.scenes.smooth import APART, FINER, Smooth, is_straight, length_along
 
 #: Most numbers of a file: eight bytes each, a third more as text.
 MOST_NUMBERS = 400_000
-#: What differs from a straight line by less than this part of the largest value is straight.
-STRAIGHT = 1e-9
-#: What is smaller than this part of the largest value of its column is rounding.
-DUST = 1e-12
 
 
 @final
@@ -127,10 +124,9 @@ def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
     """Return the rows of a straight piece: its ends, if what is recorded is straight, too."""
     if not graph.quantities.record:
         return _rows(graph, ends)
-    rows = _rows(graph, np.linspace(ends[0], ends[-1], max(finer, 2) + 1))
-    off = np.abs(rows - np.linspace(rows[0], rows[-1], len(rows)))
-    is_straight = bool((off <= STRAIGHT * np.abs(rows).max(axis=0)).all())
-    return rows[[0, -1]] if is_straight else rows
+    parts = np.linspace(0.0, 1.0, max(finer, 2) + 1)
+    rows = _rows(graph, np.linspace(ends[0], ends[-1], len(parts)))
+    return rows[[0, -1]] if is_straight(rows, parts) else rows
 
 
 def _increasing(length: Array) -> Array:
