@@ -76,6 +76,7 @@ class CoulombFriction(Coulomb):
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of the tests; kappa2 and kappa3 depend on F."""
-        bound = self.profile * self.kappa1(z)
-        by_alpha = np.stack([np.zeros_like(bound), -bound, bound], axis=1).ravel()
+        by_alpha = np.zeros(3 * self.body.p)
+        by_alpha[2::3] = bound = self.profile * self.kappa1(z)
+        by_alpha[1::3] = -bound
         return self.test_gradients(self.friction_at(alpha), by_alpha)

@@ -20,7 +20,7 @@ from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment
 from pwscont.system.hidden import completed_point, shown_points
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.location import locate_zero
 
 
@@ -129,7 +129,7 @@ def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]
     of the parabola through both points with the other point's direction, and that of the chord.
     """
     chord = curve.metric.normalised(b - a)
-    if isinstance(curve.selection.system, PiecewiseLinearSystem):
+    if curve.selection.is_straight:
         yield chord, chord
         return
     start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)

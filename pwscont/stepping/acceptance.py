@@ -116,8 +116,11 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
 def _off(segment: CurvedSegment, corrected: Corrected, is_sure: bool) -> float:
     """Return how far the cubic of a segment is from the curve, infinite outside the interval.
 
-    It is looked at in a second point where the prediction was not sure enough.
+    It is looked at in a second point where the prediction was not sure enough. A straight line
+    through two of its points is the curve.
     """
+    if segment.curve.selection.is_straight:
+        return 0.0
     off = _off_at(segment.inside, segment, corrected)
     if is_sure or not math.isfinite(off):
         return off

@@ -11,7 +11,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 
 @final
@@ -36,6 +36,8 @@ class Selection:
         adjacent_cells: tuple[Character, ...] = (),
     ) -> None:
         self.system = system
+        #: Whether the selection and its tests are affine, so that its curve is a straight line.
+        self.is_straight = isinstance(system, PiecewiseLinearSystem)
         self.character = character
         self.adjacent_cells = adjacent_cells
         tests, inside = _bounds(system, character)

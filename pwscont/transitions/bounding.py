@@ -37,6 +37,7 @@ LONG = 0.05
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
+NONE = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -68,9 +69,9 @@ class BoundingTests(TransitionDetector):
     ) -> Failure | None:
         """Say that a test that is positive at both ends is negative inside.
 
-        A dip that is rounding of the largest test is none.
+        A dip that is rounding of the largest test is none; affine tests have none.
         """
-        if not len(start.values):
+        if segment.curve.selection.is_straight or not len(start.values):
             return None
         for x in _looked_at(segment):
             values = segment.curve.selection.tests(x)
@@ -111,8 +112,10 @@ class BoundingTests(TransitionDetector):
 def next_to_zero(values: Array, slopes: Array) -> Indices:
     """Return the tests that are so small that they may be zero all along a piece."""
     sizes = np.abs(values)
-    near = sizes <= NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
-    return np.flatnonzero(near)
+    near = NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
+    if np.minimum.reduce(sizes) > near:
+        return NONE  # nearly always
+    return np.flatnonzero(sizes <= near)
 
 
 def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:

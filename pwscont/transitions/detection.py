@@ -219,9 +219,10 @@ def _before(reading: Joined) -> Joined:
 
 def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
-    soon = before.values + (RISES * length) * before.slopes
-    crossed = (after.values <= 0.0) & (np.maximum(before.values, soon) > 0.0)
-    turned = before.slopes * after.slopes
+    turned, crossed = before.slopes * after.slopes, after.values <= 0.0
+    if np.count_nonzero(crossed):
+        soon = before.values + (RISES * length) * before.slopes
+        crossed &= np.maximum(before.values, soon) > 0.0
     if not (np.count_nonzero(crossed) or np.minimum.reduce(turned) < 0.0):
         return []  # nearly every step
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)

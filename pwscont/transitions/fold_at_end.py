@@ -22,7 +22,6 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.rays import Ray
 
 #: A curve steeper than this at an end has no fold there.
@@ -40,7 +39,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     None where it is not at an end, or alpha goes on beyond.
     """
     side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > LEVEL or _is_straight(curve):
+    if not side or abs(slope) > LEVEL or curve.selection.is_straight:
         return None
     inwards = BESIDE if side * slope > 0.0 else -BESIDE
     here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
@@ -58,15 +57,11 @@ def leaning(ray: Ray) -> Ray:
     """Return a ray that leads along an end of the interval so that it leads into the interval."""
     curve, state = ray.curve, ray.state
     side = _side(curve, state)
-    if not side or curve.slope(state) or _is_straight(curve):
+    if not side or curve.slope(state) or curve.selection.is_straight:
         return ray
     tangent = state.tangent.copy()
     tangent[-1] = side * LEAN * curve.metric.scale[-1]
     return replace(ray, state=State(state.x, tangent, state.error, state.orientation))
-
-
-def _is_straight(curve: Curve) -> bool:
-    return isinstance(curve.selection.system, PiecewiseLinearSystem)
 
 
 def _side(curve: Curve, state: State) -> int:

@@ -28,7 +28,6 @@ from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import corrected, is_within, uncertainty
 from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.system.system import PiecewiseLinearSystem
 
 MOST_NEWTON = 8
 #: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
@@ -94,7 +93,7 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
 def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Failure:
     """Return the zero and samples of its error, where it is regular."""
     curve = segment.curve
-    straight = isinstance(curve.selection.system, PiecewiseLinearSystem)
+    straight = curve.selection.is_straight
     exact = straight and not isinstance(segment, CurvedSegment)
     if exact and (found := corrected(curve, x, *border(x))):
         return Failure(FailureReason.SINGULAR) if found[0].factor.is_singular() else found
