@@ -233,6 +233,7 @@ def test_straight_pieces_need_no_optimizer():
 
 
 @pytest.mark.parametrize("module", [*PACKAGES, "pwscont.extending"])
+@pytest.mark.sweep(3)
 def test_import_of_plug_ins_loads_no_plotting(module):
     loaded = loaded_by(f"import {module}")
     assert "pwscont" in loaded

@@ -136,6 +136,7 @@ def test_every_scene_is_runnable(name):
 
 @EVERY_SCENE
 @pytest.mark.usefixtures("solved_once")
+@pytest.mark.sweep(3)
 def test_every_scene_prints_a_table(capsys, name):
     status, out, _ = run(capsys, "run", name)
     assert status == 0

@@ -93,7 +93,7 @@ def test_the_truth_solves_the_system(family, number):
 @pytest.mark.parametrize(
     ("family", "number"), list(product(sorted(set(FAMILIES) - NO_END), range(30)))
 )
-@pytest.mark.sweep(6)
+@pytest.mark.sweep(12)
 def test_components_of_the_truth_end_at_the_interval(family, number):
     """F5: a curve that is cut off before would make right solutions look invented."""
     case, _ = case_of(family, 2, number)

@@ -60,6 +60,7 @@ SCENES = [CASES["fig7"], CASES["fig11"], example1(), fig10(), fig13(), example3(
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: getattr(scene, "name", "scene"))
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(5)
 def test_every_zero_is_an_event_and_nothing_else_changes(scene, seed):
     system, rng = scene.system, np.random.default_rng(seed)
     plain = explore(system, scene.interval)

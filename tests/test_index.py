@@ -57,7 +57,7 @@ RIDING = [
 
 @pytest.mark.parametrize("nodes", RIDING, ids="/".join)
 @pytest.mark.parametrize("friction", FRICTIONS)
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(7)
 def test_a_path_along_interfaces_has_the_index_of_what_is_beside(nodes, friction):
     for seed in range(6 if len(nodes) < 3 else 2):
         body = random_body(len(nodes), seed, inner=0)

@@ -62,7 +62,7 @@ class Chained(PiecewiseLinearSystem):
         return found
 
 
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(7)
 @pytest.mark.parametrize("seed", range(40))
 @pytest.mark.parametrize("sizes", [(1,) * 8, (2, 1, 3, 1, 1), (3, 3, 2)])
 def test_slices_in_parts_against_brute_force(seed, sizes):

@@ -73,7 +73,7 @@ def place(d, among):
 
 @pytest.mark.parametrize("strength", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("k", [1, 2, 3, 5, 7])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(7)
 def test_ways_on_are_among_the_rays_of_brute_force(k, strength):
     """From each ray another is found; without one a path has two ends, or is closed."""
     several = 0
