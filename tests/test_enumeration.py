@@ -367,12 +367,12 @@ def problem_of(blocks, dimension):
     unit, none, empty = np.eye(dimension), np.zeros((0, dimension)), np.zeros(0)
     options = [
         [
-            Option((), (), np.zeros(0, int), empty, unit[[i]], np.array([-value]), none, empty)
-            for i, value in block
+            Option((), (), np.zeros(0, int), empty, row, np.array([-value]), none, empty, row)
+            for row, value in ((unit[[i]], value) for i, value in block)
         ]
         for block in blocks
     ]
-    return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, 0, 1.0)
+    return Problem(options, none, np.zeros(0), np.zeros(dimension), unit, none, 0, 1.0)
 
 
 @pytest.mark.parametrize(

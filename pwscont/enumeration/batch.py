@@ -8,18 +8,21 @@ Failure modes and answers
 - Equations that depend on those decided before: found by the factorisation of each block's own
   equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
   batch. A cell without a unique point is handed on as a subspace, not solved.
+- A pivot that is rounding, but has grown above what is negligible: where it is that small, exact
+  elimination of the equations themselves decides.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget
-from pwscont.enumeration.choices import Choices, Subspace, negligible, slack_at
+from pwscont.enumeration.choices import Choices, Subspace, is_near, negligible, slack_at
 from pwscont.enumeration.options import Option, Problem
 
 
@@ -39,16 +42,16 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
     choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
     for options in problem.blocks[len(chosen) :]:
         check_budget()
-        choices, dependent = _spread(choices, options)
+        choices, dependent = _spread(problem, choices, options)
         for picked, parent in dependent:
-            narrower = parent.narrowed(options[picked[-1]])
+            narrower = parent.narrowed(options[picked[-1]], partial(problem.rank_added, picked))
             if narrower is not None:
                 yield from together(problem, picked, narrower)
     yield choices if choices.directions.shape[-1] else _inside(problem, choices)
 
 
 def _spread(
-    choices: Choices, options: Sequence[Option]
+    problem: Problem, choices: Choices, options: Sequence[Option]
 ) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
     """Impose every option of one more block on every choice.
 
@@ -61,6 +64,9 @@ def _spread(
     R = np.swapaxes(R[..., :k, :], -1, -2)
     pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     regular = (pivots > negligible(matrices)).all(axis=-1)
+    for near in np.argwhere(regular & is_near(pivots, matrices)):
+        rank = problem.rank_added(_picked(choices, *near))
+        regular[tuple(near)] = rank in (None, k)
     parents, taken = np.nonzero(regular)
     Q, directions = Q[regular], choices.directions[parents]
     steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
@@ -83,9 +89,13 @@ def _dependent(
     choices: Choices, regular: npt.NDArray[np.bool_]
 ) -> Iterator[tuple[tuple[int, ...], Subspace]]:
     for parent, option in np.argwhere(~regular):
-        picked = (*choices.picks[:, parent].tolist(), int(option))
+        picked = _picked(choices, parent, option)
         parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
         yield picked, Subspace(*parts)
+
+
+def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
+    return (*choices.picks[:, parent].tolist(), int(option))
 
 
 def _inside(problem: Problem, choices: Choices) -> Choices:

@@ -10,6 +10,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -19,6 +20,8 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option
 
+#: What is larger than rounding by less than this factor may be rounding that has grown.
+NEAR = 256.0
 #: Relative slack of inequalities by which choices are cut off.
 SLACK = 1e-5
 
@@ -87,11 +90,17 @@ class Subspace:
         """How far below zero an inequality of unit length may be computed and still hold."""
         return float(slack_at(self.growth) * (1.0 + np.abs(self.start).max(initial=0.0)))
 
-    def narrowed(self, option: Option) -> Subspace | None:
-        """Return the part of the subspace in which E y + e = 0, None where there is none."""
+    def narrowed(self, option: Option, rank_added: Callable[[], int | None]) -> Subspace | None:
+        """Return the part of the subspace in which E y + e = 0, None where there is none.
+
+        How many of the equations are independent of those decided before is asked for where
+        rounding leaves doubt.
+        """
         matrix, rest = option.E @ self.directions, option.E @ self.start + option.e
         U, sigma, Vt = np.linalg.svd(matrix)
         rank = int((sigma > negligible(matrix)).sum())
+        if is_near(sigma[:rank], matrix) and (exactly := rank_added()) is not None:
+            rank = min(rank, exactly)
         coefficients = U.T @ rest
         if (np.abs(coefficients[rank:]) > self.slack).any():
             return None
@@ -109,3 +118,8 @@ def slack_at(growth: Any) -> Any:
 def negligible(matrix: Array) -> float:
     """Return the size below which entries of unit rows, shape (..., k, q), are rounding."""
     return 8.0 * EPS * float(max(matrix.shape[-2:]))
+
+
+def is_near(pivots: Array, matrix: Array) -> Any:
+    """Tell whether some pivots, shape (..., k), are so small that rounding may have made them."""
+    return pivots.min(axis=-1, initial=1.0) <= NEAR * negligible(matrix)

@@ -25,20 +25,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias, final
+from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
+from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
 from pwscont.system.system import Block, SlicewiseLinearSystem
 
-Row: TypeAlias = list[int]
-
-#: Multiplications of integers that take a few seconds.
-MOST_WORK = 5_000_000
 #: A solution is far outside its cell if a test is negative by more than this part of its terms.
 FAR = 0.1
 
@@ -84,47 +81,6 @@ class ExactSolution:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Echelon:
-    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'."""
-
-    n: int
-    rows: tuple[Row, ...] = ()
-    columns: tuple[int, ...] = ()
-
-    def extended(self, rows: Sequence[Row]) -> _Echelon | None:
-        """Return the echelon with more rows, None where they depend on each other."""
-        echelon: _Echelon | None = self
-        for row in rows:
-            echelon = echelon._with(row) if echelon else None
-        return echelon
-
-    def _with(self, row: Row) -> _Echelon | None:
-        before = 1
-        for known, column in zip(self.rows, self.columns, strict=True):
-            pivot, factor = known[column], row[column]
-            row = [(pivot * a - factor * b) // before for a, b in zip(row, known, strict=True)]
-            before = pivot
-        pivots = [j for j in range(self.n) if row[j]]
-        if not pivots:
-            return None
-        return _Echelon(self.n, (*self.rows, row), (*self.columns, pivots[0]))
-
-    @property
-    def determinant(self) -> int:
-        """The determinant of the rows in order, with the columns in the order of the pivots."""
-        return self.rows[-1][self.columns[-1]]
-
-    def solved(self, side: int) -> Row:
-        """Return y, integers with A y + D b = 0, for the right side in one of the columns."""
-        y = [0] * self.n
-        for row, column in zip(self.rows[::-1], self.columns[::-1], strict=True):
-            rest = sum(a * b for a, b in zip(row, y, strict=False) if b)
-            y[column] = -(self.determinant * row[side] + rest) // row[column]
-        return y
-
-
-@final
 class ExactSlice:
     """The rows of all modes and all tests at one alpha, as integers.
 
@@ -159,17 +115,17 @@ class ExactSlice:
 
     def solutions(self) -> Iterator[ExactSolution]:
         """Yield the solution of every regular cell that lies in it, or not far outside."""
-        self._integers = [[_integers(row) for row in rows] for rows in self._rows]
-        self._integer_tests = [_integers(row) for row in self._tests]
-        start = _Echelon(self._n).extended([self._integers[0][i] for i in self._common])
+        self._integers = [[integers(row) for row in rows] for rows in self._rows]
+        self._integer_tests = [integers(row) for row in self._tests]
+        start = Echelon(self._n).extended([self._integers[0][i] for i in self._common])
         for picks, echelon in self._descend((), start) if start else ():
             found = self._at(picks, echelon)
             if found is not None:
                 yield found
 
     def _descend(
-        self, picks: tuple[int, ...], echelon: _Echelon
-    ) -> Iterator[tuple[tuple[int, ...], _Echelon]]:
+        self, picks: tuple[int, ...], echelon: Echelon
+    ) -> Iterator[tuple[tuple[int, ...], Echelon]]:
         if len(picks) == len(self._blocks):
             yield picks, echelon
             return
@@ -179,7 +135,7 @@ class ExactSlice:
             if longer is not None:
                 yield from self._descend((*picks, k), longer)
 
-    def _at(self, picks: tuple[int, ...], echelon: _Echelon) -> ExactSolution | None:
+    def _at(self, picks: tuple[int, ...], echelon: Echelon) -> ExactSolution | None:
         """Return the solution of a cell, None where it is far outside."""
         y, D = echelon.solved(self._n), echelon.determinant
         exactly = tuple(Fraction(value, D) for value in y)
@@ -219,21 +175,14 @@ class ExactSlice:
             rows[list(block.rows)] = self._rows[pick][list(block.rows)]
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
         unit = np.eye(self._n)
-        longer = [_integers(np.append(row, unit[i])) for i, row in enumerate(rows)]
-        echelon = _Echelon(self._n).extended(longer)
+        longer = [integers(np.append(row, unit[i])) for i, row in enumerate(rows)]
+        echelon = Echelon(self._n).extended(longer)
         assert echelon is not None, "the cell is regular"
         D = echelon.determinant
         columns = [echelon.solved(self._n + 1 + i) for i in range(self._n)]
         inverse = np.array([[_float(Fraction(y, D)) for y in column] for column in columns])
         error: Array = inverse * rounding[:, np.newaxis]
         return error
-
-
-def _integers(values: Array) -> Row:
-    """Return a row times the least power of two that makes its entries integers."""
-    ratios = [float(value).as_integer_ratio() for value in values]
-    common = max(denominator for _, denominator in ratios)
-    return [numerator * (common // denominator) for numerator, denominator in ratios]
 
 
 def _float(value: Fraction) -> float:

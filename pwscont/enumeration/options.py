@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import final
 
 import numpy as np
@@ -19,6 +20,7 @@ from pwscont.basics.arrays import Array, Indices, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.enumeration.echelon import MOST_WORK, rank
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
 from pwscont.system.system import Block, SlicewiseLinearSystem
@@ -39,6 +41,8 @@ class Option:
         The tests of the block that bound its cell, and +1 or -1 for their signs.
     E, e, G, g : ndarray
         Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
+    rows : ndarray, shape (k, N)
+        The coefficients of the original unknowns in the equations.
     """
 
     tests: tuple[int, ...]
@@ -49,6 +53,7 @@ class Option:
     e: Array
     G: Array
     g: Array
+    rows: Array
 
 
 @final
@@ -64,6 +69,8 @@ class Problem:
         Inequalities A y + b >= 0 that every solution satisfies, whatever the options.
     origin, basis : ndarray, shapes (n,) and (n, d)
         The original unknowns are origin + basis @ y.
+    common : ndarray, shape (c, n)
+        The coefficients of the original unknowns in the equations common to all cells.
     tests : int
         Number of test functions of the system.
     growth : float
@@ -75,6 +82,7 @@ class Problem:
     b: Array
     origin: Array
     basis: Array
+    common: Array
     tests: int
     growth: float
 
@@ -86,6 +94,17 @@ class Problem:
     def chosen(self, picks: Indices | tuple[int, ...]) -> list[Option]:
         """Return the options that a choice picks in the first blocks, one by its place in each."""
         return [options[pick] for options, pick in zip(self.blocks, picks, strict=False)]
+
+    def rank_added(self, picks: tuple[int, ...]) -> int | None:
+        """Return how many equations of the last option picked are independent, exactly.
+
+        None where it would take too long to ask this of all choices.
+        """
+        rows = np.vstack([self.common, *(option.rows for option in self.chosen(picks))])
+        cells = prod(len(options) for options in self.blocks)
+        if cells * len(rows) * rows.shape[1] ** 2 > MOST_WORK:
+            return None
+        return rank(rows) - rank(rows[: len(rows) - len(self.chosen(picks)[-1].rows)])
 
     def character(self, picks: Indices) -> Character:
         """Return the character of a choice of one option per block."""
@@ -156,7 +175,7 @@ def problem_of(
     ]
     options.sort(key=len)
     A, b = _reduced(A, b, origin, basis)
-    return Problem(options, A, b, origin, basis, len(kappa), growth)
+    return Problem(options, A, b, origin, basis, slices[0][0][common], len(kappa), growth)
 
 
 def aside(scale: Array) -> Array:
@@ -232,7 +251,7 @@ def _option(
     bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
     side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
     G, g = side[:, np.newaxis] * G[bounds], side * g[bounds]
-    return Option(block.tests, mode, bounds, side, E, e, G, g)
+    return Option(block.tests, mode, bounds, side, E, e, G, g, affine[0][rows])
 
 
 def bounding(

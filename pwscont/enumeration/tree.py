@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from math import prod
 from typing import Any, final
@@ -107,8 +108,9 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
     reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
     chosen = tuple(picks[picks != OPEN].tolist())
     space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for options, pick in zip(reordered.blocks, chosen, strict=False):
-        space = space.narrowed(options[pick]) if space else None
+    for i, option in enumerate(reordered.chosen(chosen)):
+        rank = partial(reordered.rank_added, chosen[: i + 1])
+        space = space.narrowed(option, rank) if space else None
     for choices in together(reordered, chosen, space) if space else ():
         yield replace(choices, picks=choices.picks[np.argsort(order)])
 
@@ -117,8 +119,9 @@ def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
     """Return the choices that are left, or of which all completions are; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
     space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for (option,) in single:
-        space = space.narrowed(option) if space else None
+    for i, (option,) in enumerate(single):
+        rank = partial(problem.rank_added, (0,) * (i + 1))
+        space = space.narrowed(option, rank) if space else None
     if space is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]

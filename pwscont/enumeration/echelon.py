@@ -1,0 +1,74 @@
+"""Elimination in integers, without rounding (Bareiss 1968).
+
+Doubles are rational: rows are made rows of integers, and fraction-free elimination leaves integers
+whose quotients are the solution. Whether rows depend on each other is decided exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+from pwscont.basics.arrays import Array
+
+Row: TypeAlias = list[int]
+
+#: Multiplications of integers that take a few seconds.
+MOST_WORK = 5_000_000
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Echelon:
+    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'."""
+
+    n: int
+    rows: tuple[Row, ...] = ()
+    columns: tuple[int, ...] = ()
+
+    def extended(self, rows: Sequence[Row]) -> Echelon | None:
+        """Return the echelon with more rows, None where they depend on each other."""
+        echelon: Echelon | None = self
+        for row in rows:
+            echelon = echelon._with(row) if echelon else None
+        return echelon
+
+    def _with(self, row: Row) -> Echelon | None:
+        before = 1
+        for known, column in zip(self.rows, self.columns, strict=True):
+            pivot, factor = known[column], row[column]
+            row = [(pivot * a - factor * b) // before for a, b in zip(row, known, strict=True)]
+            before = pivot
+        pivots = [j for j in range(self.n) if row[j]]
+        if not pivots:
+            return None
+        return Echelon(self.n, (*self.rows, row), (*self.columns, pivots[0]))
+
+    @property
+    def determinant(self) -> int:
+        """The determinant of the rows in order, with the columns in the order of the pivots."""
+        return self.rows[-1][self.columns[-1]]
+
+    def solved(self, side: int) -> Row:
+        """Return y, integers with A y + D b = 0, for the right side in one of the columns."""
+        y = [0] * self.n
+        for row, column in zip(self.rows[::-1], self.columns[::-1], strict=True):
+            rest = sum(a * b for a, b in zip(row, y, strict=False) if b)
+            y[column] = -(self.determinant * row[side] + rest) // row[column]
+        return y
+
+
+def rank(rows: Array) -> int:
+    """Return how many rows, shape (k, n), are independent of the ones before them."""
+    echelon = Echelon(rows.shape[1])
+    for row in rows:
+        echelon = echelon.extended([integers(row)]) or echelon
+    return len(echelon.rows)
+
+
+def integers(values: Array) -> Row:
+    """Return a row times the least power of two that makes its entries integers."""
+    ratios = [float(value).as_integer_ratio() for value in values]
+    common = max(denominator for _, denominator in ratios)
+    return [numerator * (common // denominator) for numerator, denominator in ratios]
