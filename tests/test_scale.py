@@ -182,6 +182,31 @@ def test_a_long_run_of_updates_does_not_drift():
     assert solver.updates > 10 * solver.factorisations
 
 
+def test_many_rows_at_once_are_one_update():
+    """As many rows as a third of the matrix, with changes made one by one before."""
+    m, rng, table = 60, np.random.default_rng(2), random_table(60)
+    solver, choice = Updating(), np.zeros(m, int)
+    for changed in (1, 2, 20, 3, 9, 20):
+        choice[rng.choice(m, changed, replace=False)] += 1
+        matrix = Table(table, choice := choice % 3)
+        dense, x = matrix.dense(), rng.normal(size=m)
+        bound = 1e-12 * np.linalg.cond(dense)
+        np.testing.assert_allclose(solver.solve(matrix, dense @ x), x, atol=bound)
+        np.testing.assert_allclose(solver.solve_transposed(matrix, x @ dense), x, atol=bound)
+        assert solver.sign(matrix) == np.linalg.slogdet(dense)[0]
+    assert (solver.factorisations, solver.updates) == (1, 5)
+
+
+def test_rows_that_become_equal_together_are_factorised_afresh():
+    m, table = 60, random_table(60)
+    table[1, :12] = table[1, 12:24]
+    solver, choice = Updating(), np.zeros(m, int)
+    solver.solve(Table(table, choice), np.ones(m))
+    choice[:24] = 1
+    assert np.isfinite(solver.solve(Table(table, choice), np.ones(m))).all()
+    assert (solver.factorisations, solver.updates) == (2, 0)
+
+
 def test_a_nearly_singular_matrix_on_the_way():
     """Two equal rows, then others again: factorised, never updated through infinity."""
     m, table = 20, random_table(20)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -35,6 +36,13 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         entry = name + (str(list(where)) if where else "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
+
+
+def indices(numbers: Sequence[int]) -> Indices:
+    """Return integers as an array; of a range numpy makes one number by number."""
+    if isinstance(numbers, range):
+        return np.arange(numbers.start, numbers.stop, numbers.step, dtype=np.intp)
+    return np.asarray(numbers, dtype=np.intp)
 
 
 def dense(matrix: Matrix) -> Array:

@@ -42,11 +42,13 @@ SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
 #: Up to this part of all rows are replaced at once; beyond, a fresh inverse costs less.
-FEW_ROWS = 1.0 / 8.0
+FEW_ROWS = 1.0 / 3.0
 #: A factorisation that has served for so many solves is inverted: each then costs half as much.
 MANY_SOLVES = 8
 #: After this many changes per row the matrix is factorised afresh.
 MANY_UPDATES = 2.0
+#: More changes than these are made together, which takes as long as one product of matrices.
+SINGLY = 8
 #: So many changes are subtracted from the inverse at once.
 TOGETHER = 48
 #: A right-hand side of no more entries is solved for by columns of the inverse.
@@ -185,11 +187,31 @@ class Updating(RowSolver):
         if not self._inverted():
             return False
         differences = matrix.rows(changed) - last.rows(changed)
-        for row, difference in zip(changed, differences, strict=True):
-            if not self._replace(int(row), difference):
-                return False
+        if not self._replaced(changed, differences):
+            return False
         self._since += len(changed)
         self.updates += 1
+        return True
+
+    def _replaced(self, rows: Indices, differences: Array) -> bool:
+        """Change some rows; False where that loses too many digits."""
+        if len(rows) > SINGLY:
+            return self._replace_together(rows, differences)
+        pairs = zip(rows, differences, strict=True)
+        return all(self._replace(int(row), difference) for row, difference in pairs)
+
+    def _replace_together(self, rows: Indices, differences: Array) -> bool:
+        """Change some rows at once: M'^-1 = M^-1 - W (I + D W)^-1 D M^-1 (Woodbury)."""
+        self._matrix = self._changes.subtracted(self._matrix)
+        self._changes = Changes(differences.shape[1])
+        w = self._matrix[:, rows]
+        pivots, which = factorised(np.eye(len(rows)) + differences @ w)
+        smallest = np.abs(pivots.diagonal()).min()
+        if not smallest > SMALL_PIVOT * (1.0 + float((np.abs(differences) @ np.abs(w)).max())):
+            return False
+        parts = solved(pivots, which, (differences @ self._matrix).T).T
+        self._matrix = blas.dgemm(-1.0, w, parts, 1.0, self._matrix, overwrite_c=1)
+        self._sign *= sign_of_pivots(pivots.diagonal(), which)
         return True
 
     def _replace(self, row: int, difference: Array) -> bool:
@@ -263,6 +285,8 @@ class Changes:
     def subtracted(self, inverse: Array) -> Array:
         """Return the inverse after the changes, in place."""
         k = self.count
+        if not k:
+            return inverse
         parts = self._solved(self._d[:k] @ inverse, 0)
         result: Array = blas.dgemm(-1.0, self._w[:k].T, parts, 1.0, inverse, overwrite_c=1)
         return result

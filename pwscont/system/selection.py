@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, residual_at
@@ -105,5 +105,5 @@ class Selection:
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:
     """Return the tests that bound a cell, and their signs inside."""
-    tests = np.asarray(system.bounding_tests(character), dtype=np.intp)
+    tests = indices(system.bounding_tests(character))
     return tests, character.array[tests]

@@ -12,7 +12,7 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.arrays import Array, Indices, Matrix, indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
@@ -250,11 +250,10 @@ class PiecewiseSystem(ABC):
 
         One byte per test function: 0 for a test that does not bound the cell, else its sign.
         """
-        signs = character.signs
-        cell = bytearray(len(signs))
-        for i in self.bounding_tests(character):
-            cell[i] = 2 if signs[i] else 1
-        return bytes(cell)
+        signs = character.array.view(np.uint8) + np.uint8(1)
+        bounding, cell = indices(self.bounding_tests(character)), np.zeros_like(signs)
+        cell[bounding] = signs[bounding]
+        return cell.tobytes()
 
 
 def _number_of_tests(system: PiecewiseSystem) -> int:
