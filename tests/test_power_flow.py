@@ -10,7 +10,7 @@ import pytest
 from pwscont_power import Branch, Generator, Network, PowerFlow, from_matpower, from_pandapower
 from pwscont_power.networks import ieee14 as ieee14_network
 from pwscont_power.networks import three_bus as three_bus_network
-from pwscont_power.scenes import ieee14, three_bus, three_bus_flow, three_bus_limits
+from pwscont_power.scenes import ieee14, ieee118, three_bus, three_bus_flow, three_bus_limits
 from scipy.optimize import brentq, fsolve
 from sweeps import swept
 
@@ -294,6 +294,28 @@ def test_ieee14_against_pandapower(loading):
     upper = max(found, key=lambda s: min(s[f"V{bus}"] for bus in range(2, 15)))
     voltages = [upper[f"V{bus}"] for bus in range(2, 15)]
     np.testing.assert_allclose(voltages, PANDAPOWER["V"][loading][1:], atol=1e-9)
+
+
+REFERENCE_118 = Path(__file__).parent / "reference" / "pandapower_ieee118.json"
+PANDAPOWER_118 = json.loads(REFERENCE_118.read_text())
+
+
+@pytest.mark.slow
+def test_ieee118_against_pandapower():
+    """54 generators, about 50 of which reach a limit before the fold, where one more does."""
+    graph = ieee118().run()
+    (fold,) = graph.special_points("nonsmooth fold")
+    assert fold.message == "G10 reaches Q max"
+    assert graph.count(1.0) == graph.count(fold.alpha - 1e-6) == 2
+    assert graph.count(fold.alpha + 1e-6) == 0
+    for loading, voltages in PANDAPOWER_118["V"].items():
+        found = graph.solutions(float(loading))
+        upper = max(found, key=lambda s: s["V10"])
+        named = [upper[f"V{bus}"] for bus in range(1, 119) if bus != 69]
+        np.testing.assert_allclose(named, np.delete(voltages, 68), atol=1e-9)
+        system = ieee118().system
+        for solution in found:
+            assert is_solution(system.network, float(loading), system.voltages(solution.z))
 
 
 def test_a_pandapower_net_is_the_same_network():

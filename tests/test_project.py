@@ -1,6 +1,9 @@
 """The project around the code: one version, a change log, urls, hooks, continuous integration."""
 
+import ast
+import io
 import re
+import tokenize
 import tomllib
 from importlib import import_module
 from importlib.metadata import entry_points, version
@@ -40,6 +43,31 @@ def test_scenes_are_registered():
     named = PROJECT["project"]["entry-points"]["pwscont.scenes"]
     offered = {point.name: point.value for point in entry_points(group="pwscont.scenes")}
     assert named.items() <= offered.items()
+
+
+ENDS = tokenize.NL, tokenize.NEWLINE, tokenize.ENDMARKER
+NO_CODE = {tokenize.COMMENT, tokenize.INDENT, tokenize.DEDENT, *ENDS}
+DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef
+
+
+def lines_of_code(file):
+    """Return the numbers of the lines with anything but comments and docstrings."""
+    source = file.read_text(encoding="utf-8")
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    lines = {n for t in tokens if t.type not in NO_CODE for n in range(t.start[0], t.end[0] + 1)}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node):
+            lines -= {*range(node.body[0].lineno, node.body[0].end_lineno + 1)}
+    return lines
+
+
+def test_long_packages_say_why():
+    rows = re.findall(r"\* - ``(pwscont_\w+)``\n     - ([\d,]+)\n", text("docs/extending.rst"))
+    said = {name: int(lines.replace(",", "")) for name, lines in rows}
+    for package in (ROOT / "problems").glob("pwscont_*"):
+        files = [f for f in package.rglob("*.py") if not {"scenes", "scenes.py"} & {*f.parts}]
+        lines = sum(len(lines_of_code(file)) for file in files)
+        assert lines < 400 or abs(said[package.name] - lines) < 0.03 * lines, (package.name, lines)
 
 
 def test_public_hosts_run_everything_on_every_python():

@@ -29,3 +29,8 @@ def three_bus(Q_max: float = 0.8) -> Network:
 def ieee14() -> Network:
     """Return the IEEE 14-bus test case."""
     return from_matpower(DATA / "case14.m")
+
+
+def ieee118() -> Network:
+    """Return the IEEE 118-bus test case."""
+    return from_matpower(DATA / "case118.m")

@@ -9,6 +9,7 @@ import numpy as np
 from pwscont import Panel, Scene
 from pwscont_power.flow import PowerFlow
 from pwscont_power.networks import ieee14 as ieee14_network
+from pwscont_power.networks import ieee118 as ieee118_network
 from pwscont_power.networks import three_bus as three_bus_network
 from pwscont_power.plane import LimitPlane
 
@@ -51,6 +52,19 @@ def ieee14() -> Scene:
         parameter="lambda",
         at=(1.0,),
         panels=(Panel("V14"), Panel("V3"), Panel("Q2"), Panel("Q6")),
+    )
+
+
+def ieee118() -> Scene:
+    """Return the IEEE 118-bus test case: the largest load is where a generator meets its limit."""
+    return Scene(
+        "ieee118",
+        "IEEE 118 buses, loads and generation scaled together",
+        PowerFlow(ieee118_network()),
+        (0.3, 2.3),
+        parameter="lambda",
+        at=(1.0,),
+        panels=(Panel("V76"), Panel("V44"), Panel("V10"), Panel("Q10")),
     )
 
 
