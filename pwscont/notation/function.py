@@ -264,6 +264,8 @@ def true_modes(tests: Sequence[Any]) -> Any:
 
 def taken(modes: Any, branches: Sequence[Any]) -> Any:
     """Return from each entry the branch of its mode."""
+    if len(branches) == 2:
+        return where(modes, branches[1], branches[0])
     found = branches[0]
     for mode, branch in enumerate(branches[1:], start=1):
         found = where(modes >= mode, branch, found)
