@@ -147,8 +147,16 @@ class Floating(PiecewiseLinearSystem):
         return np.array([3.0 * z[1] if character.signs[0] else z[1], 2.0 * z[1] + alpha])
 
 
-def test_an_area_of_solutions_is_no_complete_graph_of_curves():
-    graph = explore(Blocked(), (-1.0, 1.0))
+class BlockedTwice(Blocked):
+    """The same, and two tests that vanish together."""
+
+    def test_functions(self, z, alpha):
+        return np.array([-z[0], z[0]])
+
+
+@pytest.mark.parametrize("system", [Blocked(), BlockedTwice()])
+def test_an_area_of_solutions_is_no_complete_graph_of_curves(system):
+    graph = explore(system, (-1.0, 1.0))
     assert graph.guarantee == "balanced; solutions fill more than curves at alpha = -1"
 
 
