@@ -11,7 +11,7 @@ from pwscont_circuits.netlist import Netlist, parse_netlist, read_netlist
 
 #: The netlist that the scene ``netlist`` reads unless it is given another.
 INVERTER = Path(__file__).parent / "inverter.cir"
-#: Most sections of a ladder: its text alone takes a second.
+#: Most sections of a ladder: so many already take more than a minute.
 MOST_SECTIONS = 100_000
 
 

@@ -13,7 +13,7 @@ from pwscont_structures.softening import SofteningBar
 from pwscont_structures.strut import Strut, Support
 from pwscont_structures.truss import TrussChain
 
-#: Most trusses of a chain, whose matrices are dense: beyond, one takes more than a gigabyte.
+#: Most trusses of a chain: so many already take more than a minute.
 MOST_TRUSSES = 10_000
 
 
