@@ -373,7 +373,8 @@ def test_wrong_circuits_are_refused(elements, words):
         (lambda: Polyline([2.0, 1.0], [0.0, 1.0, 2.0]), "knots must ascend"),
         (lambda: Polyline([1.0], [0.0]), "k knots need k + 1 slopes"),
         (lambda: VoltageSource("", "a", "0", 1.0), "the name of an element must be a text"),
-        (lambda: diode_ladder(sections=0), "sections must be at least 1"),
+        (lambda: diode_ladder(sections=0), "sections must be from 1 to 100000, got 0"),
+        (lambda: diode_ladder(sections=99999999), "sections must be from 1 to 100000"),
     ],
 )
 def test_wrong_numbers_are_refused(make, words):

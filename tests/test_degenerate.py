@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
-from pwscont import PiecewiseLinearSystem, PiecewiseSystem, enumerate_solutions, explore, trace
+from pwscont import (
+    LCP,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    enumerate_solutions,
+    explore,
+    trace,
+)
 
 COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]])
 UNCOUPLED = np.diag([2.0, 2.0])
@@ -147,8 +154,16 @@ class Floating(PiecewiseLinearSystem):
         return np.array([3.0 * z[1] if character.signs[0] else z[1], 2.0 * z[1] + alpha])
 
 
-def test_an_area_of_solutions_is_no_complete_graph_of_curves():
-    graph = explore(Blocked(), (-1.0, 1.0))
+class BlockedTwice(Blocked):
+    """The same, and two tests that vanish together."""
+
+    def test_functions(self, z, alpha):
+        return np.array([-z[0], z[0]])
+
+
+@pytest.mark.parametrize("system", [Blocked(), BlockedTwice()])
+def test_an_area_of_solutions_is_no_complete_graph_of_curves(system):
+    graph = explore(system, (-1.0, 1.0))
     assert graph.guarantee == "balanced; solutions fill more than curves at alpha = -1"
 
 
@@ -190,3 +205,12 @@ class EndlessRay(PiecewiseLinearSystem):
 def test_a_ray_beside_interfaces_never_meets_them_by_rounding(interval):
     guarantee = explore(EndlessRay(), interval).guarantee
     assert "a piece was stopped at alpha = 1.3333333 (the piece never leaves its cell" in guarantee
+
+
+@pytest.mark.parametrize("hi", [2.9, 3.0])
+def test_slopes_that_are_rounding_are_zero(hi):
+    """The only solution is z = (0, 0, 1 + alpha), for alpha >= 0, in two cells all along."""
+    system = LCP([[-1, -1, 0], [0, 0, 1], [-1, 0, -1]], [0, -1, 1], [0, 0, 1])
+    graphs = explore(system, (-2.0, hi)), trace(system, ([0.0, 0.0, 2.0], 1.0), (-2.0, hi))
+    for graph in graphs:
+        assert [graph.count(alpha) for alpha in (-1.0, 0.5, 2.0)] == [0, 1, 1]

@@ -427,6 +427,7 @@ def test_the_scene_of_the_strut():
     ("make", "words"),
     [
         (lambda: TrussChain([1.0, -1.0]), "stiffness of trusses must be positive"),
+        (lambda: scenes.truss_chain(99999999), "trusses must be from 1 to 10000, got 99999999"),
         (lambda: TrussChain([]), "stiffness of trusses must be positive numbers, at least one"),
         (lambda: TrussChain([1.0], {2: (1.0, 1.0)}), "no node 2; there are nodes 1 to 1"),
         (lambda: TrussChain([1.0], {1: 3.0}), "a stop is a pair of place and stiffness"),

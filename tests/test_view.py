@@ -333,6 +333,8 @@ def test_a_scene_that_has_changed_is_not_taken(written, capsys, monkeypatch):
         (["view", "out/fig7.npz", "-o", "out"], "it is a directory"),
         (["run", "fig7", "--html", "nowhere/page.html"], "there is no directory nowhere"),
         (["run", "fig4", "--html", "page.html"], "scene fig4 has none"),
+        (["run", "fig7", "-o", "out", "--html", "out/fig7.npz"], "let it end in .html"),
+        (["run", "fig7", "-o", "out", "--html", "out/../out/fig7.journal"], "let it end in .html"),
     ],
 )
 def test_wrong_input_is_refused_in_one_line(written, capsys, arguments, words):

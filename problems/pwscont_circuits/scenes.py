@@ -11,6 +11,8 @@ from pwscont_circuits.netlist import Netlist, parse_netlist, read_netlist
 
 #: The netlist that the scene ``netlist`` reads unless it is given another.
 INVERTER = Path(__file__).parent / "inverter.cir"
+#: Most sections of a ladder: so many already take more than a minute.
+MOST_SECTIONS = 100_000
 
 
 def scene_of(name: str, netlist: Netlist, shown: Sequence[str], at: Sequence[float] = ()) -> Scene:
@@ -81,8 +83,8 @@ def diode_ladder(sections: int = 10, rise: float = 0.0) -> Scene:
 
     Without rise all diodes turn on at once.
     """
-    if sections < 1:
-        raise InvalidInputError(f"sections must be at least 1, got {sections}")
+    if not 1 <= sections <= MOST_SECTIONS:
+        raise InvalidInputError(f"sections must be from 1 to {MOST_SECTIONS}, got {sections}")
     lines = [f"ladder of {sections} diodes", "VE n0 0 0", ".dc VE 0 3"]
     for k in range(1, sections + 1):
         threshold = 0.6 + (k - 1) * rise

@@ -13,6 +13,9 @@ from pwscont_structures.softening import SofteningBar
 from pwscont_structures.strut import Strut, Support
 from pwscont_structures.truss import TrussChain
 
+#: Most trusses of a chain: so many already take more than a minute.
+MOST_TRUSSES = 10_000
+
 
 def truss_stop(place: float = 0.9, stiffness: float = 20.0) -> Scene:
     """Return two trusses, a stop under the second: 1, 3 or 9 equilibria."""
@@ -30,6 +33,8 @@ def truss_stop(place: float = 0.9, stiffness: float = 20.0) -> Scene:
 
 def truss_chain(trusses: int = 3, spread: float = 0.1) -> Scene:
     """Return K trusses in series, each stiffer than the one before: 3^K equilibria at no load."""
+    if not 1 <= trusses <= MOST_TRUSSES:
+        raise InvalidInputError(f"trusses must be from 1 to {MOST_TRUSSES}, got {trusses}")
     stiffness: Array = 1.0 + spread * np.arange(float(trusses))
     system = TrussChain(stiffness)
     reach = 0.5 * float(system.k.max())

@@ -8,6 +8,8 @@ Failure modes and answers
   end differences are one-sided, of the same order of accuracy.
 - x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
   difference of the rounded arguments, which is exact.
+- A direction may be long (a null vector of a matrix that is nearly regular): a step has a length of
+  its own, and four of them fit into the interval.
 - A function may return one and the same array again and again: its values are copied.
 """
 
@@ -98,16 +100,17 @@ class Differences:
         ----------
         function : callable
         x, direction : ndarray, shape (n + 1,)
-            The direction has about the length of typical magnitudes.
+            The direction may have any length but zero.
         """
-        step = FINE_STEP * direction
+        fine = FINE_STEP / float(np.abs(direction / self.scale).max())
+        step = fine * direction
         reach = 2.0 * abs(float(step[-1]))
         weights, sign = CENTRAL, 1.0
         if not (self.contains(x[-1] - reach) and self.contains(x[-1] + reach)):
             weights = ONE_SIDED
             sign = np.copysign(1.0, step[-1]) * self._inward(x, reach)
         terms = [w * _value(function, x + sign * k * step) for k, w in weights.items()]
-        derivative: Array = np.sum(terms, axis=0) / (sign * FINE_STEP)
+        derivative: Array = np.sum(terms, axis=0) / (sign * fine)
         return derivative
 
     def _inward(self, x: Array, reach: float) -> float:

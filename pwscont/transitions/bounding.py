@@ -198,7 +198,8 @@ def corner(
     if lost or (len(rays) < 2 and not found.along_interface):
         why = _no_way_on(curve.selection, zero) if found.exact else NO_WAY_FOUND.format(len(zero))
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
-    if back is None and len(rays) == 2 and rays[0].interface_cells and opposite(*rays):
+    is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)
+    if back is None and is_path and rays[0].interface_cells:
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:

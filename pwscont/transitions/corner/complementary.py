@@ -29,7 +29,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Signs, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
@@ -42,6 +42,8 @@ SLANT = EPS**0.5
 WORST = SLANT**-1
 #: A direction is one of its cell where its residual is below this part of typical terms.
 ASTRAY = SLANT
+#: What a direction of length one errs by, as SLANT sees it: a component that is zero is rounding.
+NOISE = GUARD * EPS / SLANT
 
 
 class Switch(NamedTuple):
@@ -177,7 +179,7 @@ def _problem(
     right[-1] = last_unit(len(x))
     solved = factor.solve_all(right)
     w, along = solved[:-1], solved[-1]
-    terms = np.abs(g) @ (np.abs(along) + SLANT * metric.scale)
+    terms = np.abs(g) @ (np.abs(along) + NOISE * metric.scale)
     M, growth = np.eye(len(g)) + g @ w.T, np.eye(len(g)) + np.abs(g) @ np.abs(w).T
     return _Problem(along, w, g @ along, M, terms, growth, abs(jacobian) @ metric.scale)
 

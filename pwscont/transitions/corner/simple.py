@@ -29,7 +29,7 @@ from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.complementary import SLANT, rays_by_switches, switches
+from pwscont.transitions.corner.complementary import NOISE, SLANT, rays_by_switches, switches
 
 #: A direction d of length one in the metric, and the cells that it belongs to.
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
@@ -130,7 +130,7 @@ def slopes_along(
     vanish = [int(test) in zero for test in selection.bounding]
     rows = selection.test_gradients(x)[np.flatnonzero(vanish)]
     slopes: Array = rows @ direction
-    least = SLANT * (abs(rows) @ (np.abs(direction) + SLANT * metric.scale))
+    least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * metric.scale))
     return np.where(np.abs(slopes) > least, slopes, 0.0)
 
 
