@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+from rational import SwitchedFamily
 
 from pwscont import (
     LCP,
     PiecewiseLinearSystem,
     PiecewiseSystem,
+    Switched,
     enumerate_solutions,
     explore,
     trace,
@@ -214,3 +216,25 @@ def test_slopes_that_are_rounding_are_zero(hi):
     graphs = explore(system, (-2.0, hi)), trace(system, ([0.0, 0.0, 2.0], 1.0), (-2.0, hi))
     for graph in graphs:
         assert [graph.count(alpha) for alpha in (-1.0, 0.5, 2.0)] == [0, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("B", "c", "d", "lower", "upper"),
+    [
+        ([[1, 1], [1, 1]], [0, -1], [-1, -1], [0, 0], [2, 1]),
+        ([[-1, -1, 0], [0, 0, 1], [1, 1, 0]], [1, 1, -1], [1, 0, 1], [-1, -1, -2], [0, 0, -1]),
+    ],
+)
+def test_a_vertical_piece_whose_ends_differ_by_rounding_is_vertical(B, c, d, lower, upper):
+    """x = clip(B x + c + alpha d, lower, upper) with a segment of solutions at alpha = 0."""
+    B, c, d, lower, upper = (np.array(part, dtype=float) for part in (B, c, d, lower, upper))
+    system = Switched(
+        len(c), lambda x, t, sw: x - sw.clip(B @ x + c + t * d, lower, upper), linear=True
+    )
+    graph = explore(system, (-2.0, 3.0))
+    assert graph.count(0.0) == np.inf
+
+
+def test_a_direction_along_an_interface_of_a_singular_cell_is_said():
+    graph = explore(SwitchedFamily(np.random.default_rng([6, 69])).system(0.0), (-2.0, 3.0))
+    assert "stopped" in graph.guarantee

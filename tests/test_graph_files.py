@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from pwscont_coulomb import CoulombLoad
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
 
 from pwscont import BranchGraph, GraphFileError, InvalidInputError, PwscontError
@@ -196,3 +197,25 @@ def test_a_failed_write_leaves_nothing_behind(tmp_path, monkeypatch):
         graph.save(path)
     assert [file.name for file in tmp_path.iterdir()] == ["graph.npz"]
     assert path.read_bytes() == before
+
+
+def test_a_system_with_other_constants_is_refused(tmp_path):
+    """Not one whose equations hold at the graph's points to a millionth."""
+    scene = fig7()
+    scene.run().save(tmp_path / "graph.npz")
+    assert BranchGraph.load(tmp_path / "graph.npz", scene.system).count(0.0) > 0
+    other = CoulombLoad(scene.system.body, scene.system.load, 0.9 * scene.system.friction)
+    with pytest.raises(InvalidInputError, match=r"is of another system.*the constants"):
+        BranchGraph.load(tmp_path / "graph.npz", other)
+
+
+def test_points_beyond_all_sizes_are_refused(tmp_path):
+    graph = example3().run()
+    graph.save(tmp_path / "graph.npz")
+    with np.load(tmp_path / "graph.npz", allow_pickle=False) as file:
+        arrays = dict(file)
+    (name,) = [key for key in arrays if key == "points"]
+    arrays[name][0, 0] = 1e300
+    np.savez(tmp_path / "graph.npz", **arrays)
+    with pytest.raises(GraphFileError, match="at most"):
+        BranchGraph.load(tmp_path / "graph.npz", example3().system)

@@ -134,13 +134,17 @@ class _Directed:
         self.track = lift.track(edge.track if forward else edge.track.reversed())
         self.character = lift.character(followed.character)
         self.naming = lift.system.label
-        self.det_sign = followed.index if followed.along_interface else self._direction(width)
-
-    def _direction(self, width: float) -> int:
-        """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
         rise = self.track.end.alpha - self.track.start.alpha
-        if abs(rise) > SAME_ALPHA * width:
-            return 1 if rise > 0.0 else -1
+        is_level = abs(rise) <= SAME_ALPHA * width
+        rises = 0 if is_level else int(np.sign(rise))
+        self.det_sign = followed.index if followed.along_interface else self._direction(rises)
+        if is_level and not self.det_sign:
+            self.track = _vertical(self.track)
+
+    def _direction(self, rises: int) -> int:
+        """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
+        if rises:
+            return rises
         followed = self.edge.followed
         return int(np.sign(followed.slope)) * followed.orientation
 
@@ -154,6 +158,13 @@ class _Directed:
             track=self.track,
             det_sign=self.det_sign,
         )
+
+
+def _vertical(track: Track) -> Track:
+    """Return the track with one alpha, as its ends differ by rounding only."""
+    points = track.points
+    points[:, -1] = track.start.alpha
+    return Track.of(points)
 
 
 def _by_node(edges: list[_Directed]) -> dict[int, list[_Directed]]:

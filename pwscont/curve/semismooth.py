@@ -164,7 +164,8 @@ class _Merit:
         z, alpha = x[:-1], float(x[-1])
         character = self.system.character(z, alpha)
         scaled = residual_at(self.system, z, alpha, character) / self.rows
-        return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
+        with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
+            return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
 
 
 def _line_search(merit: _Merit, x: Array, step: Array) -> Array | None:

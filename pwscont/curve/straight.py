@@ -145,7 +145,10 @@ class StraightCell:
         correction = self._correction(x, self.curve.selection.residual(x))
         if correction is None:
             return None
-        steep = 1.0 / float(gradient.dot(self.along))
+        slope = float(gradient.dot(self.along))
+        if not slope:
+            return None  # along the interface
+        steep = 1.0 / slope
         dx = (value - float(gradient[:-1].dot(correction))) * steep * self.along
         dx[:-1] += correction
         error = self._bordered(x, gradient, steep)

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
-import numpy as np
-
-from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.guarantee import Guarantee
 from pwscont.basics.quantities import Function
 from pwscont.graph import presentation, storage
+from pwscont.graph.adopted import adopted
 from pwscont.graph.balance import Balance
 from pwscont.graph.exports import data_frame, networkx_graph
-from pwscont.graph.records import Piece, SpecialPoint
 from pwscont.graph.verdict import WORDS, verdict
-from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:
     import networkx as nx
-
-#: Solutions that are larger or smaller by this factor are not of the order of one.
-FAR = 1e3
 
 
 @final
@@ -150,18 +144,17 @@ class BranchGraph(Balance):
         GraphFileError
             If the file is missing, damaged, or no branch graph.
         InvalidInputError
-            If the system has another number of unknowns or tests than the graph, or names and
-            functions of ``record`` do not fit.
+            If the system has another number of unknowns or tests than the graph, or does not have
+            its solutions, or names and functions of ``record`` do not fit.
         """
         file = storage.read(path)
-        if file.pieces and system is not None:
-            _check_system(path, system, file.points[0], file.pieces[0])
+        own = system and adopted(path, file.pieces, file.points, file.interval, system)
         return cls(
             file.points,
             file.pieces,
             file.interval,
             starts=file.starts,
-            system=system and _fitted(system, file.interval, file.points),
+            system=own,
             parameter=file.parameter,
             searched=file.searched,
             record=record,
@@ -207,32 +200,3 @@ class BranchGraph(Balance):
 
     def _repr_html_(self) -> str:
         return presentation.as_html(self)
-
-
-def _check_system(
-    path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
-) -> None:
-    """Refuse a system that has another number of unknowns or tests than the graph of a file."""
-    unknowns, name = len(point.z), type(system).__name__
-    if unknowns != (size := shown_size(system)):
-        raise InvalidInputError(
-            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
-        )
-    tests = len(bytes(piece.character))
-    z = completed(system, point.z, point.alpha)
-    given = len(bytes(system.character(z, point.alpha)))
-    if tests != given:
-        raise InvalidInputError(
-            f"{path} is of another system: it has {tests} tests, {name} has {given}"
-        )
-
-
-def _fitted(
-    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
-) -> PiecewiseSystem:
-    """Return a system fitted to an interval, and to its solutions where it gives no scale."""
-    states = [completed(system, point.z, point.alpha) for point in points]
-    sizes = np.max(np.abs(states), axis=0, initial=0.0)
-    usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
-    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
-    return system.within(*interval, found)

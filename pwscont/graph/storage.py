@@ -37,6 +37,8 @@ FORMAT = "pwscont branch graph"
 VERSION = 2
 #: No number of special points, pieces or signs is larger.
 MOST = 2**31
+#: Squares of larger numbers overflow: no run ends with them.
+LARGEST = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
@@ -240,8 +242,8 @@ def _table(name: str, values: Any) -> Array:
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
     numbers = from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
-    if not np.isfinite(numbers).all():
-        raise DamagedError(f"{name} must be finite")
+    if not (np.abs(numbers) <= LARGEST).all():
+        raise DamagedError(f"{name} must be finite, and at most {LARGEST:g}")
     return numbers
 
 

@@ -1,0 +1,89 @@
+"""The system of a graph that was read from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.graph.records import Piece, SpecialPoint
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.hidden import completed, shown_size
+from pwscont.system.system import PiecewiseSystem
+
+#: Solutions that are larger or smaller by this factor are not of the order of one.
+FAR = 1e3
+#: Pieces at whose ends the equations are asked for.
+ASKED = 4
+#: Equations hold at a stored point to this part of their terms: rounding, and states that are
+#: filled in, make far less; other constants mostly more.
+HOLDS = 1e-6
+
+
+def adopted(
+    path: str | Path,
+    pieces: Sequence[Piece],
+    points: Sequence[SpecialPoint],
+    interval: tuple[float, float],
+    system: PiecewiseSystem,
+) -> PiecewiseSystem:
+    """Return the system of a graph, fitted to it.
+
+    Raises
+    ------
+    InvalidInputError
+        If it has another number of unknowns or tests, or does not have the graph's solutions.
+    """
+    if pieces:
+        _check_numbers(path, system, points[0], pieces[0])
+    fitted = _fitted(system, interval, points)
+    for piece in pieces[:: max(1, len(pieces) // ASKED)]:
+        _check_solution(path, fitted, piece, interval)
+    return fitted
+
+
+def _check_numbers(
+    path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
+) -> None:
+    """Refuse a system that has another number of unknowns or tests than the graph."""
+    unknowns, name = len(point.z), type(system).__name__
+    if unknowns != (size := shown_size(system)):
+        raise InvalidInputError(
+            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
+        )
+    tests = len(bytes(piece.character))
+    z = completed(system, point.z, point.alpha)
+    given = len(bytes(system.character(z, point.alpha)))
+    if tests != given:
+        raise InvalidInputError(
+            f"{path} is of another system: it has {tests} tests, {name} has {given}"
+        )
+
+
+def _fitted(
+    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
+) -> PiecewiseSystem:
+    """Return a system fitted to an interval, and to its solutions where it gives no scale."""
+    states = [completed(system, point.z, point.alpha) for point in points]
+    sizes = np.max(np.abs(states), axis=0, initial=0.0)
+    usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
+    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
+    return system.within(*interval, found)
+
+
+def _check_solution(
+    path: str | Path, system: PiecewiseSystem, piece: Piece, interval: tuple[float, float]
+) -> None:
+    """Refuse a system whose equations do not hold where a piece begins."""
+    alpha = piece.track.start.alpha
+    z = completed(system, piece.track.start.x[:-1], alpha)
+    off = np.abs(residual_at(system, z, alpha, piece.character))
+    sizes = np.append(np.abs(z) + system.scale(*interval), abs(alpha) + np.ptp(interval))
+    terms = abs(jacobian_at(system, z, alpha, piece.character)) @ sizes
+    if not (off <= HOLDS * (terms + terms.max())).all():
+        raise InvalidInputError(
+            f"{path} is of another system: {type(system).__name__} does not have its solution at "
+            f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"
+        )
