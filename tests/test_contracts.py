@@ -155,6 +155,14 @@ def test_broken_searches(start, words):
     assert words in str(report)
 
 
+def test_a_search_that_yields_nothing_to_look_at():
+    class Nothing(Search):
+        def starts(self, system, metric, interval):
+            return None
+
+    assert "must yield pairs (x, error), got None" in str(check_search(Nothing()))
+
+
 def test_classes_instead_of_objects_are_refused():
     for check, part in [(check_stepper, PseudoArclength), (check_search, MultiStart)]:
         with pytest.raises(InvalidInputError, match="call it to make one"):

@@ -9,20 +9,25 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import finite_array
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.looks import short
+from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: What a search should yield, for those that yield something near it.
 WANTED = (
     "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
     "error, of the same shape, as semismooth_newton returns them"
 )
+
+#: H at a start is zero to within this part of its terms, beside what the error of the start makes.
+OFF = 1e-6
+#: The rounding of a solve, as a part of the largest terms of all rows.
+ROUNDING = 1e-12
 
 
 class Search(ABC):
@@ -103,7 +108,10 @@ def starts_of(
     if not isinstance(found, Iterable):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(found))}")
     for start in found:
-        yield _checked(what, start, system.size, interval)
+        x, error = _checked(what, start, system.size, interval)
+        if isinstance(system, SlicewiseLinearSystem) and np.isfinite(error).all():
+            _refuse_off_curve(what, system, x, error, metric.scale)
+        yield x, error
 
 
 def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
@@ -126,4 +134,26 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
         raise InvalidInputError(
             f"{what} yields a start at alpha = {x[-1]:.8g}, outside the interval [{lo}, {hi}]"
         )
+    if np.isnan(error).any():
+        raise InvalidInputError(f"{what} yields an error that is nan, at {at(x)}: {WANTED}")
     return x, error
+
+
+def _refuse_off_curve(
+    what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
+) -> None:
+    """Refuse a start that its error does not bring to a solution.
+
+    Straight pieces would not notice: from a start off the curve they run beside it.
+    """
+    z, alpha = x[:-1], float(x[-1])
+    character = system.character(z, alpha)
+    value, jacobian = system.residual(z, alpha, character), system.jacobian(z, alpha, character)
+    terms = abs(jacobian) @ np.abs(x) + np.abs(value - jacobian @ x)
+    rounding = ROUNDING * (terms + abs(jacobian) @ scale).max()
+    reach = abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0)
+    if not (np.abs(value) <= OFF * terms + 10.0 * reach + rounding).all():
+        raise InvalidInputError(
+            f"{what} yields a point off the curve, at {at(x)}: H is {np.abs(value).max():.0e}, more"
+            " than its error explains; correct it by semismooth_newton, and try check_search"
+        )
