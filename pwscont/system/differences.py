@@ -20,6 +20,7 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 
 #: Balances truncation (h^2) against cancellation (EPS / h) for differences of second order.
@@ -145,9 +146,19 @@ def _central(function: Function, x: Array, j: int, h: float) -> Array:
     forward, backward = x.copy(), x.copy()
     forward[j] += h
     backward[j] -= h
-    change = _value(function, forward) - _value(function, backward)
+    change = _change(_value(function, backward), _value(function, forward))
     column: Array = change / (forward[j] - backward[j])  # not 2 h, for rounding
     return column
+
+
+def _change(before: Array, after: Array) -> Array:
+    """Return the difference of two values, or say that they are not alike."""
+    if before.shape != after.shape:
+        raise InvalidSystemError(
+            f"arrays of shape {before.shape} and of shape {after.shape} were returned at different "
+            "(z, alpha): the number of test functions must not change"
+        )
+    return after - before
 
 
 def _value(function: Function, x: Array) -> Array:
@@ -164,7 +175,7 @@ def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
     for j, end in enumerate(ends):
         other = x.copy()
         other[j] = end
-        slopes.append((_value(function, other) - origin) / (end - x[j]))
+        slopes.append(_change(origin, _value(function, other)) / (end - x[j]))
     return slopes
 
 
