@@ -24,7 +24,8 @@ WANTED = (
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: H at a start is zero to within this part of its terms, beside what the error of the start makes.
+#: H at a start, and tests at an interface, are zero to within this part of their terms,
+#: which typical magnitudes of z make as well, beside what the error of the start makes.
 OFF = 1e-6
 #: The rounding of a solve, as a part of the largest terms of all rows.
 ROUNDING = 1e-12
@@ -146,14 +147,26 @@ def _refuse_off_curve(
 
     Straight pieces would not notice: from a start off the curve they run beside it.
     """
+    if not _is_between_cells(system, x, scale) and (off := _off(system, x, error, scale)):
+        raise InvalidInputError(
+            f"{what} yields a point off the curve, at {at(x)}: H is {off:.0e}, more than its error "
+            "explains; correct it by semismooth_newton, and try check_search"
+        )
+
+
+def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
+    """Tell whether the cell of a point may be a matter of rounding."""
+    z, alpha = x[:-1], float(x[-1])
+    near = OFF * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    return bool((np.abs(system.test_functions(z, alpha)) <= near).any())
+
+
+def _off(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> float:
+    """Return the largest entry of H at a point, zero where rounding and error explain all."""
     z, alpha = x[:-1], float(x[-1])
     character = system.character(z, alpha)
     value, jacobian = system.residual(z, alpha, character), system.jacobian(z, alpha, character)
-    terms = abs(jacobian) @ np.abs(x) + np.abs(value - jacobian @ x)
-    rounding = ROUNDING * (terms + abs(jacobian) @ scale).max()
+    terms = abs(jacobian) @ (np.abs(x) + scale) + np.abs(value - jacobian @ x)
     reach = abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0)
-    if not (np.abs(value) <= OFF * terms + 10.0 * reach + rounding).all():
-        raise InvalidInputError(
-            f"{what} yields a point off the curve, at {at(x)}: H is {np.abs(value).max():.0e}, more"
-            " than its error explains; correct it by semismooth_newton, and try check_search"
-        )
+    explained = np.abs(value) <= OFF * terms + ROUNDING * terms.max() + 10.0 * reach
+    return 0.0 if explained.all() else float(np.abs(value).max())
