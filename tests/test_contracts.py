@@ -25,6 +25,7 @@ from pwscont import (
     check_search,
     check_stepper,
     explore,
+    trace,
 )
 from pwscont.extending import (
     CurvedSegment,
@@ -153,6 +154,62 @@ def test_broken_searches(start, words):
     report = check_search(Yields(start))
     assert not report
     assert words in str(report)
+
+
+class Passing(TransitionDetector):
+    """Marks where z passes a place, and leaves the rounding in what it reads."""
+
+    def __init__(self, place):
+        self.place = place
+
+    def read(self, curve, state):
+        return Reading(np.array([state.x[0] - self.place, self.place - state.x[0]]), np.zeros(2))
+
+    def locate(self, segment, index, bracket):
+        return locate_sign_change(segment, lambda state: state.x[0] - self.place, bracket)
+
+    def arrive(self, curve, state, index):
+        forth = Ray(curve, state)
+        return SpecialPointFound("passed", state.x, "", (forth.reversed(), forth))
+
+
+class Bent(PiecewiseSystem):
+    """z + z^3 / 7 = alpha: one solution at every alpha."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 9.0
+
+    def residual(self, z, alpha, character):
+        return z + z**3 / 7.0 - alpha
+
+
+def test_rounding_at_its_own_special_point_ends_no_branch():
+    for place in np.linspace(-0.9, 0.9, 25):
+        graph = trace(Bent(), ([0.01], 0.01), (-2.0, 2.0), detectors=[Passing(place)])
+        (point,) = graph.special_points("passed")
+        assert point.alpha == pytest.approx(place + place**3 / 7.0, abs=1e-11)
+        assert [row[2] for row in graph.multiplicity()] == [1]
+
+
+def test_a_start_that_leads_nowhere_says_so_once():
+    class Beside(Search):
+        def starts(self, system, metric, interval):
+            yield np.array([1.5, 0.0]), np.zeros(2)
+
+    (point,) = explore(Bent(), (-2.0, 2.0), search=Beside()).special_points()
+    assert point.message.count("leads away from the curve") == 1
+    with pytest.raises(KeyError, match=r"there is no special point 99"):
+        explore(Bent(), (-2.0, 2.0)).point(99)
+
+
+def test_a_search_that_yields_nothing_to_look_at():
+    class Nothing(Search):
+        def starts(self, system, metric, interval):
+            return None
+
+    assert "must yield pairs (x, error), got None" in str(check_search(Nothing()))
 
 
 def test_classes_instead_of_objects_are_refused():

@@ -17,6 +17,7 @@ from pwscont import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
     enumerate_solutions,
+    explore,
 )
 from pwscont.basics.errors import InvalidInputError
 from pwscont.curve.metric import Metric
@@ -400,3 +401,26 @@ def test_dependent_equations_leave_a_line_or_nothing():
     assert sorted(starts) == [(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)]
     lines = [choices.directions[0] for choices in found if choices.directions.shape[-1]]
     assert sorted(np.flatnonzero(np.abs(line[:, 0])).tolist() for line in lines) == [[0], [1]]
+
+
+class Levelling(SlicewiseLinearSystem):
+    """x rises to 1, falls to -2 and stays there, which is alpha; y = alpha x. Without Jacobians."""
+
+    size = 2
+
+    def test_functions(self, z, alpha):
+        return z[0] - np.array([1.0, 2.0])
+
+    def residual(self, z, alpha, character):
+        x, y = z
+        falls, stays = character.signs
+        level = x - falls * 4.0 * (x - 1.0) + stays * 3.0 * (x - 2.0)
+        return np.array([level - alpha, y - alpha * x])
+
+
+@pytest.mark.parametrize("alpha", [-1.0, -0.85, 0.3])
+def test_a_cell_in_which_nothing_changes_has_no_solutions(alpha):
+    found = enumerate_solutions(Levelling(), alpha)
+    expected = [(x, alpha * x) for x in (alpha, (4.0 - alpha) / 3.0)]
+    np.testing.assert_allclose(sorted(s.z.tolist() for s in found), expected, atol=1e-14)
+    assert explore(Levelling(), (-1.0, 2.0)).guarantee == "complete but for closed loops"

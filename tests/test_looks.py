@@ -16,6 +16,7 @@ from pwscont import (
     EndPoints,
     ExactLinear,
     Journal,
+    PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
     Slices,
@@ -28,7 +29,25 @@ from pwscont import (
 from pwscont.extending import Failure, FailureReason, Guarantee, Ray, Reading, SearchScope
 from pwscont.two_parameters.loci_plane import LociPlane
 
+#: Both ends in full where eight digits do not tell them apart.
+INTERVALS = [
+    ((1e9 - 1.0, 1e9 + 1.0), "999999999, 1000000001"),
+    ((1.0, 1.0 + 1e-12), "1, 1.000000000001"),
+    ((-2.0, 1e9), "-2, 1e+09"),
+]
 START = ((-0.5, -1.25, 0.0, 0.0), -2.0)
+
+
+class Straight(PiecewiseLinearSystem):
+    """z = alpha."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        return z - alpha
 
 
 class Watcher(TransitionDetector):
@@ -146,3 +165,10 @@ def test_journals(tmp_path):
         assert repr(journal).endswith("run.journal, 0 finished pieces)")
     finally:
         journal.close()
+
+
+@pytest.mark.parametrize(("interval", "ends"), INTERVALS)
+def test_narrow_intervals_show_both_ends(interval, ends):
+    graph = trace(Straight(), ([interval[0]], interval[0]), interval)
+    assert f"alpha in [{ends}]," in str(graph)
+    assert graph.multiplicity()[0].ends == f"[{ends}]"

@@ -12,6 +12,7 @@ from functools import partial
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -586,6 +587,16 @@ def test_no_scheduler_is_said_in_words(monkeypatch):
         InvalidInputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"
     ):
         given(scheduler="tcp://127.0.0.1:9")
+
+
+def test_another_service_is_no_scheduler(monkeypatch):
+    def client(*_, **__):
+        raise MemoryError("what an answer that is no frame of Dask's makes of its first bytes")
+
+    distributed = SimpleNamespace(Client=client)
+    monkeypatch.setattr("pwscont.studies.cluster.import_module", lambda _: distributed)
+    with pytest.raises(InvalidInputError, match=r"no Dask scheduler answers at 'tcp://x:80'"):
+        given(scheduler="tcp://x:80")
 
 
 # -- what is not there, or no number ---------------------------------------------------------------

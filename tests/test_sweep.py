@@ -113,3 +113,19 @@ def test_progress_of_cases_has_rate_and_time_left():
     clock.now += 2.0
     progress(14, 1000)
     assert stream.getvalue().strip() == "14 of 1000 cases, 2 cases/s, 8:13 min left"
+
+
+@pytest.mark.usefixtures("one_node_scene")
+def test_a_sweep_of_which_all_cases_fail_has_a_status_of_its_own(capsys):
+    ways = [("count-at=9", 1), ("count-at=0", 0)]
+    for measure, status in ways:
+        assert main(["sweep", "one", "--over", "friction=1,4", "--measure", measure]) == status
+    assert "outside the interval" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("one_node_scene")
+def test_a_sweep_says_at_once_that_it_asks_a_scheduler(capsys, monkeypatch):
+    monkeypatch.setattr("pwscont.commands.sweep.Study.run", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main(["sweep", "one", "--over", "friction=1,4", "--scheduler", "tcp://10.0.0.1:8786"])
+    assert "asking the scheduler at tcp://10.0.0.1:8786" in capsys.readouterr().err

@@ -20,6 +20,7 @@ from pwscont import (
     SceneNotFoundError,
     Search,
     Slices,
+    SlicewiseLinearSystem,
     StepSize,
     Stop,
     Tangent,
@@ -30,7 +31,7 @@ from pwscont import (
     trace,
 )
 from pwscont.commands.cli import main
-from pwscont.extending import Failure, FailureReason, Guarantee, SearchScope
+from pwscont.extending import Ending, Failure, FailureReason, Guarantee, SearchScope
 from pwscont.scenes import registry
 from pwscont.scenes.settings import settings_of
 
@@ -59,6 +60,18 @@ class Straight(PiecewiseLinearSystem):
 
     def residual(self, z, alpha, character):
         return z - 0.4 * alpha + 0.05
+
+
+class Lines(SlicewiseLinearSystem):
+    """z = alpha."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 5.0
+
+    def residual(self, z, alpha, character):
+        return z - alpha
 
 
 def through(system, events, start=1.0, **options):
@@ -177,12 +190,25 @@ SOME = np.zeros((1, 2))
         (Own((np.zeros(3), SOME)), r"Own.starts .*got shapes \(3,\)"),
         (Own((np.array([np.nan, 0.5]), SOME)), r"x of Own.starts must be finite"),
         (Own((np.array([0.1, 2.5]), SOME)), r"Own.starts .* alpha = 2.5, outside the interval"),
+        (Own((np.array([0.1, 0.5]), SOME * np.nan)), r"Own.starts yields an error that is nan, at"),
     ],
 )
 def test_searches_that_do_not_fit(search, words):
     for each in (search, search + EndPoints()):
         with pytest.raises(InvalidInputError, match=words):
             explore(Bent(), (0.0, 2.0), search=each)
+
+
+@pytest.mark.parametrize("system", [Straight(), Lines()], ids=repr)
+def test_starts_beside_a_straight_curve_are_refused(system):
+    """The curve is a line, and from a start off it one would run beside it."""
+    solution = trace(system, ([0.5], 0.5), (0.0, 2.0)).solutions(0.5)[0].z
+    x = np.append(solution, 0.5)
+    assert explore(system, (0.0, 2.0), search=Own((x, SOME))).count(1.0) == 1
+    for off, error in [(1e-3, 1e-5), (5.0, 0.1)]:
+        given = Own((x + np.array([off, 0.0]), np.full((1, 2), error)))
+        with pytest.raises(InvalidInputError, match=r"Own.starts yields a point off the curve, at"):
+            explore(system, (0.0, 2.0), search=given)
 
 
 def test_searches_that_cannot_be_made():
@@ -397,3 +423,49 @@ def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
     again = BranchGraph.load(tmp_path / "graph", Bent(), record=record)
     (solution,) = again.solutions(0.5)
     assert solution["power"] == pytest.approx(solution.z[0] ** 2)
+
+
+# -- attributes of systems -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"names": ("x",)}, r"Mine.names must be a method, def names\(self\), got \('x',\)"),
+        ({"scale": np.ones(1)}, r"Mine.scale must be a method, def scale\(self, lo, hi\)"),
+        ({"bounds": (0, 1)}, r"Mine.bounds must be a method, def bounds\(self\)"),
+        ({"blocks": ()}, r"Mine.blocks must be a method, def blocks\(self\)"),
+        ({"label": "x"}, r"Mine.label must be a method, def label\(self, character\)"),
+        ({"degree": lambda self: 1}, "Mine.degree must be a value, not a method"),
+        ({"unique": lambda self: True}, "Mine.unique must be a value, not a method"),
+        ({"size": 0}, "Mine.size must be the number of unknowns, got 0"),
+        ({"label": lambda self, c: None}, "Mine.label must return a text, got None"),
+        (
+            {"residual": lambda self, z, a, c: z + np.nan},
+            r"Mine.residual in cell - returned \[nan\] at alpha=0, z=\[0\]",
+        ),
+        (
+            {"test_functions": lambda self, z, a: np.ones(1 if z[0] < 0.3 else 2)},
+            r"of shape \(1,\) and of shape \(2,\) were returned .* must not change",
+        ),
+    ],
+)
+def test_attributes_that_do_not_fit_are_refused(given, words):
+    system = type("Mine", (Lines,), given)()
+    with pytest.raises(InvalidSystemError, match=words):
+        explore(system, (0.0, 2.0), record={"twice": lambda z, a: 2.0 * a})
+    if "return" not in words:
+        with pytest.raises(InvalidSystemError, match=words):
+            check_system(system, [([0.0], 0.0)])
+
+
+def test_a_reason_to_end_is_a_text():
+    class Fuse(Straight, Ending):
+        def test_functions(self, z, alpha):
+            return z - 0.5
+
+        def end(self, character, tests):
+            return True
+
+    with pytest.raises(InvalidSystemError, match=r"Fuse.end must return why .*, got True"):
+        through(Fuse(), {})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from math import ceil, log10
 
 from pwscont.basics.arrays import Array
 
@@ -13,6 +14,8 @@ MOST_UNKNOWNS = 6
 MOST_LETTERS = 72
 #: The first of the default names of unknowns.
 UNNAMED = ("z[0]",)
+#: Significant digits of numbers as users read them, and of their difference in a narrow interval.
+DIGITS, DIGITS_OF_DIFFERENCE = 8, 3
 
 
 def counted(count: int | float, noun: str) -> str:
@@ -23,6 +26,14 @@ def counted(count: int | float, noun: str) -> str:
 def short(words: str) -> str:
     """Return words that fit into a line."""
     return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 4]} ..."
+
+
+def apart(lo: float, hi: float) -> tuple[str, str]:
+    """Return the ends of an interval in eight digits, or as many more as tell them apart."""
+    part = (hi - lo) / max(abs(lo), abs(hi), 1e-300)
+    needed = DIGITS_OF_DIFFERENCE - log10(part) if part > 0.0 else 0.0
+    digits = min(max(DIGITS, ceil(needed)), 17)
+    return f"{lo:.{digits}g}", f"{hi:.{digits}g}"
 
 
 def named(thing: object, *words: object) -> str:

@@ -33,7 +33,10 @@ class FailureReason(Enum):
         "the residual, the Jacobian or a test function is not finite here; is the parameter "
         "outside its domain?"
     )
-    OUTSIDE = "the way on leaves the interval of the parameter and comes back into it"
+    OUTSIDE = (
+        "the way on leaves the interval of the parameter and comes back into it; where unknowns "
+        "are far from one, give scale()"
+    )
     JUMP = (
         "every step that was tried, down to the smallest, leads away from the curve or to another "
         "one close by; check the Jacobian with check_system, or allow a smaller StepSize.smallest"
@@ -43,7 +46,10 @@ class FailureReason(Enum):
         "depend continuously on z and alpha?"
     )
     HIDDEN_FOLDS = "alpha turns more than once within every step that was tried"
-    FLAT = "the parameter does not change any more: the branch runs to infinity, or is flat"
+    FLAT = (
+        "the parameter does not change any more: the branch runs to infinity, or is flat; where "
+        "unknowns are far from one, give scale()"
+    )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
     TOO_MANY_STEPS = (

@@ -38,6 +38,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
 STATUS = """\
 exit status:
   0    done, or the reader of the output has seen enough
+  1    every case of a sweep failed
   2    wrong input, or files that cannot be read or written: standard error says which
   130  interrupted; with -o what is finished is kept, and --resume goes on"""
 

@@ -55,8 +55,6 @@ def _run(scene: Runnable, options: argparse.Namespace) -> int:
     scene = with_panels(options, scene)
     if options.html:
         check_viewable(scene, options.html)
-    if options.html and options.output:
-        _check_apart(options.html, options.output)
     if options.output:
         make_directory(options.output)
     with _journalled(scene, options.output, options.resume) as kept:
@@ -74,19 +72,6 @@ def _run(scene: Runnable, options: argparse.Namespace) -> int:
     if unprinted:
         raise unprinted
     return 0
-
-
-def _check_apart(page: Path, output: Path) -> None:
-    """Refuse a page that may take the place of a picture, a graph or a journal of the run.
-
-    Raises
-    ------
-    InvalidInputError
-    """
-    if page.resolve().parent == output.resolve() and page.suffix not in (".html", ".htm"):
-        raise InvalidInputError(
-            f"cannot write {page}: files of the run may have this name; let it end in .html"
-        )
 
 
 def _say_written(files: Sequence[Path]) -> None:

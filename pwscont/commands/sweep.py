@@ -26,7 +26,7 @@ MOST_LISTED = 5
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a sweep as the command line says; returns the exit status.
+    """Run a sweep as the command line says; returns the exit status, 1 if every case failed.
 
     Raises
     ------
@@ -38,6 +38,7 @@ def run(options: argparse.Namespace) -> int:
     study = Study(scene, _over(options.over), measures)
     result = _result(study, options)
     try:
+        failed = all(row.failure for row in result)
         print(_as_text(study, result), flush=True)  # noqa: T201
         if options.output:
             written = _write(result, options.output)
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         result.close()
     if result.interrupted:
         raise KeyboardInterrupt
-    return 0
+    return 1 if failed else 0
 
 
 def _over(ranges: list[tuple[str, list[Any]]]) -> dict[str, list[Any]]:
@@ -59,6 +60,8 @@ def _over(ranges: list[tuple[str, list[Any]]]) -> dict[str, list[Any]]:
 def _result(study: Study, options: argparse.Namespace) -> StudyResult:
     """Run the cases; what is finished is kept in the directory, if there is one."""
     directory = _directory(options)
+    if options.scheduler:
+        print(f"pwscont: asking the scheduler at {options.scheduler}", file=sys.stderr)  # noqa: T201
     progress = CaseProgress()
     try:
         return study.run(

@@ -13,8 +13,10 @@ from pwscont.graph.origin import Origin, read_origin
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Scene
-from pwscont.view.belongs import check_belongs
 from pwscont.view.view import View, check_bokeh
+
+#: How names of pages end.
+PAGES = (".html", ".htm")
 
 
 def view_graph(options: argparse.Namespace) -> int:
@@ -23,6 +25,8 @@ def view_graph(options: argparse.Namespace) -> int:
     check_page(page)
     if page.resolve() == options.graph.resolve():
         raise InvalidInputError(f"cannot write {page}: it is the graph; name another file with -o")
+    if options.output:
+        check_named(page)
     view = _view_of(options.graph)
     view.save(page)
     print(f"written: {page}")  # noqa: T201
@@ -41,7 +45,6 @@ def _view_of(path: Path) -> View:
     try:
         scene = _scene_of(origin)
         graph = BranchGraph.load(path, scene.system, scene.record)
-        check_belongs(graph, scene.name)
     except (PwscontError, ArithmeticError, ValueError) as error:
         _say(f"{error}; only the numbers of {path} are shown")
         return View(plain, title=path.stem)
@@ -76,12 +79,24 @@ def check_page(page: Path) -> None:
         raise InvalidInputError(f"cannot write {page}: there is no directory {page.parent}")
 
 
+def check_named(page: Path) -> None:
+    """Refuse a file that is named like something else than a page, such as a graph.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    if page.suffix.lower() not in PAGES and not page.is_dir():
+        raise InvalidInputError(f"cannot write {page}: the name of a page ends with .html")
+
+
 def check_viewable(scene: Runnable, page: Path) -> None:
     """Refuse a page of a scene without branches; other errors as of :func:`check_page`."""
     if type(scene).curve is Runnable.curve:
         raise InvalidInputError(
             f"--html shows branches over a parameter; scene {scene.name} has none"
         )
+    check_named(page)
     check_page(page)
 
 

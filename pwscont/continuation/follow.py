@@ -105,6 +105,9 @@ class PieceFollower(Follower):
                     f"{segment!r}; check_stepper tells what else is wrong"
                 )
             event, after = self._first_event(segment, reading)
+            if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
+                reading = self.watch.without(reading, event)
+                continue
             if isinstance(event, Event):
                 points = [*reached.points, *reached.between(segment, event), event.state.x]
                 return FollowedPiece(np.array(points), self._arrived(event, curve))

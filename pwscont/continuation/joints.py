@@ -38,7 +38,8 @@ class Node:
         if self.kind != Kind.DEGENERATE:
             self.kind = Kind.STOPPED
         self.lost += rays
-        self.message = f"{self.message}; {message}"
+        if message not in self.message:  # said already, of another ray
+            self.message = f"{self.message}; {message}"
 
 
 @final

@@ -30,6 +30,7 @@ from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
 from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
 from pwscont.system.box import Box
+from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
 from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -60,6 +61,7 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     if system is None:
         raise InvalidInputError("system must be a PiecewiseSystem, got None")
     checked_kind("system", system, PiecewiseSystem)
+    check_attributes(system)
     try:
         lo, hi = (float(end) for end in interval)
     except (TypeError, ValueError) as error:

@@ -17,9 +17,9 @@ from pwscont.system.system import PiecewiseSystem
 FAR = 1e3
 #: Pieces at whose ends the equations are asked for.
 ASKED = 4
-#: Equations hold at a stored point to this part of their terms: rounding, and states that are
-#: filled in, make far less; other constants mostly more.
-HOLDS = 1e-6
+#: A residual that is larger than this part of its terms is no rounding, and this part of the
+#: largest terms of other rows.
+OFF, OFF_OTHERS = 1e-6, 1e-12
 
 
 def adopted(
@@ -82,7 +82,7 @@ def _check_solution(
     off = np.abs(residual_at(system, z, alpha, piece.character))
     sizes = np.append(np.abs(z) + system.scale(*interval), abs(alpha) + np.ptp(interval))
     terms = abs(jacobian_at(system, z, alpha, piece.character)) @ sizes
-    if not (off <= HOLDS * (terms + terms.max())).all():
+    if not (off <= OFF * terms + OFF_OTHERS * terms.max()).all():
         raise InvalidInputError(
             f"{path} is of another system: {type(system).__name__} does not have its solution at "
             f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"

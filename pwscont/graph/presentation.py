@@ -7,6 +7,7 @@ from html import escape
 from math import isinf
 from typing import Any
 
+from pwscont.basics.looks import apart
 from pwscont.graph.balance import Balance
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
 from pwscont.graph.verdict import verdict
@@ -24,10 +25,9 @@ def number(value: float) -> str:
 
 def as_text(graph: Balance) -> str:
     """Return a short summary."""
-    lo, hi = graph.interval
     name = graph.parameter
     lines = [
-        f"BranchGraph: {name} in [{number(lo)}, {number(hi)}], "
+        f"BranchGraph: {name} in [{', '.join(apart(*graph.interval))}], "
         f"components: {len(graph.components())}, pieces: {len(graph.pieces)}, "
         f"special points: {len(graph.special_points())}"
     ]

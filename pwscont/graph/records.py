@@ -12,7 +12,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.kind import Kind
-from pwscont.basics.looks import card, counted, short, state
+from pwscont.basics.looks import apart, card, counted, short, state
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.accuracy import ROUNDING, Accuracy
@@ -347,4 +347,4 @@ class Stretch(tuple[float, float, int]):
     def ends(self) -> str:
         """The stretch in the notation of intervals, such as ``[0, 3)``."""
         left, right = "[" if self.lo_closed else "(", "]" if self.hi_closed else ")"
-        return f"{left}{self[0]:.8g}, {self[1]:.8g}{right}"
+        return f"{left}{', '.join(apart(*self[:2]))}{right}"

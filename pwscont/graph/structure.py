@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, UnknownNameError
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
@@ -102,6 +102,10 @@ class Structure:
 
     def point(self, node: int) -> SpecialPoint:
         """Return the special point with this id."""
+        if node not in self._nodes:
+            raise UnknownNameError(
+                f"there is no special point {node}; graph.special_points() has all"
+            )
         return self._nodes[node]
 
     def components(self) -> list[list[Piece]]:

@@ -21,6 +21,7 @@ import numpy as np
 from pwscont.basics.errors import PwscontError
 from pwscont.basics.guarantee import Guarantee
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import apart
 from pwscont.basics.outcome import ACCUMULATE, FILL, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.balance import Balance
@@ -91,7 +92,7 @@ def _touches(graph: Balance, gap: Gap, point: SpecialPoint) -> bool:
 
 
 def _listed(gaps: Iterable[Gap]) -> str:
-    return ", ".join(f"({lo:.8g}, {hi:.8g})" for lo, hi in gaps)
+    return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
 
 
 def _stands_twice(graph: Balance, gap: Gap) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import apart
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.exports import magnitudes
@@ -27,10 +28,9 @@ HEADINGS = {1: "positive orientation", -1: "negative orientation"}
 
 def report(scene: Shown, graph: BranchGraph, at: Iterable[float]) -> str:
     """Return branches, transitions, numbers of solutions, and the solutions asked for."""
-    lo, hi = graph.interval
     lines = [
         f"{scene.name}: {scene.title}",
-        f"{scene.parameter} in [{number(lo)}, {number(hi)}]",
+        f"{scene.parameter} in [{', '.join(apart(*graph.interval))}]",
         *_branches(scene, graph),
         "",
         *_counts(graph),

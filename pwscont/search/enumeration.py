@@ -39,6 +39,7 @@ from pwscont.graph.records import FEW_DIGITS, Solution
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.threads import few_threads
 from pwscont.system.box import Box
+from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -85,13 +86,15 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     InvalidInputError
         If the system is not affine in z at fixed alpha, or alpha is no finite number.
     InvalidSystemError
-        If typical magnitudes of z are too large or small to be computed with.
+        If typical magnitudes of z are too large or small to be computed with, or an attribute is
+        a value where a method belongs, or the other way round.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
             f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
             "none; use explore with MultiStart"
         )
+    check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))
     metric, box = Metric.at(system, alpha), Box.of(system)
     with few_threads(system.size):

@@ -9,20 +9,26 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import finite_array
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.looks import short
+from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: What a search should yield, for those that yield something near it.
 WANTED = (
     "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
     "error, of the same shape, as semismooth_newton returns them"
 )
+
+#: H at a start, and tests at an interface, are zero to within this part of their terms,
+#: which typical magnitudes of z make as well, beside what the error of the start makes.
+OFF = 1e-6
+#: The rounding of a solve, as a part of the largest terms of all rows.
+ROUNDING = 1e-12
 
 
 class Search(ABC):
@@ -103,7 +109,10 @@ def starts_of(
     if not isinstance(found, Iterable):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(found))}")
     for start in found:
-        yield _checked(what, start, system.size, interval)
+        x, error = _checked(what, start, system.size, interval)
+        if isinstance(system, SlicewiseLinearSystem) and np.isfinite(error).all():
+            _refuse_off_curve(what, system, x, error, metric.scale)
+        yield x, error
 
 
 def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
@@ -126,4 +135,38 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
         raise InvalidInputError(
             f"{what} yields a start at alpha = {x[-1]:.8g}, outside the interval [{lo}, {hi}]"
         )
+    if np.isnan(error).any():
+        raise InvalidInputError(f"{what} yields an error that is nan, at {at(x)}: {WANTED}")
     return x, error
+
+
+def _refuse_off_curve(
+    what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
+) -> None:
+    """Refuse a start that its error does not bring to a solution.
+
+    Straight pieces would not notice: from a start off the curve they run beside it.
+    """
+    if not _is_between_cells(system, x, scale) and (off := _off(system, x, error, scale)):
+        raise InvalidInputError(
+            f"{what} yields a point off the curve, at {at(x)}: H is {off:.0e}, more than its error "
+            "explains; correct it by semismooth_newton, and try check_search"
+        )
+
+
+def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
+    """Tell whether the cell of a point may be a matter of rounding."""
+    z, alpha = x[:-1], float(x[-1])
+    near = OFF * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    return bool((np.abs(system.test_functions(z, alpha)) <= near).any())
+
+
+def _off(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> float:
+    """Return the largest entry of H at a point, zero where rounding and error explain all."""
+    z, alpha = x[:-1], float(x[-1])
+    character = system.character(z, alpha)
+    value, jacobian = system.residual(z, alpha, character), system.jacobian(z, alpha, character)
+    terms = abs(jacobian) @ (np.abs(x) + scale) + np.abs(value - jacobian @ x)
+    reach = abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0)
+    explained = np.abs(value) <= OFF * terms + ROUNDING * terms.max() + 10.0 * reach
+    return 0.0 if explained.all() else float(np.abs(value).max())

@@ -22,8 +22,8 @@ from pwscont.studies.provenance import versions
 
 #: Cases that are sent ahead; more would fill the scheduler's memory.
 AHEAD = 500
-#: Seconds after which a scheduler that does not answer is taken to be none.
-PATIENCE = 10.0
+#: Seconds after which a scheduler that does not answer is taken to be none; Dask asks it twice.
+PATIENCE = 5.0
 
 
 def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterator[StudyRow]:
@@ -102,7 +102,7 @@ def _distributed() -> Any:
 def _client(distributed: Any, address: str) -> Any:
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, MemoryError) as error:  # sizes that another service seems to send
         raise InvalidInputError(
             f"no Dask scheduler answers at {address!r}; start one with 'dask scheduler', which "
             "prints its address"

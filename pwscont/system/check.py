@@ -17,7 +17,7 @@ from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities
 from pwscont.system.box import Box
-from pwscont.system.contract import check_contract, check_names, checked_scale, checked_size
+from pwscont.system.contract import check_attributes, check_contract, check_names, checked_scale
 from pwscont.system.ending import end_of
 from pwscont.system.hidden import completed_point, shown_size
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
@@ -89,7 +89,7 @@ def check_system(
     InvalidInputError
         If the radius is not positive, or a point is no pair (z, alpha).
     """
-    checked_size(system)
+    check_attributes(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []

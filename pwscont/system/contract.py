@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from inspect import isfunction, signature
 from typing import Any, final
 
 import numpy as np
@@ -12,10 +13,21 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
 from pwscont.system.shapes import expect, own_array
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+
+#: The methods that a system may override, with their arguments.
+METHODS = {
+    name: ", ".join(signature(method).parameters)
+    for kind in (PiecewiseSystem, SlicewiseLinearSystem)
+    for name, method in vars(kind).items()
+    if isfunction(method) and not name.startswith("_")
+}
+#: The attributes of a system that are no methods.
+VALUES = ("domain", "degree", "unique", "line_styles")
 
 
 @final
@@ -58,6 +70,8 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     jacobian = jacobian_at(system, z, alpha, character)
     gradients = system.test_jacobian(z, alpha)
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
+    if not isinstance(label := system.label(character), str):
+        raise InvalidSystemError(f"{type(system).__name__}.label must return a text, got {label!r}")
     beyond = [i for i in system.bounding_tests(character) if not 0 <= i < m]
     if beyond:
         raise InvalidSystemError(
@@ -68,6 +82,24 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
     return Sample(np.append(z, alpha), character, tests, gradients, residual, jacobian)
+
+
+def check_attributes(system: PiecewiseSystem) -> None:
+    """Refuse a value where a method belongs, a method where a value does, and a wrong size.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    checked_size(system)
+    kind = type(system).__name__
+    for name, arguments in METHODS.items():
+        if not callable(given := getattr(system, name, checked_size)):
+            what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
+            raise InvalidSystemError(f"{kind}.{name} {what}")
+    for name in VALUES:
+        if callable(getattr(system, name)):
+            raise InvalidSystemError(f"{kind}.{name} must be a value, not a method: {name} = ...")
 
 
 def checked_size(system: PiecewiseSystem) -> int:

@@ -22,6 +22,7 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 
 #: Balances truncation (h^2) against cancellation (EPS / h) for differences of second order.
@@ -85,13 +86,17 @@ class Differences:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
         x = np.zeros_like(self.scale)
         x[-1] = self.base
-        origin, columns = _value(function, x), []
-        ends = np.append(_power_of_two(self.scale[:-1]), self.far)  # divided by without rounding
-        for j, end in enumerate(ends):
-            other = x.copy()
-            other[j] = end
-            columns.append((_value(function, other) - origin) / (end - x[j]))
+        columns = _chords(function, x, np.append(_power_of_two(self.scale[:-1]), self.far))
         return np.stack(columns, axis=1)
+
+    def exact_in_z(self, function: Function, x: Array) -> Array:
+        """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every fixed alpha.
+
+        Its columns of z are right to rounding, and zero where the function does not change.
+        """
+        start = np.append(np.zeros(len(x) - 1), x[-1])
+        columns = _chords(function, start, _power_of_two(self.scale[:-1]))
+        return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
     def along(self, function: Function, x: Array, direction: Array) -> Array:
         """Return the derivative of ``function`` along a direction, to fourth order.
@@ -144,14 +149,37 @@ def _central(function: Function, x: Array, j: int, h: float) -> Array:
     forward, backward = x.copy(), x.copy()
     forward[j] += h
     backward[j] -= h
-    change = _value(function, forward) - _value(function, backward)
+    change = _change(_value(function, backward), _value(function, forward))
     column: Array = change / (forward[j] - backward[j])  # not 2 h, for rounding
     return column
+
+
+def _change(before: Array, after: Array) -> Array:
+    """Return the difference of two values, or say that they are not alike."""
+    if before.shape != after.shape:
+        raise InvalidSystemError(
+            f"arrays of shape {before.shape} and of shape {after.shape} were returned at different "
+            "(z, alpha): the number of test functions must not change"
+        )
+    return after - before
 
 
 def _value(function: Function, x: Array) -> Array:
     """Return a value of its own, also where the function returns one buffer again and again."""
     return np.array(function(x), dtype=float)
+
+
+def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
+    """Return the slopes of ``function`` from ``x`` to where one entry after the other is changed.
+
+    Where entries are changed from zero to powers of two, the quotients are not rounded.
+    """
+    origin, slopes = _value(function, x), []
+    for j, end in enumerate(ends):
+        other = x.copy()
+        other[j] = end
+        slopes.append(_change(origin, _value(function, other)) / (end - x[j]))
+    return slopes
 
 
 def _power_of_two(numbers: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.system import PiecewiseSystem
 
 
@@ -25,4 +26,10 @@ class Ending(ABC):
 
 def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int]) -> str | None:
     """Return why a curve of a system ends where ``tests`` vanish, None where it does not."""
-    return system.end(character, tests) if isinstance(system, Ending) else None
+    why = system.end(character, tests) if isinstance(system, Ending) else None
+    if not (why is None or isinstance(why, str)):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.end must return why a curve ends, a text, or None where it "
+            f"goes on, got {why!r}"
+        )
+    return why

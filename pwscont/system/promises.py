@@ -24,9 +24,11 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
+from pwscont.basics.looks import at
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.system.contract import Sample, residual_at
 from pwscont.system.selection import Selection
+from pwscont.system.shapes import expect
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -64,6 +66,11 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
     straight = isinstance(system, PiecewiseLinearSystem)
     dx[-1] *= straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / np.diff(interval)[0]
+    if not np.isfinite(sample.residual).all():
+        raise InvalidSystemError(
+            f"{type(system).__name__}.residual in {system.label(sample.character)} returned "
+            f"{sample.residual} at {at(x)}, where linear pieces are finite"
+        )
     refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
     refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
 
@@ -91,7 +98,9 @@ def refuse_bent_tests(
     system: PiecewiseSystem, x: Array, dx: Array, tests: Array, gradients: Matrix
 ) -> None:
     """Refuse test functions that are not affine, as :func:`refuse_bent` refuses a selection."""
-    if is_bent(system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1])), tests, gradients, dx):
+    there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
+    expect(system, "test_functions", there, tests.shape)
+    if is_bent(there, tests, gradients, dx):
         raise InvalidSystemError(_bent(system, "test_functions", dx))
 
 

@@ -299,6 +299,18 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
     """
 
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return d H_chi / d(z, alpha), shape (n, n + 1); the default is exact in z."""
+        return self.differences(alpha).exact_in_z(
+            lambda x: self._residual(x, character), np.append(z, alpha)
+        )
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return d kappa / d(z, alpha), shape (m, n + 1); the default is exact in z."""
+        return self.differences(alpha).exact_in_z(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
+        )
+
     def blocks(self) -> tuple[Block, ...]:
         """Return the parts whose modes combine freely; default one part with all cells."""
         modes = tuple(character.signs for character in self.cells())

@@ -32,6 +32,8 @@ from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
 
 #: A function that is positive after this part of a step, by its slope, is watched from there on.
 RISES = 1e-3
+#: Closer to its beginning than this, in intervals, a piece has no event of a user's detector.
+CLOSE = 1e-10
 
 
 @final
@@ -86,6 +88,23 @@ class Watch:
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 what = "values and slopes that are vectors alike"
                 raise _broken(detector, "read", what, part)
+        return Joined.of(parts)
+
+    def is_rounding(self, event: Event, curve: Curve) -> bool:
+        """Tell whether the event of a user's detector is so close to where the piece begins.
+
+        Right after its own special point a function is zero, but for rounding that is positive.
+        """
+        reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
+        return event.detector in self._added and event.position <= reach
+
+    def without(self, reading: Joined, event: Event) -> Joined:
+        """Return a reading in which the function of an event is zero: watched once it rises."""
+        parts = list(reading.parts)
+        place = self._detectors.index(event.detector)
+        values = np.array(parts[place].values)
+        values[event.index] = 0.0
+        parts[place] = Reading(values, parts[place].slopes)
         return Joined.of(parts)
 
     def check(self, start: Joined, end: Joined) -> None:

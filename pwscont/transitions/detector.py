@@ -91,7 +91,7 @@ class TransitionDetector(ABC):
     positive while nothing happens; where it changes from positive to zero or below, the zero is
     located and a special point made. A function that is zero or negative is not watched until it
     is positive again, so return g and -g where sign changes both ways matter. Right after its own
-    special point a function must be zero or negative, or rise: return zero for rounding. Values at
+    special point a function must be zero but for rounding, or negative, or rise. Values at
     a point of a curve depend on that point, not on the way there.
     """
 

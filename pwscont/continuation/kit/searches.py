@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -46,10 +46,15 @@ def _wrong_starts(search: Search, sample: StateSample) -> Iterator[Defect]:
     system = sample.system.within(lo, hi)
     if not isinstance(search.searched(system), SearchScope):
         yield defect("searched() must return a SearchScope", sample.x)
-    for x, error in search.starts(system, metric, sample.interval):
+    starts = search.starts(system, metric, sample.interval)
+    if not isinstance(starts, Iterable):
+        yield defect(f"starts() must yield pairs (x, error), got {starts!r}", sample.x)
+        return
+    for x, error in starts:
         point, samples_of_error = np.asarray(x), np.atleast_2d(error)
         if point.shape != (size + 1,) or samples_of_error.shape[1:] != (size + 1,):
-            yield defect(f"a start has shapes {np.shape(x)} and {np.shape(error)}", sample.x)
+            shapes = f"a start has shapes {np.shape(x)} and {np.shape(error)}"
+            yield defect(f"{shapes}, where x = (z, alpha) has {size + 1} entries", sample.x)
             return
         if not lo <= point[-1] <= hi:
             yield defect("a start lies outside the interval", point)
