@@ -133,8 +133,8 @@ print(f"{len(graph.pieces)} pieces; {fold.message} at lambda = {fold.alpha:.6f}"
 
 # %%
 # At 14 of 17 loadings from 0.4 to 2.08 the voltages are those of pandapower (differences below
-# 1e-9). At the others, 0.4, 0.5 and 1.1, pandapower leaves a generator at a limit whose voltage is on
-# the wrong side of the one to hold: it enforces limits in turn, and never gives a voltage back.
+# 1e-9). At the others, 0.4, 0.5 and 1.1, pandapower leaves a generator at a limit whose voltage is
+# on the wrong side of the one to hold: it enforces limits in turn, and never gives a voltage back.
 #
 # From the command line, with a search for further solutions beside the curve::
 #

@@ -204,7 +204,8 @@ def first_on_curve(
     """Return the first event on a curved segment, None where there is none.
 
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
-    segment falls to zero later, and is not located.
+    segment falls to zero later, and is not located. So the one that seems to come first is located
+    first.
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)
@@ -216,7 +217,7 @@ def first_on_curve(
     first: Event | None = None
     located: set[int] = set()
     while suspects := set(_suspects(start, end, segment.length)) - located:
-        event = _event(watch, suspect := min(suspects), segment, start, end)
+        event = _event(watch, suspect := _soonest(suspects, start, end), segment, start, end)
         if isinstance(event, Failure):
             return event
         located.add(suspect)
@@ -251,6 +252,15 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
         s = (before.values - after.values + after.slopes * length) / run
         dips &= before.values + before.slopes * s < 0.0
     return [int(i) for i in np.flatnonzero(crossed | dips)]
+
+
+def _soonest(suspects: set[int], before: Joined, after: Joined) -> int:
+    """Return the function that vanishes first if all are straight, of several the first."""
+    some = np.array(sorted(suspects), dtype=np.intp)
+    falls, values = before.values[some] - after.values[some], before.values[some]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = np.where(falls > 0.0, values / falls, np.inf)
+    return int(some[np.argmin(parts)])
 
 
 def _event(
