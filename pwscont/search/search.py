@@ -16,6 +16,7 @@ from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: What a search should yield, for those that yield something near it.
@@ -165,7 +166,8 @@ def _off(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> float
     """Return the largest entry of H at a point, zero where rounding and error explain all."""
     z, alpha = x[:-1], float(x[-1])
     character = system.character(z, alpha)
-    value, jacobian = system.residual(z, alpha, character), system.jacobian(z, alpha, character)
+    value = residual_at(system, z, alpha, character)
+    jacobian = jacobian_at(system, z, alpha, character)
     terms = abs(jacobian) @ (np.abs(x) + scale) + np.abs(value - jacobian @ x)
     reach = abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0)
     explained = np.abs(value) <= OFF * terms + ROUNDING * terms.max() + 10.0 * reach

@@ -204,8 +204,8 @@ def first_on_curve(
     """Return the first event on a curved segment, None where there is none.
 
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
-    segment falls to zero later, and is not located. So the one that seems to come first is located
-    first.
+    segment falls to zero later, and is not located. So of each detector the function that seems to
+    vanish first is located first.
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)
@@ -255,8 +255,13 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
 
 
 def _soonest(suspects: set[int], before: Joined, after: Joined) -> int:
-    """Return the function that vanishes first if all are straight, of several the first."""
-    some = np.array(sorted(suspects), dtype=np.intp)
+    """Return the function that vanishes first if all are straight, of the first detector with any.
+
+    Where functions of several detectors vanish at one place, it is that detector's.
+    """
+    ends = np.cumsum([len(part.values) for part in before.parts])
+    last = ends[np.searchsorted(ends, min(suspects), side="right")]
+    some = np.array(sorted(i for i in suspects if i < last), dtype=np.intp)
     falls, values = before.values[some] - after.values[some], before.values[some]
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = np.where(falls > 0.0, values / falls, np.inf)
