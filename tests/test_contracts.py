@@ -324,3 +324,22 @@ def test_a_detector_that_breaks_its_contract_is_named(system, changed, words):
     detector = type("Odd", (At,), {name: staticmethod(f) for name, f in changed.items()})()
     with pytest.raises(InvalidInputError, match=f"Odd.*{words}"):
         explore(system, (-2.0, 2.0), detectors=[detector])
+
+
+class AheadFirst(TransitionDetector):
+    """Marks where the first unknown passes -1/2, and gives the ray ahead before the one back."""
+
+    def read(self, curve, state):
+        return At().read(curve, state)
+
+    def locate(self, segment, index, bracket):
+        return At().locate(segment, index, bracket)
+
+    def arrive(self, curve, state, index):
+        found = At().arrive(curve, state, index)
+        return SpecialPointFound(found.kind, found.x, found.message, found.rays[::-1])
+
+
+def test_rays_in_the_wrong_order_are_refused():
+    with pytest.raises(InvalidInputError, match="the ray back before all others"):
+        explore(Kink(), (-2.0, 2.0), detectors=[AheadFirst()])

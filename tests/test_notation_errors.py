@@ -35,6 +35,7 @@ WRONG = {
     "arguments of sw.max": lambda z, t, sw: sw.max(z, np.zeros(3)) - t,
     "arguments of sw.abs must be real": lambda z, t, sw: sw.abs(z + 1j) - t,
     "lower is larger": lambda z, t, sw: z - sw.clip(z, 1.0, 0.0) - t,
+    "sw has no 'maximum'; it has max": lambda z, t, sw: sw.maximum(z, 0.0) - t,
     "infinite": lambda z, t, sw: z - sw.max(z, -np.inf) - t,
 }
 

@@ -43,6 +43,10 @@ class Switches:
     def __init__(self, choose: Choose, forms: Forms) -> None:
         self._choose, self._forms = choose, forms
 
+    def __getattr__(self, name: str) -> Any:
+        """Say what there is instead of something that there is not."""
+        raise AttributeError(f"sw has no {name!r}; it has max, min, abs, relu, clip and where")
+
     def max(self, a: Any, b: Any) -> Any:
         """Return the larger of two quantities."""
         a, b = _alike("max", a, b)

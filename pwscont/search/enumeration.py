@@ -92,7 +92,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
             f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
-            "none; use explore with MultiStart"
+            "none; use explore with MultiStart, or write it by Switched(..., linear=True)"
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))

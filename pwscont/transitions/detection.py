@@ -52,6 +52,8 @@ class Event:
         if not (isinstance(found, SpecialPointFound) and found.rays):
             what = "a SpecialPointFound with at least the ray back"
             raise _broken(self.detector, "arrive", what, found)
+        if float(curve.metric.covector(self.state.tangent).dot(found.rays[0].state.tangent)) > 0.0:
+            raise _broken(self.detector, "arrive", "the ray back before all others", found)
         return found
 
 
