@@ -122,6 +122,8 @@ def arches(rng: Rng) -> Case:
         reach *= 1.5
     h = float(rng.uniform(roots[0], roots[-1]))
     samples = np.linspace(roots[0] - reach, roots[-1] + reach, 6000)
+    apart = np.sort([*np.roots(np.polyder(np.poly(roots))).real, h])
+    samples = np.union1d(samples, 0.5 * (apart[1:] + apart[:-1]))  # between a fold and the test
     curve = Curve(p, lambda s: np.array([s]), samples, tests=[lambda s: s - h])
     system = system_of(rng, lambda z, alpha, signs: p(z) - alpha, lambda z, alpha: [z - h])
     drawn = {"roots": roots.tolist(), "c": c, "h": h}
