@@ -301,3 +301,30 @@ def test_a_curved_piece_of_one_step_is_no_straight_one(tmp_path):
     graph.save(tmp_path / "graph.npz")
     with pytest.raises(SystemNeededError, match="curved"):
         BranchGraph.load(tmp_path / "graph.npz").solutions(1.005)
+
+
+class TwoSheets(PiecewiseSystem):
+    """(z - f) (z - f + d) = 0 with f = a sin(w alpha): sheets closer than steps can tell."""
+
+    size, d = 1, 1.69e-4
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        f = 0.96 * np.sin(13.34 * alpha + 4.224)
+        return (z - f) * (z - f + self.d)
+
+
+@pytest.mark.slow
+def test_a_solution_is_on_its_own_sheet_or_has_an_error():
+    """Between stored points the cubic may be nearer to the other sheet than to its own.
+
+    The path takes so small steps that it is stopped after some of the interval.
+    """
+    start = 0.96 * np.sin(13.34 * 0.8 + 4.224)
+    graph = trace(TwoSheets(), ([start], 0.8), (0.0, 6.0))
+    for alpha in np.linspace(0.21, 1.29, 360):
+        (found,) = graph.solutions(float(alpha))
+        true = 0.96 * np.sin(13.34 * alpha + 4.224)
+        assert abs(found.z[0] - true) <= 1e-8 + 10.0 * found.error[0]

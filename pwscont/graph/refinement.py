@@ -10,18 +10,25 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import SystemNeededError
+from pwscont.basics.outcome import Failure
 from pwscont.basics.quantities import NAMELESS, Quantities
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
+from pwscont.curve.newton import Border, newton
 from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import Piece, Solution
 from pwscont.linear.factorise import bordered, last_unit
+from pwscont.stepping.acceptance import SLOWEST
 from pwscont.stepping.stepper import CurvedSegment
 from pwscont.system.hidden import completed_point, shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.location import locate_zero
+from pwscont.transitions.location import MOST_NEWTON, locate_zero
+
+#: Steps are halved so often where the cubic is too far from the curve to say which sheet it is on.
+MOST_HALVINGS = 8
 
 
 def refine(
@@ -71,23 +78,59 @@ def solve_between(
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
-        The solution and an estimate of its error; where Newton fails or leads to another sheet,
-        the point of the chord, and an error as large as the chord.
+        The solution and an estimate of its error; where Newton fails, or another sheet is so
+        close that it may lead there, a point of the cubic, and an error as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
-    row = -last_unit(len(a))
+    for _ in range(MOST_HALVINGS):
+        segment, s, found = _located(curve, a, b, alpha)
+        if found is not None and _is_sure(segment, s, alpha):
+            return found
+        middle = _middle(segment)
+        if middle is None:
+            return _unrefined(segment, s, alpha)
+        a, b = _around(np.array([a, middle, b]), alpha)
+    return found or _unrefined(segment, s, alpha)
+
+
+def _located(
+    curve: Curve, a: Array, b: Array, alpha: float
+) -> tuple[CurvedSegment, float, tuple[Array, Array] | None]:
+    """Return the cubic between two points, where it has an alpha, and the solution beside it."""
     for start, end in _tangents(curve, a, b):
         first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
         segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
         s = _where(segment, alpha)
-        found = locate_zero(
-            segment, lambda x: (alpha - float(x[-1]), row), (0.0, segment.length), s
-        )
+        found = locate_zero(segment, _at(alpha, len(a)), (0.0, segment.length), s)
         if isinstance(found, State):
             found.x[-1] = alpha
-            return found.x, magnitude(found.x, found.error)
-    return _unrefined(segment, s, alpha)
+            return segment, s, (found.x, magnitude(found.x, found.error))
+    return segment, s, None
+
+
+def _at(alpha: float, size: int) -> Border:
+    """Return the border that falls to zero where a point has an alpha."""
+    row = -last_unit(size)
+    return lambda x: (alpha - float(x[-1]), row)
+
+
+def _is_sure(segment: CurvedSegment, s: float, alpha: float) -> bool:
+    """Tell whether Newton contracts at once: else the cubic may be nearer to another sheet."""
+    if segment.curve.selection.is_straight:
+        return True
+    x = segment.near(s)
+    root = newton(segment.curve, _at(alpha, len(x)), x, MOST_NEWTON)
+    return not isinstance(root, Failure) and root.contraction <= SLOWEST
+
+
+def _middle(segment: CurvedSegment) -> Array | None:
+    """Return the point of the curve in the middle of a segment, None where it is not sure."""
+    x = segment.near(0.5 * segment.length)
+    found = BorderedNewton().correct(segment.curve, x, segment.chord)
+    if isinstance(found, Failure) or found.contraction > SLOWEST:
+        return None
+    return found.state.x
 
 
 def fine_points(
