@@ -13,7 +13,7 @@ from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
 from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
-from pwscont.basics.errors import SystemNeededError
+from pwscont.basics.errors import InvalidInputError, SystemNeededError
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -301,3 +301,10 @@ def test_a_curved_piece_of_one_step_is_no_straight_one(tmp_path):
     graph.save(tmp_path / "graph.npz")
     with pytest.raises(SystemNeededError, match="curved"):
         BranchGraph.load(tmp_path / "graph.npz").solutions(1.005)
+
+
+@pytest.mark.parametrize("alpha", ["0.1", None, [0.1], np.array([0.1, 0.2]), 1j], ids=repr)
+def test_what_is_no_number_is_refused(fig7, alpha):
+    for ask in (fig7.count, fig7.solutions, fig7.balance):
+        with pytest.raises(InvalidInputError, match="alpha must be a number"):
+            ask(alpha)
