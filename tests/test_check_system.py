@@ -6,6 +6,7 @@ from paper_systems import CASES
 
 from pwscont import (
     Block,
+    Character,
     InvalidInputError,
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -124,6 +125,20 @@ def test_wrong_blocks():
     assert "a mode of block 0 changes rows that it does not own" in found
     both = (Block((0,), (0, 1), MODES), Block((1,), (1,), MODES))
     assert "row 1 is claimed 2 times" in words(straight(blocks=lambda self: both))
+
+
+def test_blocks_that_leave_something_out():
+    half = (Block((0,), (0,), MODES[:1]), BLOCKS[1])
+    assert "block 0 does not have the mode of cell --" in words(straight(blocks=lambda self: half))
+    for left in (BLOCKS[:1], ()):
+        found = words(straight(blocks=lambda self, left=left: left))
+        assert "test function 1 changes H, and is in no block" in found
+    idle = straight(
+        test_functions=lambda self, z, alpha: np.append(z - 0.3, z[0] - 1.0),
+        residual=lambda self, z, a, c: Plain.residual(self, z, a, Character(c.signs[:2])),
+        blocks=lambda self: BLOCKS,
+    )
+    assert check_system(idle, [*POINTS, *SOLUTIONS]), str(check_system(idle, POINTS))
 
 
 def test_wrong_necessary():

@@ -17,6 +17,7 @@ import pwscont
 from pwscont import (
     AllTransitions,
     BranchGraph,
+    Complementarity,
     EndPoints,
     FoldLocus,
     MultiStart,
@@ -24,6 +25,7 @@ from pwscont import (
     PseudoArclength,
     Slices,
     StepSize,
+    Switched,
     TransitionLocus,
     explore,
 )
@@ -70,7 +72,22 @@ def traced(system, interval):
     return pwscont.trace(system, start, interval)
 
 
+def snapping(z, alpha, sw):
+    return [z[0] ** 3 - z[0] + sw.abs(z[1]) - alpha, z[1] - sw.relu(z[0])]
+
+
+def snap(z, alpha, sw):
+    return z - 2.0 * sw.clip(z - 0.2, 0.0, 1.0) - alpha
+
+
+def twice(z, alpha):
+    return 2.0 * z + z**3 - alpha
+
+
 CASES = {
+    "switched": lambda: (Switched(2, snapping), (-1.0, 1.0), explore),
+    "switched linear": lambda: (Switched(1, snap, linear=True), (-2.0, 2.0), explore),
+    "complementarity": lambda: (Complementarity(twice, [0.0], [1.0]), (-1.0, 5.0), explore),
     "affine load": lambda: (fig7().system, (-2.0, 2.0), explore),
     "curved load": lambda: (fig10().system, (0.0, 1.0), explore),
     "friction": lambda: (example3().system, (0.001, 15.0), explore),

@@ -244,3 +244,38 @@ def test_a_scene_carries_events_and_records():
     graph = scene.run()
     assert {point.name for point in graph.special_points("event")} == {"up"}
     assert graph.solutions(0.5)[0]["square"] == pytest.approx(0.75)
+
+
+class Arch(PiecewiseSystem):
+    """z (z - 1) (z - 2) = alpha, with a stop at z = 1: a fold, and a non-smooth fold."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        return z * (z - 1.0) * (z - 2.0) + 5.0 * (z - 1.0) * character.signs[0] - alpha
+
+
+@pytest.mark.parametrize("at", [-0.1, 0.0, 0.5])
+def test_two_zeros_close_to_each_other_and_a_flat_one(at):
+    close = {"close": lambda z, a: (z - at) ** 2 - 1e-12, "flat": lambda z, a: (z[0] - at) ** 3}
+    graph = explore(Arch(), (-0.5, 1.0), events=close)
+    found = sorted(point.z[0] - at for point in graph.special_points("event"))
+    assert found == pytest.approx([-1e-6, 0.0, 1e-6], abs=1e-11)
+
+
+FOLD = 1.0 - 3.0**-0.5
+
+
+@pytest.mark.parametrize("at", [FOLD, 1.0])
+@pytest.mark.parametrize("edge", [np.maximum, np.minimum])
+def test_the_edge_of_a_stretch_of_zeros_at_a_special_point_changes_nothing(at, edge):
+    graph = explore(Arch(), (-0.5, 1.0), events={"edge": lambda z, a: edge(z[0] - at, 0.0)})
+    (named,) = (point for point in graph.special_points() if point.name == "edge")
+    assert named.z[0] == pytest.approx(at, abs=1e-10)
+    kinds = [str(point.kind) for point in graph.special_points()]
+    assert sorted(kinds) == ["end", "fold", "nonsmooth fold", "start"]
+    assert [count for _, _, count in graph.multiplicity()] == [1, 3, 1]
+    assert graph.guarantee == "balanced"

@@ -431,6 +431,10 @@ def test_arguments_of_another_kind(call, message):
     [
         (lambda s: MultiStart(count=0), "count must be a positive whole number, got 0"),
         (lambda s: MultiStart(count=2.5), "count must be a positive whole number, got 2.5"),
+        (lambda s: MultiStart(count=True), "count must be a positive whole number, got True"),
+        (lambda s: MultiStart(seed=None), "seed must be a whole number from 0, got None"),
+        (lambda s: MultiStart(seed=-1), "seed must be a whole number from 0, got -1"),
+        (lambda s: MultiStart(around=1.5), "around must be states, got 1.5"),
         (lambda s: MultiStart(spread=-1.0), "spread must be positive, got -1.0"),
         (lambda s: MultiStart(spread=np.nan), "spread must be finite"),
         (lambda s: explore(s, (-2.0, 2.0), search=Slices((7.0,))), "7.0 lies outside the interval"),

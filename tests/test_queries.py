@@ -13,7 +13,7 @@ from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
 from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
-from pwscont.basics.errors import SystemNeededError
+from pwscont.basics.errors import InvalidInputError, SystemNeededError
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -328,3 +328,10 @@ def test_a_solution_is_on_its_own_sheet_or_has_an_error():
         (found,) = graph.solutions(float(alpha))
         true = 0.96 * np.sin(13.34 * alpha + 4.224)
         assert abs(found.z[0] - true) <= 1e-8 + 10.0 * found.error[0]
+
+
+@pytest.mark.parametrize("alpha", ["0.1", None, [0.1], np.array([0.1, 0.2]), 1j], ids=repr)
+def test_what_is_no_number_is_refused(fig7, alpha):
+    for ask in (fig7.count, fig7.solutions, fig7.balance):
+        with pytest.raises(InvalidInputError, match="alpha must be a number"):
+            ask(alpha)

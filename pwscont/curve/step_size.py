@@ -43,7 +43,8 @@ class StepSize:
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name in ("first", "smallest", "largest", "least_cosine"):
-            finite_array(f"{name} of StepSize", getattr(self, name), ())
+            number = finite_array(f"{name} of StepSize", getattr(self, name), ())
+            object.__setattr__(self, name, float(number))
         if self.largest < self.first == FIRST:
             object.__setattr__(self, "first", self.largest)
         if not 0.0 < self.smallest <= self.first <= self.largest:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
+from numbers import Real
 
 import numpy as np
 
@@ -124,6 +125,8 @@ class Queries(Structure):
 
     def _inside(self, alpha: float) -> None:
         lo, hi = self.interval
+        if np.ndim(alpha) or not isinstance(np.asarray(alpha).item(), Real):
+            raise InvalidInputError(f"alpha must be a number, got {alpha!r}")
         if not lo <= alpha <= hi:
             raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from numbers import Integral
 from typing import final
 
 import numpy as np
@@ -49,7 +50,8 @@ class MultiStart(Search):
     Raises
     ------
     InvalidInputError
-        If count is no positive whole number, or spread not positive and finite.
+        If count is no positive whole number, seed none from 0, around no states, or spread not
+        positive and finite.
     """
 
     count: int = 20
@@ -59,10 +61,14 @@ class MultiStart(Search):
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if not isinstance(self.count, int) or self.count < 1:
+        if not _is_whole(self.count) or self.count < 1:
             raise InvalidInputError(f"count must be a positive whole number, got {self.count!r}")
+        if not _is_whole(self.seed) or self.seed < 0:
+            raise InvalidInputError(f"seed must be a whole number from 0, got {self.seed!r}")
         if not 0.0 < finite_array("spread", self.spread, ()) < np.inf:
             raise InvalidInputError(f"spread must be positive, got {self.spread}")
+        if not np.iterable(self.around):
+            raise InvalidInputError(f"around must be states, got {self.around!r}")
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
@@ -121,3 +127,7 @@ def _another(
 
 def _is_new(metric: Metric, found: Found, known: list[Found]) -> bool:
     return all(metric.norm(metric.difference(found[0], x)) > SAME for x, _ in known)
+
+
+def _is_whole(number: object) -> bool:
+    return isinstance(number, Integral) and not isinstance(number, bool)

@@ -92,9 +92,18 @@ def relative(difference: Array, reference: Array) -> float:
 def is_solution(system: PiecewiseSystem, x: Array) -> bool:
     """Tell whether H is zero to rounding of its terms."""
     z, alpha = x[:-1], float(x[-1])
-    character, scale = system.character(z, alpha), system.differences(alpha).scale
-    terms = np.abs(dense(system.jacobian(z, alpha, character))) @ (np.abs(x) + scale)
-    return bool((np.abs(system.residual(z, alpha, character)) <= TOLERANCE**2 * terms).all())
+    character = system.character(z, alpha)
+    small = TOLERANCE**2 * _terms(system, x, character)
+    return bool((np.abs(system.residual(z, alpha, character)) <= small).all())
+
+
+def _terms(system: PiecewiseSystem, x: Array, character: Character) -> Array:
+    """Return the magnitude of the terms of each equation."""
+    scale = system.differences(float(x[-1])).scale
+    terms: Array = np.abs(dense(system.jacobian(x[:-1], float(x[-1]), character))) @ (
+        np.abs(x) + scale
+    )
+    return terms
 
 
 def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
@@ -164,6 +173,29 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
                 what = f"blocks(): a mode of block {number} changes rows that it does not own"
                 yield Defect(what, z, alpha, size)
                 break
+    yield from _forgotten(system, x, character)
+
+
+def _forgotten(system: SlicewiseLinearSystem, x: Array, at: Character) -> Iterator[Defect]:
+    """Look for a mode that no block has, and for a test that matters and is in no block."""
+    z, alpha, terms = x[:-1], float(x[-1]), _terms(system, x, at)
+
+    def change(other: Character, rows: Sequence[int]) -> float:
+        there, here = (residual_at(system, z, alpha, c)[list(rows)] for c in (other, at))
+        return relative(there - here, terms)
+
+    for number, block in enumerate(system.blocks()):
+        modes = [_with_mode(at, block.tests, mode) for mode in block.modes[:MOST_MODES]]
+        size = min(change(mode, block.rows) for mode in modes)
+        if size > TOLERANCE and len(block.modes) <= MOST_MODES:
+            what = f"blocks(): block {number} does not have the mode of {system.describe(at)}"
+            yield Defect(what, z, alpha, size)
+    known = {test for block in system.blocks() for test in block.tests}
+    for test in sorted(set(range(len(at.signs))) - known):
+        size = change(at.with_sign(test, not at.signs[test]), range(system.size))
+        if size > TOLERANCE:
+            what = f"blocks(): {system.test_name(test)} changes H, and is in no block"
+            yield Defect(what, z, alpha, size)
 
 
 def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:

@@ -101,12 +101,15 @@ class Watch:
         return event.detector in self._added and event.position <= reach
 
     def without(self, reading: Joined, event: Event) -> Joined:
-        """Return a reading in which the function of an event is zero: watched once it rises."""
+        """Return a reading in which the function of an event is zero, and level.
+
+        It is watched once it is positive. Falling from zero, it would be found again.
+        """
         parts = list(reading.parts)
         place = self._detectors.index(event.detector)
-        values = np.array(parts[place].values)
-        values[event.index] = 0.0
-        parts[place] = Reading(values, parts[place].slopes)
+        values, slopes = np.array(parts[place].values), np.array(parts[place].slopes)
+        values[event.index] = slopes[event.index] = 0.0
+        parts[place] = Reading(values, slopes)
         return Joined.of(parts)
 
     def check(self, start: Joined, end: Joined) -> None:
@@ -223,7 +226,7 @@ def first_on_curve(
         if isinstance(event, Failure):
             return event
         located.add(suspect)
-        if event is None or (first is not None and event.position >= segment.length):
+        if event is None or (first is not None and _is_at_end(event, segment)):
             continue
         first = event
         if event.position <= 0.0:
@@ -231,6 +234,10 @@ def first_on_curve(
         segment = segment.until(event.state)
         end = _before(watch.read(segment.curve, event.state))
     return first
+
+
+def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
+    return event.state is segment.end or event.position >= segment.length
 
 
 def _before(reading: Joined) -> Joined:

@@ -35,7 +35,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import locate_point, locate_sign_change
+from pwscont.transitions.location import MOST_BRENT, locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -123,6 +123,8 @@ class Events(TransitionDetector):
         if not isinstance(segment, CurvedSegment):
             return locate_point(segment, bracket[0])
         event, sign = self.events[index // len(WATCHED)], WATCHED[index % len(WATCHED)]
+        if index % len(WATCHED) == FLAT and not event.read(segment.curve, segment.end)[0]:
+            return segment.end  # to the accuracy of that point, which may be special by itself
         return locate_sign_change(segment, lambda state: event.ahead(sign, state.x), bracket, EPS)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
@@ -203,7 +205,8 @@ def _first_change(event: UserEvent, segment: Segment, places: Array, sign: float
         return None
     from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
 
-    return float(brentq(value, before, s, xtol=EPS * s, rtol=4.0 * EPS))
+    at = brentq(value, before, s, xtol=EPS * s, rtol=4.0 * EPS, maxiter=MOST_BRENT)
+    return float(at)
 
 
 def _still_positive(value: Callable[[float], float], s: float) -> float | None:

@@ -35,6 +35,8 @@ MOST_NEWTON = 8
 NARROW = EPS**0.6
 #: A bracket in double precision cannot be halved more often.
 MOST_HALVINGS = 60
+#: Brent's method takes no more steps than the square of these halvings; many where a zero is flat.
+MOST_BRENT = MOST_HALVINGS**2
 
 
 def locate_zero(
@@ -160,7 +162,8 @@ def locate_sign_change(
         ends = sorted(map(along, bracket))
         if not ends[0] <= 0.0 <= ends[1]:  # a change that is rounding
             return Failure(FailureReason.NOT_CONVERGED)
-        s = brentq(along, *bracket, xtol=narrow * segment.length, rtol=4.0 * EPS)
+        xtol = narrow * segment.length
+        s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=MOST_BRENT)
     except _OffCurveError as off:
         return off.failure
     return known[s] if s in known else segment.at(s)
