@@ -4,6 +4,12 @@ import sys
 from collections import Counter
 
 import pytest
+from sweeps import Wanted
+
+
+def pytest_configure(config):
+    """Leave out the slow cases of sweeps where only quick ones are asked for."""
+    Wanted.slow = config.option.markexpr != "not slow"
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -291,10 +291,10 @@ def test_updates_on_and_off_agree(long_path):
     fresh = traced(strip_system(200, solver=Afresh()), hi=0.3)
     count = len(fresh.pieces) - 1  # the last is cut off
     assert count > 60
-    # the inverse takes up 48 changes at a time, and is seldom factorised afresh
+    # the inverse takes up 48 changes at a time, and is hardly ever factorised afresh
     solver = system.algebra.solver
-    assert 5 <= solver.updates <= len(updated.pieces) / 20
-    assert solver.factorisations <= 10
+    assert 5 <= solver.updates <= len(updated.pieces) / 16
+    assert solver.factorisations <= 3
     for a, b in zip(fresh.pieces[:count], updated.pieces[:count], strict=True):
         assert a.character == b.character
         assert a.det_sign == b.det_sign
