@@ -134,6 +134,7 @@ def test_animation_runs_along_the_branch(triangle_case, tmp_path):
         along(problem, [], 5)
 
 
+@pytest.mark.slow
 def test_scenes_write_pictures_and_vtu(tmp_path, monkeypatch):
     monkeypatch.setattr(scene_module, "FRAMES", 3)
     scene = triangle()

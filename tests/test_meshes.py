@@ -166,7 +166,7 @@ def test_a_gap_computed_from_positions():
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-@pytest.mark.sweep(3)
+@pytest.mark.slow
 def test_recover_knows_the_load_of_a_friction_path(unit):
     """Displacements of the whole body are those of the full problem's unknowns."""
     body = pressed(strip(nx=7, ny=4), material=Lame(1.2 * unit, 0.8 * unit))

@@ -352,6 +352,7 @@ def test_loci_of_two_nodes_kink_where_they_cross(plane):
     }
 
 
+@pytest.mark.slow
 def test_facts_hold_for_the_locus(plane):
     """F1 at the interfaces near every locus, and at the kinks themselves."""
     for locus in plane.loci:

@@ -240,6 +240,7 @@ def test_the_number_of_solutions_is_the_graphs(driver, pages):
     assert (single["x"], single["y"]) == ([-1.0, -0.5], [2, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not find_spec("skfem"), reason="bodies need scikit-fem: pip install '.[fem]'")
 def test_a_click_changes_the_body(driver, pages):
     scene = load_scene("wedge", {"nodes": "3"}).curve()
@@ -331,6 +332,7 @@ def shown(driver, tmp_path, graph, alphas):
 
 
 @pytest.mark.parametrize("units", [(1.0, 1.0), (1e-4, 1e9), (1.0, 1e-9), (1e-4, 1e15)])
+@pytest.mark.sweep(4)
 def test_every_digit_on_a_parabola_is_right_in_any_units(driver, tmp_path, units):
     z_unit, alpha_unit = units
     graph = explore(Parabola(*units), (-alpha_unit, alpha_unit))
@@ -345,6 +347,7 @@ def test_every_digit_on_a_parabola_is_right_in_any_units(driver, tmp_path, units
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_small_unknowns_beside_a_large_parameter_are_not_zero(driver, tmp_path):
     graph = explore(Kink(1e-4, 1e9), (-1e9, 1e9))
     (row,) = shown(driver, tmp_path, graph, [0.25e9])
