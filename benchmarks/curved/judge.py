@@ -184,7 +184,8 @@ class Look:
         components = self.case.truth.components
         sets = [self.case.truth.solutions(component, alpha) for component in components]
         answer = self._guarded(
-            lambda: ([s.z for s in graph.solutions(alpha)], graph.count(alpha)), f"at {alpha!r}"
+            lambda: ([(s.z, s.error) for s in graph.solutions(alpha)], graph.count(alpha)),
+            f"at {alpha!r}",
         )
         if answer is None:
             return
@@ -197,15 +198,19 @@ class Look:
         self._pair(true, have, alpha)
 
     def _pair(
-        self, true: list[tuple[int, np.ndarray]], have: list[np.ndarray], alpha: float
+        self,
+        true: list[tuple[int, np.ndarray]],
+        have: list[tuple[np.ndarray, np.ndarray]],
+        alpha: float,
     ) -> None:
-        """Match every solution with the nearest true one."""
+        """Match every solution with the nearest true one; it may be off by what its error says."""
         near = _near([z for _, z in true])
         hits = [0] * len(true)
-        for z in have:
+        for z, error in have:
             gaps = [float(np.abs(z - w).max() / (1 + np.abs(w).max())) for _, w in true]
             nearest = int(np.argmin(gaps)) if gaps else -1
-            if nearest < 0 or gaps[nearest] > min(TOLERANCE, 0.25 * near):
+            allowed = max(min(TOLERANCE, 0.25 * near), float(error.max(initial=0.0)))
+            if nearest < 0 or gaps[nearest] > allowed:
                 self._fault("foreign", alpha, f"solutions({alpha!r}) has {z}, true: {_z(true)}")
             else:
                 hits[nearest] += 1
