@@ -265,6 +265,7 @@ def check_schema(data):
         assert row["right"] or row["stepper"] == "natural parameter"
 
 
+@pytest.mark.slow
 def test_exact_linear_does_less_work_than_steps(cases):
     """Within one run: less than a fifth of the factorisations of pseudo-arclength."""
     case = cases["fig7"]

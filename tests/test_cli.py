@@ -147,6 +147,7 @@ def test_every_scene_prints_a_table(capsys, name):
     assert "Traceback" not in out
 
 
+@pytest.mark.slow
 @EVERY_SCENE
 @pytest.mark.usefixtures("solved_once")
 def test_json_follows_the_schema(capsys, name):
@@ -340,6 +341,7 @@ def test_looks_of_pictures(capsys, tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["fig7.npz", "fig7.svg"]
 
 
+@pytest.mark.slow
 def test_resolution_is_what_was_asked_for(capsys, tmp_path):
     sizes = []
     for dots in (40, 80):
@@ -455,6 +457,7 @@ def test_the_rate_is_that_of_the_last_seconds():
     assert stream.getvalue().rstrip().endswith(", 1 pieces/s")  # 10 since 102
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fig7", "example1-critical-friction"])
 def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
     clock = Clock()
@@ -491,6 +494,7 @@ def test_python_m_pwscont():
     assert fresh().returncode == 2
 
 
+@pytest.mark.slow
 def test_a_reader_that_stops_early_is_no_error():
     command = [sys.executable, "-m", "pwscont", "run", "fig7"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

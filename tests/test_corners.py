@@ -125,6 +125,7 @@ def test_unloaded_body(start):
             assert_agrees(graph, alpha, body, alpha * f1, friction)
 
 
+@pytest.mark.slow
 def test_unloaded_body_with_many_nodes():
     """21 tests vanish at the apex, in whose closure lie 4^7 cells: all of them are tried."""
     body = random_body(7, 3, inner=0)

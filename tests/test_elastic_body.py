@@ -188,6 +188,7 @@ def test_pressure_converges(kind, rate):
     assert rates[-1] > rate, (errors, rates)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [6, 12, 18])
 def test_nothing_moves_and_a_symmetric_node_stays_on_its_interface(k):
     """By symmetry u_t = 0 in the middle: with rounding only in it, and in the tangent."""

@@ -305,6 +305,7 @@ def check_pieces_against_rational_arithmetic(p, seed, friction):
     assert is_union_of_loops(list(rest.values()))
 
 
+@pytest.mark.slow
 @prop(8)
 @given(p=NODES, seed=SEEDS, friction=FRICTIONS)
 def test_pieces_of_a_few_bodies_against_rational_arithmetic(p, seed, friction):
@@ -324,6 +325,7 @@ def is_union_of_loops(pieces):
     return all(a == b for a, b in zip(ends[::2], ends[1::2], strict=True))
 
 
+@pytest.mark.slow
 @prop(15)
 @given(p=NODES, seed=SEEDS)
 def test_every_component_ends_on_the_interval(p, seed):

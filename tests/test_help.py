@@ -94,6 +94,7 @@ def test_the_marker_stands_where_argcomplete_looks():
         assert "PYTHON_ARGCOMPLETE_OK" in file.read(1024)
 
 
+@pytest.mark.slow
 def test_argcomplete_is_not_loaded_unless_the_shell_asks():
     code = (
         "import sys; from pwscont.commands.cli import main; main(['scenes']); "

@@ -462,6 +462,7 @@ def test_ctrl_c_between_writing_and_counting(tmp_path):
 # -- the command line -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypatch, capsys):
     walk, left = PieceFollower.walk, [3]
 

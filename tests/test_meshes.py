@@ -325,6 +325,7 @@ def test_the_obstacle_s_normal_takes_off_what_nodal_normals_add_to_hertz(wide, l
     assert np.abs(body.contact.normals[:, 0] - [0.0, -1.0]).max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_round_body_on_a_plane_is_the_convex_problem_of_the_plane():
     """Without friction: least energy under y + u_y >= 0, by nonnegative least squares."""
     _, body, state = peak((0.0, -1.0), lambda x: x[1])

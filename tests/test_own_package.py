@@ -63,6 +63,7 @@ def test_the_project_file_names_what_the_package_has():
         assert (module, names[function]().name) == ("snapping", name)
 
 
+@pytest.mark.slow
 def test_the_scene_is_listed_with_its_settings(site):
     listed = pwscont(site, "scenes").stdout
     assert re.search(r"^  snap +a strut, stop at 0\.8 \[-s stop=0\.8\]$", listed, re.MULTILINE)
@@ -82,6 +83,7 @@ def test_the_commands_of_the_page_run(site, tmp_path):
     assert {file.name for file in (tmp_path / "out").iterdir()} == {"snap.png", "snap.npz"}
 
 
+@pytest.mark.slow
 def test_what_it_computes_is_true(site):
     done = pwscont(site, "run", "snap", "-s", "stop=0.9", "--at", "0", "--json")
     found = json.loads(done.stdout)
@@ -95,6 +97,7 @@ def test_what_it_computes_is_true(site):
     assert alphas["transition"] == pytest.approx([0.9**3 - 0.9], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_settings_that_do_not_fit_are_refused(site):
     done = pwscont(site, "run", "snap", "-s", "stop=far")
     assert done.returncode == 2

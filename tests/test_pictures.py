@@ -231,6 +231,7 @@ def test_legends_of_many_modes_are_short_and_outside(count):
     plt.close(ax.figure)
 
 
+@pytest.mark.slow
 def test_pieces_in_one_style_are_one_line():
     """One artist for each piece took half a minute for 546 of them."""
     graph = many_modes(200)

@@ -301,6 +301,7 @@ def test_updates_on_and_off_agree(long_path):
         np.testing.assert_allclose(a.points, b.points, rtol=1e-9, atol=1e-9 * abs(b.points).max())
 
 
+@pytest.mark.slow
 def test_transitions_solve_the_problem(long_path):
     system, graph = long_path
     assert len(graph.pieces) > 300
@@ -331,6 +332,7 @@ def assert_same_path(a, b):
         np.testing.assert_allclose(one.place.x, other.place.x, rtol=1e-9, atol=1e-10 * size)
 
 
+@pytest.mark.slow
 def test_friction_as_parameter():
     body, load = strip(40)
     graphs = [

@@ -242,6 +242,7 @@ CURVES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "below", "above", "alpha"), CURVES)
 def test_fold_curves_in_closed_form(plane, words, below, above, alpha):
     lower, upper = curve(plane, f"{words.format(below)} | {words.format(above)}")
