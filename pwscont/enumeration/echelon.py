@@ -59,12 +59,14 @@ class Echelon:
         return y
 
 
-def rank(rows: Array) -> int:
-    """Return how many rows, shape (k, n), are independent of the ones before them."""
-    echelon = Echelon(rows.shape[1])
+def independent(rows: Array) -> list[bool]:
+    """Tell for each row, shape (k, n), whether it is independent of the ones before it."""
+    echelon, found = Echelon(rows.shape[1]), []
     for row in rows:
-        echelon = echelon.extended([integers(row)]) or echelon
-    return len(echelon.rows)
+        longer = echelon.extended([integers(row)])
+        echelon = longer or echelon
+        found.append(longer is not None)
+    return found
 
 
 def integers(values: Array) -> Row:

@@ -20,7 +20,7 @@ from pwscont.basics.arrays import Array, Indices, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.enumeration.echelon import MOST_WORK, rank
+from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
 from pwscont.system.system import Block, SlicewiseLinearSystem
@@ -100,11 +100,12 @@ class Problem:
 
         None where it would take too long to ask this of all choices.
         """
-        rows = np.vstack([self.common, *(option.rows for option in self.chosen(picks))])
+        chosen = [option.rows for option in self.chosen(picks)]
+        rows = np.vstack([self.common, *chosen])
         cells = prod(len(options) for options in self.blocks)
         if cells * len(rows) * rows.shape[1] ** 2 > MOST_WORK:
             return None
-        return rank(rows) - rank(rows[: len(rows) - len(self.chosen(picks)[-1].rows)])
+        return sum(independent(rows)[len(rows) - len(chosen[-1]) :])
 
     def character(self, picks: Indices) -> Character:
         """Return the character of a choice of one option per block."""
