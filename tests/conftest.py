@@ -1,9 +1,16 @@
-"""Which cases of a sweep are quick, and what tests leave behind."""
+"""Which cases of a sweep are quick, how many threads a test has, and what tests leave behind."""
 
+import os
 import sys
 from collections import Counter
 
 import pytest
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # the workers have a core each: threads of BLAS that wait for one another take thirty times
+    # as long where several workers, or any other program, want the same core
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from sweeps import Wanted
 
 
