@@ -350,3 +350,50 @@ def test_magnitudes_that_the_system_gives_are_kept():
     system.scale = lambda lo, hi: np.array([1e-9, 3.0])
     graph = explore(system, (-1.0, 1.0))
     assert graph.system.differences(0.0).scale.tolist() == [1e-9, 3.0, 2.0]
+
+
+class Steep(PiecewiseSystem):
+    """sin(k (z - a sin(w alpha))) = 0: the usual step changes the argument by more than one."""
+
+    size = 1
+    k, a, w, height = 150.0, 7.0, 17.0, 2.0
+
+    def __init__(self):
+        self.asked = 0
+
+    def test_functions(self, z, alpha):
+        return z - self.height
+
+    def residual(self, z, alpha, character):
+        self.asked += 1
+        return np.sin(self.k * (z - self.a * np.sin(self.w * alpha)))
+
+
+def test_steps_become_finer_where_newton_converges_slowly():
+    system, interval = Steep(), (0.0, 2.0)
+    assert system.k * system.a * system.w * STEP * 2.0 > 0.2  # radians within a step of alpha
+    graph = trace(system, ([0.0], 0.0), interval)
+    first, period = np.arcsin(system.height / system.a), 2.0 * np.pi
+    turns = np.arange(0.0, 17.0) * period
+    expected = np.sort(np.concatenate([turns + first, turns + np.pi - first])) / system.w
+    found = [point.alpha for point in graph.special_points("transition")]
+    np.testing.assert_allclose(found, expected[expected < 2.0], rtol=1e-9)
+    assert graph.count(1.0) == 1
+    assert system.asked < 70_000  # with the usual steps alone: 224,000
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3])
+def test_finer_steps_see_narrower_functions(at):
+    width = 1e-5
+    differences = Differences(np.ones(2), -1.0, 1.0)
+    expected = 1.0 / (width * np.cosh(at) ** 2)
+    x = np.array([0.0, at * width])
+    slopes = []
+    for _ in range(5):
+        slopes.append(float(differences.jacobian(lambda y: np.tanh(y[1:] / width), x)[0, 1]))
+        differences = differences.finer
+    errors = np.abs(np.array(slopes) / expected - 1.0)
+    assert errors[0] > 0.05
+    assert errors[1] < 2e-3
+    assert (errors[2:] < 1e-5).all()
+    assert slopes[3] == slopes[4]  # there is a finest one

@@ -32,6 +32,12 @@ from pwscont.transitions.rays import Ray
 MOST_STEPS = 20_000
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
+#: Where so many steps in a row were shorter than the one before them proposed, derivatives by
+#: differences are wrong: Newton's convergence does not improve with shorter steps. Else one in five
+#: is, and rarely thirty in a row.
+MOST_SHORTENED = 100
+#: A step is shortened if it is less than this part of what was proposed.
+SHORTENED = 0.75
 
 
 @final
@@ -98,6 +104,8 @@ class PieceFollower(Follower):
             check_budget()
             segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
+                if not blocked and reached.refines():
+                    continue
                 return reached.stopped(str(blocked or segment))
             if not isinstance(segment, Segment):
                 raise InvalidInputError(
@@ -120,7 +128,7 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            reached.go_to(segment.end)
+            reached.go_to(segment.end, before is not None and _is_shortened(segment, before))
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
@@ -140,18 +148,33 @@ class PieceFollower(Follower):
         return first_on_curve(self.watch, segment, reading, after), after
 
 
+def _is_shortened(segment: CurvedSegment, before: Segment) -> bool:
+    return isinstance(before, CurvedSegment) and segment.length < SHORTENED * before.suggestion
+
+
 @final
 class _Reached:
     """The points of a walk so far, and its last state."""
 
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
-        self.blocked = 0
+        self.blocked = self._shortened = 0
 
-    def go_to(self, state: State) -> None:
-        """Add a point."""
+    def go_to(self, state: State, is_shortened: bool) -> None:
+        """Add a point, at the end of a step that may be shorter than the one before proposed."""
         self.state = state
         self.points.append(state.x)
+        self._shortened = self._shortened + 1 if is_shortened else 0
+        if self._shortened == MOST_SHORTENED:
+            self.refines()
+
+    def refines(self) -> bool:
+        """Let differences have shorter steps; tell whether that changes the derivatives here."""
+        self._shortened, selection = 0, self.curve.selection
+        before = selection.jacobian(self.state.x) @ self.state.tangent
+        selection.system.refine_differences()
+        after = selection.jacobian(self.state.x) @ self.state.tangent
+        return not np.array_equal(before, after)
 
     def between(self, segment: Segment, event: Event) -> list[Array]:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""

@@ -10,13 +10,15 @@ Failure modes and answers
   difference of the rounded arguments, which is exact.
 - A direction may be long (a null vector of a matrix that is nearly regular): a step has a length of
   its own, and four of them fit into the interval.
+- A function changes within less than a step, as in a cell that is thinner: Newton converges slowly
+  or not at all, however short the steps along the curve. Whoever sees that asks for finer ones.
 - A function may return one and the same array again and again: its values are copied.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias, final
 
 import numpy as np
@@ -29,6 +31,8 @@ from pwscont.basics.rounding import EPS
 STEP = EPS ** (1.0 / 3.0)
 #: The same for differences of fourth order.
 FINE_STEP = EPS**0.2
+#: Finer steps are this part of the ones before; of the finest, seven digits are left.
+FINER, FINEST = 1.0 / 16.0, 1.0 / 16.0**3
 #: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
@@ -47,11 +51,19 @@ class Differences:
         Typical magnitudes of z, and the length of the interval.
     lo, hi : float
         The interval of alpha outside of which nothing is evaluated; may be infinite.
+    part : float
+        What part of the usual steps is taken.
     """
 
     scale: Array
     lo: float = -np.inf
     hi: float = np.inf
+    part: float = 1.0
+
+    @property
+    def finer(self) -> Differences:
+        """The same in shorter steps, down to the finest."""
+        return replace(self, part=max(FINER * self.part, FINEST))
 
     @property
     def base(self) -> float:
@@ -107,7 +119,7 @@ class Differences:
         x, direction : ndarray, shape (n + 1,)
             The direction may have any length but zero.
         """
-        fine = FINE_STEP / float(np.abs(direction / self.scale).max())
+        fine = self.part * FINE_STEP / float(np.abs(direction / self.scale).max())
         step = fine * direction
         reach = 2.0 * abs(float(step[-1]))
         weights, sign = CENTRAL, 1.0
@@ -126,7 +138,7 @@ class Differences:
         """Return the step in x_j, longer where x_j is large: there larger terms cancel."""
         scale = float(self.scale[j])
         larger = max(abs(float(x[j])) / scale, 1.0)
-        return float(STEP * scale * np.cbrt(larger))
+        return float(self.part * STEP * scale * np.cbrt(larger))
 
     def _by_alpha(self, function: Function, x: Array) -> Array:
         """Return the last column, one-sided where central differences would leave the interval."""

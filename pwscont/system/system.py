@@ -121,6 +121,11 @@ class PiecewiseSystem(ABC):
         object.__setattr__(twin, "_differences", differences)
         return twin
 
+    def refine_differences(self) -> None:
+        """Let the :meth:`differences` of this run have shorter steps from here on."""
+        if self._is_fitted:
+            object.__setattr__(self, "_differences", self._differences.finer)
+
     @property
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
