@@ -32,12 +32,8 @@ from pwscont.search import (
     enumerate_solutions,
 )
 from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
-from pwscont.system.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
+from pwscont.system.blocks import Block
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.user_event import Stop
 

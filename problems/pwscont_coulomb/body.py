@@ -136,6 +136,8 @@ class ContactBody:
         asymmetry = abs(self.A - self.A.T).max()
         if asymmetry > SYMMETRIC * abs(self.A).max():
             raise InvalidInputError(f"A is not symmetric: |A - A^T| reaches {asymmetry:.3g}")
+        if asymmetry:  # rounding: what reads half of A has to see the same matrix
+            self.A = 0.5 * (self.A + self.A.T)
         if not _is_positive_definite(self.A):
             raise InvalidInputError(
                 "A is not positive definite; is the body clamped well enough to hold still?"

@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import blas
 
 from pwscont.extending import (
     Array,
@@ -78,6 +79,8 @@ class ContactAlgebra:
         #: A is scaled to D A D, with a diagonal of about one.
         self.D = power_of_two(1.0 / np.sqrt(body.A.diagonal()))
         self.largest = np.array([np.abs(row).max() for row in body.A])
+        #: A by columns, as BLAS wants it: that is its transpose by rows.
+        self._columns = body.A if body.A.flags.f_contiguous else np.ascontiguousarray(body.A).T
 
     @staticmethod
     def fits(body: ContactBody) -> bool:
@@ -94,6 +97,13 @@ class ContactAlgebra:
             scaled[scaled < SMALLEST] = 0.0
             magnitudes[which] = scaled
         return magnitudes
+
+    def elastic(self, u: Array) -> Array:
+        """Return A u, shape (..., n), for which half of A is read."""
+        if u.ndim > 1:
+            return np.stack([self.elastic(one) for one in u])
+        force: Array = blas.dsymv(1.0, self._columns, u)
+        return force
 
     def elastic_magnitudes(self, u: Array) -> Array:
         """Return |A| u for u >= 0, to single precision."""

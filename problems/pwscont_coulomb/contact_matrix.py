@@ -54,7 +54,7 @@ class ContactMatrix(Core):
 
     def __matmul__(self, z: Array) -> Array:
         """Return the product with a vector: the terms of H that are linear in z."""
-        return self._product(z, self.algebra.A @ z[: self.algebra.n])
+        return self._product(z, self.algebra.elastic(z[: self.algebra.n]))
 
     def _product(self, z: Array, force: Array) -> Array:
         """Return the product with a vector whose elastic force A u is known."""
@@ -76,7 +76,7 @@ class ContactMatrix(Core):
         a = self.algebra
         sliding = np.where(self.sticks, 0.0, tangential)
         product = np.empty_like(y)
-        product[: a.n] = a.A @ v
+        product[: a.n] = a.elastic(v)
         product[a.normal] += a.r * (np.where(self.touches, normal, 0.0) + self.slip * sliding)
         product[a.tangential] += a.r * np.where(self.sticks, tangential, 0.0)
         free = np.where(self.touches, 0.0, normal)
@@ -88,7 +88,7 @@ class ContactMatrix(Core):
         """Return a column, at no more cost than its length."""
         a, unit = self.algebra, np.zeros(self.algebra.n + 2 * self.algebra.p)
         unit[index] = 1.0
-        return self._product(unit, a.A[:, index] if index < a.n else np.zeros(a.n))
+        return self._product(unit, a.A[index] if index < a.n else np.zeros(a.n))
 
     def magnitudes(self, z: Array) -> Array:
         """Return the product of the magnitudes of the entries with z >= 0."""
@@ -153,7 +153,7 @@ class ContactMatrix(Core):
         while True:
             x = a.solver.solve(M, rhs)
             u = a.D * x
-            force = u @ a.A  # A is symmetric
+            force = a.elastic(u)
             if not drifted(rhs, x, M.product(x, force)) or not a.solver.renew(M):
                 return u, force
 
@@ -164,12 +164,13 @@ class ContactMatrix(Core):
         v = np.zeros(a.n)
         v[a.normal] = np.where(self.touches, -normal - self.slip * tangential, 0.0)
         v[a.tangential] = np.where(self.sticks, -tangential, 0.0)
-        h = np.where(unit, 0.0, force - a.A @ v)
+        h = np.where(unit, 0.0, force - a.elastic(v))
         w = self.displacements.scale * a.solver.solve_transposed(self.displacements, a.D * h)
         w[unit] = 0.0
         v += w
         v[a.normal] -= self.slip * w[a.tangential]
-        excess = (force - a.A @ v)[a.normal], (force - a.A @ v)[a.tangential]
+        rest = force - a.elastic(v)
+        excess = rest[a.normal], rest[a.tangential]
         solution = np.empty_like(rhs)
         solution[: a.n] = v
         sliding = tangential + v[a.tangential]
@@ -188,6 +189,8 @@ class ContactMatrix(Core):
 @final
 class ContactJacobian(StructuredJacobian):
     """dH/d(z, alpha): a :class:`ContactMatrix` and the column for alpha."""
+
+    is_at_hand = True
 
     def __init__(self, matrix: ContactMatrix, column: Array) -> None:
         self.matrix, self.column = matrix, column

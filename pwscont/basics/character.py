@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.looks import MOST_LETTERS, short
 
 #: The signs as they are printed.
@@ -75,6 +75,13 @@ class Character:
         for i, sign in zip(tests, chosen, strict=True):
             signs[i] = bool(sign)
         return self._of_bytes(bytes(signs))
+
+    def among(self, tests: Indices) -> bytes:
+        """Return the signs of some tests: one byte each, 1 or 2, and 0 for every other test."""
+        signs = self.array.view(np.uint8) + np.uint8(1)
+        some = np.zeros_like(signs)
+        some[tests] = signs[tests]
+        return some.tobytes()
 
     def __bytes__(self) -> bytes:
         """Return one byte per sign, 0 or 1."""

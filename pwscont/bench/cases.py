@@ -29,13 +29,9 @@ from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
 from pwscont.search import enumerate_solutions
 from pwscont.stepping import ExactLinear
+from pwscont.system.blocks import number_of_cells
 from pwscont.system.reduction import reduction_of
-from pwscont.system.system import (
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-    number_of_cells,
-)
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37

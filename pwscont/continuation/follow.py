@@ -16,17 +16,12 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.bounds import Bounds
-from pwscont.transitions.detection import (
-    Event,
-    Joined,
-    Watch,
-    first_on_curve,
-    first_on_ray,
-)
+from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
 from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.watch import Event, Joined, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
@@ -174,7 +169,7 @@ class _Reached:
         before = selection.jacobian(self.state.x) @ self.state.tangent
         selection.system.refine_differences()
         after = selection.jacobian(self.state.x) @ self.state.tangent
-        return not np.array_equal(before, after)
+        return not np.array_equal(before, after, equal_nan=True)
 
     def between(self, segment: Segment, event: Event) -> list[Array]:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""

@@ -44,10 +44,10 @@ from pwscont.transitions import (
 )
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.departures import departures
-from pwscont.transitions.detection import Watch
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events, checked_events
+from pwscont.transitions.watch import Watch
 
 Report = Callable[[int, float], None]
 

@@ -4,8 +4,8 @@ With J' = J + c g^T on the other side of an interface (F1), where g is the gradi
 vanishes, the direction beyond follows from the one before by the solution of J w = c alone. The
 same update holds for everything that was solved for: the samples of the error of a point are
 carried along. From time to time, in small systems always, an *audit* solves for all of them
-afresh, together with corrections of point and direction. Jacobians that are neither structured nor
-small are asked for by audits alone.
+afresh, together with corrections of point and direction. Jacobians that are neither small nor at
+hand are asked for by audits alone.
 
 Failure modes and answers
 -------------------------
@@ -89,8 +89,8 @@ class StraightCell:
         if solver is None:
             return None
         cell = cls(curve, solver, np.append(-solver.solve(column(jacobian, n)), 1.0))
-        is_at_hand = n < SMALL or isinstance(jacobian, StructuredJacobian)
-        if is_at_hand or Box.of(curve.selection.system).is_bounded:
+        is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
+        if n < SMALL or is_at_hand or Box.of(curve.selection.system).is_bounded:
             cell._jacobian = jacobian
         return cell if _is_tame(cell.along, curve.metric) else None
 

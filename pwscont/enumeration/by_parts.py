@@ -31,7 +31,8 @@ from pwscont.curve.root import Root
 from pwscont.enumeration.options import affine, bounding, most_modes
 from pwscont.enumeration.parts import Part, parts_of
 from pwscont.enumeration.point import Point, Slice
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.blocks import Block
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: Constants smaller than this part of typical constants are taken for zero.
 TINY = 1e-150

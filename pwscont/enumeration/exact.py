@@ -34,7 +34,8 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.blocks import Block
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: A solution is far outside its cell if a test is negative by more than this part of its terms.
 FAR = 0.1

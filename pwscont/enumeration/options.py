@@ -21,9 +21,10 @@ from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.echelon import MOST_WORK, independent
+from pwscont.system.blocks import Block
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.system import SlicewiseLinearSystem
 
 
 @final

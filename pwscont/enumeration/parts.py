@@ -26,7 +26,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from pwscont.basics.arrays import Indices
-from pwscont.system.system import Block, number_of_cells
+from pwscont.system.blocks import Block, number_of_cells
 
 Pattern = npt.NDArray[np.bool_]
 

@@ -38,8 +38,9 @@ from pwscont.enumeration.point import Point, Slice
 from pwscont.enumeration.scalar import solve_scalar
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
+from pwscont.system.blocks import number_of_cells
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Up to this many cells, all are tried at once, without splitting the system into parts.
 FEW_CELLS = 64

@@ -23,10 +23,13 @@ class StructuredJacobian(ABC):
     ----------
     shape : tuple of int
         (n, n + 1).
+    is_at_hand : bool
+        Whether making one costs no more than a few residuals do; default False.
     """
 
     __array_ufunc__ = None  # array @ jacobian is for this class to compute
     shape: tuple[int, int]
+    is_at_hand: bool = False
 
     @abstractmethod
     def __matmul__(self, x: Array) -> Array:

@@ -53,6 +53,8 @@ SINGLY = 8
 TOGETHER = 48
 #: A right-hand side of no more entries is solved for by columns of the inverse.
 FEW_ENTRIES = 4
+#: Columns of an inverse that LAPACK computes together.
+BLOCK = 64
 #: Columns of a matrix that are copied at a time.
 PART = 64
 
@@ -228,7 +230,8 @@ class Updating(RowSolver):
         if self._pivots is not None and self._is_regular:
             self._is_regular = lapack.dgecon(self._matrix, self._size)[0] >= INVERTIBLE
         if self._pivots is not None and self._is_regular:
-            self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, overwrite_lu=1)
+            room = BLOCK * len(self._matrix)  # with less it works column by column
+            self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, room, overwrite_lu=1)
             self._pivots = None
         return self._is_regular
 

@@ -15,7 +15,8 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.selected import RowChoice, stored
-from pwscont.system.system import Block, PiecewiseLinearSystem
+from pwscont.system.blocks import Block
+from pwscont.system.system import PiecewiseLinearSystem
 
 #: Cells of which the matrix is kept.
 KEPT = 4

@@ -23,13 +23,9 @@ from pwscont.curve.uncertainty import is_same, magnitude
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.search.enumeration import Found, starts_at, starts_of
 from pwscont.search.search import Search
+from pwscont.system.blocks import Block
 from pwscont.system.box import Box
-from pwscont.system.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.rays import vanishing
 
 #: A direction whose part along alpha is smaller than this is vertical.

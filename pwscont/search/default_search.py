@@ -12,13 +12,13 @@ from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
+from pwscont.system.blocks import number_of_cells
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
     has_too_many_tests,
-    number_of_cells,
 )
 
 #: Cells that can be tried at one alpha in a second or two: ten contact nodes.

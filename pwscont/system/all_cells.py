@@ -10,7 +10,8 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
-from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.blocks import Block, number_of_cells
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: Most cells that are tried.
 MOST_CELLS = 4096

@@ -56,7 +56,9 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        return self.system.cell(self.character)
+        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
+            return self.system.cell(self.character)
+        return self.character.among(self.bounding)
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from math import prod
 from types import MappingProxyType
-from typing import Any, Self, final
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix, indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
+from pwscont.system.blocks import Block
 from pwscont.system.differences import Differences
 from pwscont.system.shapes import own_array
 
@@ -255,10 +254,7 @@ class PiecewiseSystem(ABC):
 
         One byte per test function: 0 for a test that does not bound the cell, else its sign.
         """
-        signs = character.array.view(np.uint8) + np.uint8(1)
-        bounding, cell = indices(self.bounding_tests(character)), np.zeros_like(signs)
-        cell[bounding] = signs[bounding]
-        return cell.tobytes()
+        return character.among(indices(self.bounding_tests(character)))
 
 
 def _number_of_tests(system: PiecewiseSystem) -> int:
@@ -269,31 +265,6 @@ def has_too_many_tests(system: PiecewiseSystem) -> bool:
     """Tell whether a system without cells of its own has too many sign patterns to try all."""
     is_default = type(system).cells is PiecewiseSystem.cells
     return is_default and _number_of_tests(system) > MANY_TESTS
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A part of a system that is in one of several modes, whatever the others do.
-
-    Attributes
-    ----------
-    tests : tuple of int
-        The test functions whose signs choose the mode.
-    rows : tuple of int
-        The rows of H that depend on the mode.
-    modes : tuple of tuple of bool
-        For every mode the signs of these tests in some character that has it.
-    """
-
-    tests: tuple[int, ...]
-    rows: tuple[int, ...]
-    modes: tuple[tuple[bool, ...], ...]
-
-
-def number_of_cells(blocks: Iterable[Block]) -> int:
-    """Return the number of combinations of the modes of some blocks."""
-    return prod(len(block.modes) for block in blocks)
 
 
 class SlicewiseLinearSystem(PiecewiseSystem):

@@ -19,7 +19,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (
     Ray,
@@ -44,6 +44,8 @@ NONE = np.zeros(0, dtype=np.intp)
 @dataclass(frozen=True, slots=True)
 class BoundingTests(TransitionDetector):
     """Watches the test functions that bound the current cell, and no others."""
+
+    is_affine = True
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the bounding tests, positive inside, and their slopes.
@@ -78,10 +80,6 @@ class BoundingTests(TransitionDetector):
             if np.minimum.reduce(values) < 0.0 and _is_dip(values, start, end):
                 return Failure(FailureReason.THIN_CELL)
         return None
-
-    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where each falls to zero, all being affine; what has fallen falls at once."""
-        return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""

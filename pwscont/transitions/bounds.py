@@ -24,7 +24,7 @@ from pwscont.curve.uncertainty import magnitude
 from pwscont.stepping.stepper import Segment
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
@@ -39,6 +39,8 @@ class Bounds(TransitionDetector):
     names : sequence of str
         The names of the unknowns.
     """
+
+    is_affine = True
 
     def __init__(self, box: Box, names: Sequence[str]) -> None:
         below, above = (
@@ -83,10 +85,6 @@ class Bounds(TransitionDetector):
         side = "lower" if self._side[index] > 0.0 else "upper"
         name = self._names[int(self._which[index])]
         return f"{name} reaches its {side} bound {self._limit[index]:.6g}"
-
-    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where the affine distances fall to zero: at once if they are not positive."""
-        return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, z_i = bound}."""

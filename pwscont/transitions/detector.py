@@ -93,7 +93,15 @@ class TransitionDetector(ABC):
     is positive again, so return g and -g where sign changes both ways matter. Right after its own
     special point a function must be zero but for rounding, or negative, or rise. Values at
     a point of a curve depend on that point, not on the way there.
+
+    Attributes
+    ----------
+    is_affine : bool
+        A promise that all functions are affine along straight pieces, and read with their slopes:
+        the ratio test then finds where they vanish; default False.
     """
+
+    is_affine: bool = False
 
     @abstractmethod
     def read(self, curve: Curve, state: State) -> Reading:
@@ -128,8 +136,11 @@ class TransitionDetector(ABC):
         ndarray, shape (k,)
             Infinite for functions that do not fall. The default takes functions with a slope to be
             affine along straight pieces (the ratio test), and reads functions whose slope is not
-            known at a number of places; override it for other functions.
+            known at a number of places; override it for other functions. Functions that are zero
+            or negative fall at once where :attr:`is_affine` is promised.
         """
+        if self.is_affine:
+            return ratio_test(start.values, start.slopes)
         positive = start.values > 0.0
         distances = ratio_test(np.where(positive, start.values, np.inf), start.slopes)
         unknown = np.flatnonzero(positive & (start.slopes == 0.0))

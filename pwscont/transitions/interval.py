@@ -15,7 +15,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.corner.cone import fan, same_piece
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.fold_at_end import fold_at_end
 from pwscont.transitions.location import locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray, vanishing
@@ -26,6 +26,7 @@ from pwscont.transitions.rays import Ray, vanishing
 class IntervalEnds(TransitionDetector):
     """Watches alpha - lo and hi - alpha."""
 
+    is_affine = True
     lo: float
     hi: float
 
@@ -35,10 +36,6 @@ class IntervalEnds(TransitionDetector):
         down, up = alpha - self.lo, self.hi - alpha
         distances = (down if down > same else 0.0, up if up > same else 0.0)
         return Reading(np.array(distances), np.array((slope, -slope)))
-
-    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where the affine distances fall to zero: at once if they are not positive."""
-        return ratio_test(start.values, start.slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""

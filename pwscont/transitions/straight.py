@@ -7,7 +7,7 @@ or nearly in the interface, or something is wrong with the system, is left as ev
 
 from __future__ import annotations
 
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -22,10 +22,9 @@ from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray, is_zero
 
 #: Tests that change by more than this part of typical terms are not looked at more closely.
@@ -34,15 +33,37 @@ FLAT = 1e-4
 ALIGNED = EPS**0.5
 
 
+class Crossed(NamedTuple):
+    """An interface that was crossed.
+
+    Attributes
+    ----------
+    state : State
+        The point of the interface, on the piece that ends there.
+    ray : Ray
+        The piece beyond.
+    cell : StraightCell
+        The cell of that piece.
+    error : ndarray, shape (n + 1,)
+        The estimated error of the point.
+    """
+
+    state: State
+    ray: Ray
+    cell: StraightCell
+    error: Array
+
+
 @final
 class StraightTests(TransitionDetector):
     """Watches the tests that bound the current cell of a piecewise-linear system."""
 
+    is_affine = True
+
     def __init__(self) -> None:
         self._slowly = BoundingTests()
-        self._gradients: tuple[PiecewiseSystem, Rows] | None = None
-        self._cell: StraightCell | None = None
-        self._crossed: tuple[State, Ray] | None = None
+        self._gradients: Gradients | None = None
+        self._last: Crossed | None = None
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the bounding tests, positive inside, and their slopes.
@@ -52,101 +73,126 @@ class StraightTests(TransitionDetector):
         selection, scale = curve.selection, curve.metric.scale
         if not len(selection.bounding):
             return Reading(np.zeros(0), np.zeros(0))
-        rows = self._rows(selection.system, state.x)
+        gradients = self._gradients_of(curve, state.x)
         values = selection.tests(state.x)
-        slopes = selection.side * (rows.matrix @ state.tangent)[selection.bounding]
+        slopes = selection.side * (gradients.rows.matrix @ state.tangent)[selection.bounding]
         riding = next_to_zero(values, slopes)
+        riding = riding[gradients.are_flat(selection.bounding[riding], slopes[riding])]
         if len(riding):
-            gradients = rows.some(selection.bounding[riding])
-            riding = riding[_still(gradients, values[riding], slopes[riding], state, scale)]
+            rows = gradients.rows.some(selection.bounding[riding])
+            riding = riding[is_zero_along(rows, values[riding], slopes[riding], state, scale)]
             values[riding], slopes[riding] = 1.0, 0.0
         return Reading(values, slopes)
 
-    def falls(self, segment: Segment, start: Reading, farthest: float) -> Array:
-        """Return where each falls to zero, all being affine; what has fallen falls at once."""
-        return ratio_test(start.values, start.slopes)
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        self._crossed = self._across(segment, index, bracket[0])
-        if self._crossed is None:
-            self._cell = None
+        self._last = self._across(segment, index, bracket[0])
+        if self._last is None:
             return self._slowly.locate(segment, index, bracket)
-        return self._crossed[0]
+        return self._last.state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Cross the interface; where several meet, take every way on."""
-        if self._crossed is None or self._crossed[0] is not state:
+        if self._last is None or self._last.state is not state:
             return self._slowly.arrive(curve, state, index)
-        return crossed(state.x, Ray(curve, state).reversed(), self._crossed[1])
+        return crossed(state.x, Ray(curve, state).reversed(), self._last.ray)
 
-    def _rows(self, system: PiecewiseSystem, x: Array) -> Rows:
+    def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
         """Return the gradients of all tests, which are constant."""
-        if self._gradients is None or self._gradients[0] is not system:
-            self._gradients = system, Rows(system.test_jacobian(x[:-1], float(x[-1])))
-        return self._gradients[1]
+        if self._gradients is None or not self._gradients.are_of(curve):
+            self._gradients = Gradients(curve, x)
+        return self._gradients
 
-    def _across(self, segment: Segment, index: int, s: float) -> tuple[State, Ray] | None:
+    def _across(self, segment: Segment, index: int, s: float) -> Crossed | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
         curve, start, metric = segment.curve, segment.start, segment.curve.metric
         system, test = curve.selection.system, int(curve.selection.bounding[index])
         x = segment.near(s)
         if isinstance(system, Ending) or not metric.admits(x):
             return None
-        tests = system.test_functions(x[:-1], float(x[-1]))
-        if len(self._near_zero(curve, x, magnitude(x, start.error), tests, test)):
+        last = self._last if self._last and self._last.ray.state is start else None
+        error = last.error if last else magnitude(x, start.error)
+        tests, gradients = system.test_functions(x[:-1], float(x[-1])), self._gradients_of(curve, x)
+        gradient = gradients.rows.some(np.array([test]))[0]
+        if len(gradients.near_zero(tests, x, error, test)) or not _is_crossed(gradient, start):
             return None
-        cell = self._cell_of(curve, start)
-        gradient = self._rows(system, x).some(np.array([test]))[0]
-        if cell is None or not _is_crossed(gradient, start.tangent):
-            return None
+        cell = last.cell if last else self._cell_of(curve, start)
         sign = not curve.selection.character.array[test]
         other = Curve(Selection(system, Character.of(tests).with_sign(test, sign)), metric)
-        beyond = cell.beyond(other, x, gradient) if test in other.selection.bounding else None
-        settled = beyond.settled(x, gradient, float(tests[test])) if beyond else None
-        if beyond is None or settled is None or self._is_corner(other, settled, tests, test):
+        if cell is None or test not in other.selection.bounding:
             return None
-        self._cell, (x, error, _) = beyond, settled
+        beyond = cell.beyond(other, x, gradient)
+        settled = beyond.settled(x, gradient, float(tests[test])) if beyond else None
+        if beyond is None or settled is None or gradients.is_corner(tests, settled, test):
+            return None
         forwards = beyond.turn * np.copysign(1.0, start.tangent[-1])
         tangent = metric.normalised(forwards * beyond.along)
-        here = State(x, start.tangent, error, start.orientation)
-        return here, Ray(other, State(x, tangent, error, start.orientation))
+        here = State(settled.x, start.tangent, settled.error, start.orientation)
+        there = State(settled.x, tangent, settled.error, start.orientation)
+        return Crossed(here, Ray(other, there), beyond, settled.size)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh where the last one is another."""
-        if self._cell is None or self._cell.curve.selection is not curve.selection:
-            self._cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
-        return self._cell if self._cell and _agree(self._cell, start) else None
+        cell = self._last.cell if self._last else None
+        if cell is None or cell.curve.selection is not curve.selection:
+            cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
+        return cell if cell and _agree(cell, start) else None
 
-    def _is_corner(self, curve: Curve, found: Settled, tests: Array, test: int) -> bool:
+
+@final
+class Gradients:
+    """The gradients of all tests of a piecewise-linear system, which are constant.
+
+    Parameters
+    ----------
+    curve : Curve
+        Of the system and the metric.
+    x : ndarray, shape (n + 1,)
+        Where the system may be asked.
+    """
+
+    def __init__(self, curve: Curve, x: Array) -> None:
+        self._system, self._scale = curve.selection.system, curve.metric.scale
+        self.rows = Rows(self._system.test_jacobian(x[:-1], float(x[-1])))
+        self._typical: Array = self.rows.magnitudes @ self._scale
+
+    def are_of(self, curve: Curve) -> bool:
+        """Tell whether these are the gradients of the tests of a curve's system."""
+        return self._system is curve.selection.system and self._scale is curve.metric.scale
+
+    def are_flat(self, which: Indices, slopes: Array) -> Signs:
+        """Tell which of some tests hardly change along a piece: most that are zero clearly do."""
+        flat: Signs = np.abs(slopes) <= FLAT * self._typical[which]
+        return flat
+
+    def near_zero(self, tests: Array, x: Array, error: Array, but: int) -> Indices:
+        """Return the tests that may vanish at a point with this error, all but the given one.
+
+        Those that are larger than any error of this size, measured by typical magnitudes, makes
+        them are not looked at: nearly always all.
+        """
+        size = EPS * (np.abs(x) + self._scale) + error
+        sizes, reach = np.abs(tests), 2.0 * CONFIDENCE * float(np.max(size / self._scale))
+        near: Indices = np.flatnonzero(sizes <= reach * self._typical)
+        near = near[near != but]
+        if len(near):
+            rows = np.abs(self.rows.some(near))
+            near = near[sizes[near] <= 2.0 * CONFIDENCE * (rows @ size)]
+        return near
+
+    def is_corner(self, tests: Array, found: Settled, but: int) -> bool:
         """Tell whether more tests than one vanish at a point."""
-        x, scale = found.x, curve.metric.scale
-        suspects = self._near_zero(curve, x, found.size, tests, test)
-        rows = self._rows(curve.selection.system, x)
+        suspects = self.near_zero(tests, found.x, found.size, but)
         if not len(suspects):
             return False
-        return bool(is_zero(rows.some(suspects), tests[suspects], x, found.error, scale).any())
-
-    def _near_zero(self, curve: Curve, x: Array, error: Array, tests: Array, but: int) -> Indices:
-        """Return the tests that may vanish at a point with this error, all but the given one."""
-        size = EPS * (np.abs(x) + curve.metric.scale) + error
-        rows = self._rows(curve.selection.system, x)
-        near = np.abs(tests) <= 2.0 * CONFIDENCE * (rows.magnitudes @ size)
-        near[but] = False
-        return np.flatnonzero(near)
+        rows = self.rows.some(suspects)
+        return bool(is_zero(rows, tests[suspects], found.x, found.error, self._scale).any())
 
 
-def _still(gradients: Array, values: Array, slopes: Array, state: State, scale: Array) -> Signs:
-    """Tell which tests are zero along a piece; most of those that are zero clearly change."""
-    if (np.abs(slopes) > FLAT * (np.abs(gradients) @ scale)).all():
-        return np.zeros(len(values), dtype=bool)
-    return is_zero_along(gradients, values, slopes, state, scale)
-
-
-def _is_crossed(gradient: Array, tangent: Array) -> bool:
-    """Tell whether a direction leads clearly through an interface."""
-    terms = float(np.abs(gradient).dot(np.abs(tangent)))
-    return bool(abs(float(gradient.dot(tangent))) > SLANT * terms)
+def _is_crossed(gradient: Array, start: State) -> bool:
+    """Tell whether a piece leads clearly through an interface."""
+    terms = gradient * start.tangent
+    return bool(abs(float(np.add.reduce(terms))) > SLANT * float(np.add.reduce(np.abs(terms))))
 
 
 def _agree(cell: StraightCell, start: State) -> bool:

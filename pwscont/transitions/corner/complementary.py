@@ -33,8 +33,9 @@ from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
+from pwscont.system.blocks import Block
 from pwscont.system.selection import Selection
-from pwscont.system.system import Block, PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem
 
 #: A test whose slope is below this part of its terms may as well stay zero.
 SLANT = EPS**0.5

@@ -19,7 +19,8 @@ from pwscont.basics.generic import generic
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.blocks import Block, number_of_cells
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.simple import MANY_TESTS, Admits, all_cells, names_its_cells
 
 #: All cells at a corner are tried up to this number: eight contact nodes.

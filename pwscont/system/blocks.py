@@ -1,0 +1,33 @@
+"""Parts of a system whose modes do not depend on one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import prod
+from typing import final
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A part of a system that is in one of several modes, whatever the others do.
+
+    Attributes
+    ----------
+    tests : tuple of int
+        The test functions whose signs choose the mode.
+    rows : tuple of int
+        The rows of H that depend on the mode.
+    modes : tuple of tuple of bool
+        For every mode the signs of these tests in some character that has it.
+    """
+
+    tests: tuple[int, ...]
+    rows: tuple[int, ...]
+    modes: tuple[tuple[bool, ...], ...]
+
+
+def number_of_cells(blocks: Iterable[Block]) -> int:
+    """Return the number of combinations of the modes of some blocks."""
+    return prod(len(block.modes) for block in blocks)
