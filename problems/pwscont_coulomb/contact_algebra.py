@@ -105,6 +105,16 @@ class ContactAlgebra:
         force: Array = blas.dsymv(1.0, self._columns, u)
         return force
 
+    def push(self, z: Array) -> Array:
+        """Return lam_nu - r u_nu of all nodes, shape (p,)."""
+        push: Array = z[self.n : self.n + self.p] - self.r * z[self.normal]
+        return push
+
+    def shear(self, z: Array) -> Array:
+        """Return lam_t - r u_t of all nodes, zero where they are guided, shape (p,)."""
+        shear: Array = self.slides * (z[self.n + self.p :] - self.r * z[self.tangential])
+        return shear
+
     def elastic_magnitudes(self, u: Array) -> Array:
         """Return |A| u for u >= 0, to single precision."""
         scaled = u / self.D

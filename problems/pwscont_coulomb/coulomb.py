@@ -135,14 +135,21 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
-        kappa1, x = self.kappa1(z), self._x_rows @ z
+        kappa1, x = self.kappa1(z), self._shear(z)
         bound = self.friction_at(alpha) * kappa1
         return by_node(kappa1, x - bound + self._inside, x + bound - self._inside)
 
     def kappa1(self, z: Array) -> Array:
         """Return lam_nu - r (u_nu - gap), shape (p,)."""
-        kappa1: Array = self._kappa1_rows @ z + self._offset
-        return kappa1
+        a = self.algebra
+        kappa1: Array = a.push(z) if a is not None else self._kappa1_rows @ z
+        return kappa1 + self._offset
+
+    def _shear(self, z: Array) -> Array:
+        """Return x = lam_t - r u_t, zero at guided nodes, shape (p,)."""
+        a = self.algebra
+        x: Array = a.shear(z) if a is not None else self._x_rows @ z
+        return x
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
@@ -219,7 +226,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def triples(self, z: Array, alpha: float) -> list[tuple[int, int, int]]:
         """Return the paper's character triple of each node at a point (section 3.1)."""
         n, p = self.body.n, self.body.p
-        lam_nu, x = z[n : n + p], self._x_rows @ z
+        lam_nu, x = z[n : n + p], self._shear(z)
         bound = self.friction_at(alpha) * lam_nu
         signs = zip(self.kappa1(z) <= 0.0, x - bound >= 0.0, x + bound <= 0.0, strict=True)
         return [(int(a), int(b), int(c)) for a, b, c in signs]

@@ -41,8 +41,9 @@ DRIFT = 1e-9
 SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
-#: Up to this part of all rows are replaced at once; beyond, a fresh inverse costs less.
-FEW_ROWS = 1.0 / 3.0
+#: Up to these parts of all rows are replaced at once, in 4 k m^2 operations for k rows; beyond, a
+#: fresh inverse costs less, 2 m^3, or a factorisation, 2/3 m^3, where matrices serve few solves.
+FEW_ROWS, FEW_ROWS_OF_FEW_SOLVES = 1.0 / 3.0, 1.0 / 6.0
 #: A factorisation that has served for so many solves is inverted: each then costs half as much.
 MANY_SOLVES = 8
 #: After this many changes per row the matrix is factorised afresh.
@@ -124,6 +125,7 @@ class Updating(RowSolver):
         self._sign = 0
         self._since = 0  # rows changed since the last factorisation
         self._solves = 0  # with the last factorisation
+        self._served = 0  # solves with the last matrix
         self._is_regular = True  # as far as is known
         self._changes = Changes(0)
 
@@ -131,6 +133,7 @@ class Updating(RowSolver):
         """Return the solution for one right-hand side, or several."""
         self._take(matrix)
         self._solves += 1
+        self._served += 1
         if self._pivots is not None and (self._solves < MANY_SOLVES or not self._inverted()):
             return solved(self._matrix, self._pivots, rhs)
         return self._changes.applied(_product(self._matrix, rhs))
@@ -166,7 +169,7 @@ class Updating(RowSolver):
             return
         if self._last is None or not self._update(matrix, self._last):
             self._factorise(matrix)
-        self._last = matrix
+        self._last, self._served = matrix, 0
 
     def _factorise(self, matrix: RowMatrix) -> None:
         self._last = None
@@ -184,7 +187,8 @@ class Updating(RowSolver):
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        if len(changed) > max(2, FEW_ROWS * m) or self._since >= max(8, MANY_UPDATES * m):
+        few = FEW_ROWS if self._served >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
+        if len(changed) > max(2, few * m) or self._since >= max(8, MANY_UPDATES * m):
             return False
         if not self._inverted():
             return False
