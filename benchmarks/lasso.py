@@ -65,10 +65,10 @@ class Lasso(PiecewiseLinearSystem):
         """Return the gradients of the tests, which are constant."""
         return self.gradients
 
-    def bounding_tests(self, character: Character) -> list[int]:
+    def bounding_tests(self, character: Character) -> np.ndarray:
         """Return both tests of coefficients that are zero, one of each other."""
         sign = self.sign(character)
-        return np.flatnonzero(np.concatenate([sign >= 0.0, sign <= 0.0])).tolist()
+        return np.flatnonzero(np.concatenate([sign >= 0.0, sign <= 0.0]))
 
     def sign(self, character: Character) -> np.ndarray:
         """Return the sign of each coefficient."""

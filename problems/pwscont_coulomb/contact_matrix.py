@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -47,10 +48,14 @@ class ContactMatrix(Core):
         self.sticks = STICKS[mode] & algebra.slides
         #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
         self.slip = friction * SIDES[mode]
-        keys = np.zeros(algebra.n)
-        keys[algebra.normal[self.touches]] = np.inf
-        keys[algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
-        self.displacements = Displacements(algebra, keys)
+
+    @cached_property
+    def displacements(self) -> Displacements:
+        """M for the displacements; most matrices of a straight path are never solved with."""
+        keys = np.zeros(self.algebra.n)
+        keys[self.algebra.normal[self.touches]] = np.inf
+        keys[self.algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
+        return Displacements(self.algebra, keys)
 
     def __matmul__(self, z: Array) -> Array:
         """Return the product with a vector: the terms of H that are linear in z."""

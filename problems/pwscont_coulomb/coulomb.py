@@ -22,7 +22,7 @@ constant.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -161,14 +161,13 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
             residual[n + p :] += self.friction_at(alpha) * SLIPS[mode] * self._offset
         return residual
 
-    def bounding_tests(self, character: Character) -> Sequence[int]:
+    def bounding_tests(self, character: Character) -> Indices:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
 
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
         stick, too: otherwise points with tension would count as solutions.
         """
-        found: list[int] = self._bounds(character).nonzero()[0].tolist()
-        return found
+        return np.flatnonzero(self._bounds(character))
 
     def cell(self, character: Character) -> bytes:
         """Return the signs that matter, 0 for a test that does not bound the cell."""

@@ -38,7 +38,7 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
     return array
 
 
-def indices(numbers: Sequence[int]) -> Indices:
+def indices(numbers: Sequence[int] | Indices) -> Indices:
     """Return integers as an array; of a range numpy makes one number by number."""
     if isinstance(numbers, range):
         return np.arange(numbers.start, numbers.stop, numbers.step, dtype=np.intp)

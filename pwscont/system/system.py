@@ -160,7 +160,7 @@ class PiecewiseSystem(ABC):
                 f"{alpha:.10g}, and more elsewhere: their number must not change"
             ) from error
 
-    def bounding_tests(self, character: Character) -> Sequence[int]:
+    def bounding_tests(self, character: Character) -> Sequence[int] | Indices:
         """Return the indices of the tests whose zero sets bound this cell; default all.
 
         All characters that agree with this one on these tests must name the same selection.
