@@ -152,14 +152,15 @@ class Plan:
         those that the system gives.
         """
         chosen = checked_stepper(system, stepper)
-        Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
+        metric = Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
         system = system.within(*interval, magnitudes)
         box = Box.of(system)
         # a reduced system has neither a box nor the states that detectors expect
         free = not (box.is_bounded or box.is_periodic or detectors)
         reduction = reduction_of(system, interval) if free else None
         followed = reduction.system.within(*interval) if reduction else system
-        metric, box = Metric.of(followed, interval), Box.of(followed)
+        if reduction or magnitudes is not None:
+            metric, box = Metric.of(followed, interval), Box.of(followed)
         return cls(system, interval, reduction, followed, metric, box, chosen, tuple(detectors))
 
     @property
