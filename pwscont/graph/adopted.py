@@ -9,17 +9,14 @@ import numpy as np
 
 from pwscont.basics.errors import InvalidInputError
 from pwscont.graph.records import Piece, SpecialPoint
-from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.hidden import completed, shown_size
+from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem
 
 #: Solutions that are larger or smaller by this factor are not of the order of one.
 FAR = 1e3
 #: Pieces at whose ends the equations are asked for.
 ASKED = 4
-#: A residual that is larger than this part of its terms is no rounding, and this part of the
-#: largest terms of other rows.
-OFF, OFF_OTHERS = 1e-6, 1e-12
 
 
 def adopted(
@@ -79,10 +76,8 @@ def _check_solution(
     """Refuse a system whose equations do not hold where a piece begins."""
     alpha = piece.track.start.alpha
     z = completed(system, piece.track.start.x[:-1], alpha)
-    off = np.abs(residual_at(system, z, alpha, piece.character))
-    sizes = np.append(np.abs(z) + system.scale(*interval), abs(alpha) + np.ptp(interval))
-    terms = abs(jacobian_at(system, z, alpha, piece.character)) @ sizes
-    if not (off <= OFF * terms + OFF_OTHERS * terms.max()).all():
+    scale = np.append(system.scale(*interval), np.ptp(interval))
+    if not unexplained(system, piece.character, np.append(z, alpha), scale) == 0.0:
         raise InvalidInputError(
             f"{path} is of another system: {type(system).__name__} does not have its solution at "
             f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"

@@ -16,7 +16,7 @@ from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
-from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: What a search should yield, for those that yield something near it.
@@ -25,11 +25,8 @@ WANTED = (
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: H at a start, and tests at an interface, are zero to within this part of their terms,
-#: which typical magnitudes of z make as well, beside what the error of the start makes.
-OFF = 1e-6
-#: The rounding of a solve, as a part of the largest terms of all rows.
-ROUNDING = 1e-12
+#: Tests are zero to within this part of their terms, which typical magnitudes of z make as well.
+ZERO = 1e-6
 
 
 class Search(ABC):
@@ -148,7 +145,9 @@ def _refuse_off_curve(
 
     Straight pieces would not notice: from a start off the curve they run beside it.
     """
-    if not _is_between_cells(system, x, scale) and (off := _off(system, x, error, scale)):
+    if _is_between_cells(system, x, scale):
+        return
+    if off := unexplained(system, system.character(x[:-1], float(x[-1])), x, scale, error):
         raise InvalidInputError(
             f"{what} yields a point off the curve, at {at(x)}: H is {off:.0e}, more than its error "
             "explains; correct it by semismooth_newton, and try check_search"
@@ -158,17 +157,5 @@ def _refuse_off_curve(
 def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
     """Tell whether the cell of a point may be a matter of rounding."""
     z, alpha = x[:-1], float(x[-1])
-    near = OFF * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    near = ZERO * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
     return bool((np.abs(system.test_functions(z, alpha)) <= near).any())
-
-
-def _off(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> float:
-    """Return the largest entry of H at a point, zero where rounding and error explain all."""
-    z, alpha = x[:-1], float(x[-1])
-    character = system.character(z, alpha)
-    value = residual_at(system, z, alpha, character)
-    jacobian = jacobian_at(system, z, alpha, character)
-    terms = abs(jacobian) @ (np.abs(x) + scale) + np.abs(value - jacobian @ x)
-    reach = abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0)
-    explained = np.abs(value) <= OFF * terms + ROUNDING * terms.max() + 10.0 * reach
-    return 0.0 if explained.all() else float(np.abs(value).max())

@@ -1,0 +1,45 @@
+"""Whether H holds at a point, to the rounding of its terms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.system import PiecewiseSystem
+
+#: H is rounding where it is at most this part of its own terms, or this part of the largest terms
+#: of all equations, which a solve mixes.
+OWN_TERMS, ALL_TERMS = 1e-6, 1e-12
+#: An error of a point is an estimate, which may be too small by this factor.
+ESTIMATED = 10.0
+
+
+def unexplained(
+    system: PiecewiseSystem,
+    character: Character,
+    x: Array,
+    scale: Array,
+    error: Array | None = None,
+) -> float:
+    """Return the largest entry of H at a point, zero where rounding and error explain all.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    character : Character
+        Of the selection that is to hold.
+    x, scale : ndarray, shape (n + 1,)
+        The point (z, alpha), and typical magnitudes.
+    error : ndarray, shape (k, n + 1), optional
+        Samples of its error; default none.
+    """
+    z, alpha = x[:-1], float(x[-1])
+    value = residual_at(system, z, alpha, character)
+    jacobian = jacobian_at(system, z, alpha, character)
+    terms = abs(jacobian) @ (np.abs(x) + scale) + np.abs(value - jacobian @ x)
+    explained = OWN_TERMS * terms + ALL_TERMS * terms.max()
+    if error is not None:
+        explained += ESTIMATED * (abs(jacobian) @ np.abs(np.atleast_2d(error)).max(axis=0))
+    return 0.0 if (np.abs(value) <= explained).all() else float(np.abs(value).max())
