@@ -31,6 +31,8 @@ MOST_BLOCKED = 200
 #: differences are wrong: Newton's convergence does not improve with shorter steps. Else one in five
 #: is, and rarely thirty in a row.
 MOST_SHORTENED = 100
+#: What wrong derivatives may be the reason of.
+BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
 #: A step is shortened if it is less than this part of what was proposed.
 SHORTENED = 0.75
 
@@ -99,7 +101,7 @@ class PieceFollower(Follower):
             check_budget()
             segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
-                if not blocked and reached.refines():
+                if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
                 return reached.stopped(str(blocked or segment))
             if not isinstance(segment, Segment):

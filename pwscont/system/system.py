@@ -91,7 +91,8 @@ class PiecewiseSystem(ABC):
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
 
-        In a run the steps fit its interval, and stay in it. Elsewhere they fit :meth:`scale` at
+        In a run the steps fit its interval, and stay in it; where Newton converges slowly however
+        short the steps along the curve, they become finer. Elsewhere they fit :meth:`scale` at
         this alpha, stay in :attr:`domain`, and take one, or alpha if it is larger, for a typical
         change of alpha.
         """
