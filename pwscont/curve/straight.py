@@ -10,7 +10,8 @@ hand are asked for by audits alone.
 Failure modes and answers
 -------------------------
 - Rounding adds up from cell to cell: the residual of the system itself is asked for at every
-  transition, and the point is corrected where it is more than rounding of its terms.
+  transition, and the point is corrected where it is more than the error that is estimated from the
+  rounding of its terms may be off by.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
   matrices in one array that it writes to: an audit compares the direction with the new Jacobian.
 - 1 + g.w is small beside its terms, or the direction is nearly vertical or in the interface: the
@@ -19,7 +20,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple, final
 
 import numpy as np
@@ -161,7 +161,7 @@ class StraightCell:
         size = self.curve.metric.norm(x)
         if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
             return self._audited(x, residual, size)
-        is_rounding = (np.abs(residual) <= _largest_normal(len(x)) * EPS * self._terms).all()
+        is_rounding = (np.abs(residual) <= CONFIDENCE * EPS * self._terms).all()
         return np.zeros(len(residual)) if is_rounding else self._solver.solve(residual)
 
     def _refreshed(self, x: Array) -> ProductForm | None:
@@ -213,14 +213,6 @@ class StraightCell:
         error = np.outer(steep * last, self.along)
         error[:, :-1] += self._samples
         return error
-
-
-def _largest_normal(n: int) -> float:
-    """Return what the largest of n normal numbers of variance one is about.
-
-    Samples of the error stand for residuals whose rounding is normal; what is larger is corrected.
-    """
-    return math.sqrt(2.0 * math.log(n))
 
 
 def _largest_alike(x: Array, scale: Array) -> Array:
