@@ -10,8 +10,7 @@ hand are asked for by audits alone.
 Failure modes and answers
 -------------------------
 - Rounding adds up from cell to cell: the residual of the system itself is asked for at every
-  transition, and the point is corrected where it is more than the error that is estimated from the
-  rounding of its terms may be off by.
+  transition, and the point is corrected where it is more than the stated error covers.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
   matrices in one array that it writes to: an audit compares the direction with the new Jacobian.
 - 1 + g.w is small beside its terms, or the direction is nearly vertical or in the interface: the
@@ -38,6 +37,8 @@ from pwscont.system.box import Box
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
 SMALL, AUDIT = 64, 16
+#: A residual is corrected from this part on of what the stated error of the point covers.
+COVERED = 0.75
 #: Errors are estimated afresh where the point has grown by more than this.
 GROWN = 2.0
 #: A direction is on its selection where its residual is below this part of its terms.
@@ -78,7 +79,7 @@ class StraightCell:
         self.curve, self.along, self.turn = curve, along, 1
         self._solver = solver
         self._jacobian: Matrix | None = None
-        self._samples, self._terms = np.empty(0), np.empty(0)
+        self._samples, self._bound = np.empty(0), np.empty(0)
         self._size, self._since = 0.0, AUDIT
 
     @classmethod
@@ -123,7 +124,7 @@ class StraightCell:
         cell.turn, cell._jacobian = 1 if pivot > 0.0 else -1, jacobian
         if len(self._samples):
             carried = self._samples - np.outer(self._samples @ (gradient[:-1] / pivot), w)
-            cell._samples, cell._terms = carried, self._terms
+            cell._samples, cell._bound = carried, self._bound
             cell._size, cell._since = self._size, self._since + 1
         return cell if _is_tame(cell.along, curve.metric) else None
 
@@ -161,7 +162,7 @@ class StraightCell:
         size = self.curve.metric.norm(x)
         if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
             return self._audited(x, residual, size)
-        is_rounding = (np.abs(residual) <= CONFIDENCE * EPS * self._terms).all()
+        is_rounding = (np.abs(residual) <= self._bound).all()
         return np.zeros(len(residual)) if is_rounding else self._solver.solve(residual)
 
     def _refreshed(self, x: Array) -> ProductForm | None:
@@ -198,8 +199,8 @@ class StraightCell:
         terms, typical = magnitudes @ (now + CONVERGED * scale), magnitudes @ scale
         if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
             return None
-        self._terms = terms
         rounding = EPS * terms * samples(n + 1)[:, :n]
+        self._bound = COVERED * CONFIDENCE * EPS * terms
         solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
         along[:-1] -= solved[1]
         self._samples, self._size, self._since = solved[2:], size, 0

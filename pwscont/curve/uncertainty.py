@@ -155,8 +155,11 @@ def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> b
 
 @lru_cache(maxsize=8)
 def samples(size: int) -> Array:
-    """Return unit vectors, or fixed random ones of which a few are enough; runs are identical."""
+    """Return unit vectors, or fixed random ones of which a few are enough; runs are identical.
+
+    The squares of each column add up to one, so that the errors of single rows are not sampled.
+    """
     if size <= SMALL:
         return np.asarray(np.eye(size))
     samples = np.random.default_rng(size).normal(size=(SAMPLES, size))
-    return np.asarray(samples / SAMPLES**0.5)
+    return np.asarray(samples / np.sqrt((samples**2).sum(axis=0)))
