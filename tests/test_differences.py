@@ -1,5 +1,8 @@
 """Differences in the units of the problem, within the interval; against derivatives by hand."""
 
+from dataclasses import replace
+from zlib import crc32
+
 import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
@@ -15,7 +18,7 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.rounding import EPS
-from pwscont.system.differences import FINE_STEP, STEP, Differences
+from pwscont.system.differences import FINE_STEP, FINER, STEP, Differences
 
 UNITS = [1e-12, 1e-9, 1e-5, 1.0, 1e5, 1e12]
 
@@ -389,11 +392,34 @@ def test_finer_steps_see_narrower_functions(at):
     expected = 1.0 / (width * np.cosh(at) ** 2)
     x = np.array([0.0, at * width])
     slopes = []
-    for _ in range(5):
+    for _ in range(4):
         slopes.append(float(differences.jacobian(lambda y: np.tanh(y[1:] / width), x)[0, 1]))
-        differences = differences.finer
+        differences = replace(differences, part=FINER * differences.part)
     errors = np.abs(np.array(slopes) / expected - 1.0)
     assert errors[0] > 0.05
     assert errors[1] < 2e-3
     assert (errors[2:] < 1e-5).all()
-    assert slopes[3] == slopes[4]  # there is a finest one
+
+
+class NoisyEnd(PiecewiseSystem):
+    """A cubic with two folds, right to 1e-11 only, beside a branch on which the model ends."""
+
+    size, noise = 1, 1e-11
+
+    def test_functions(self, z, alpha):
+        return z - 50.0
+
+    def residual(self, z, alpha, character):
+        with np.errstate(invalid="ignore"):
+            ending = z - 6.0 - np.sqrt(0.9 - alpha)
+        noise = 2.0 * (crc32(np.append(z, alpha).tobytes()) / 2.0**32) - 1.0
+        return ending * (z**3 - z - alpha) + self.noise * noise
+
+
+def test_where_a_model_ends_steps_do_not_become_finer():
+    ending = 6.0 + np.sqrt(1.4)
+    graph = explore(NoisyEnd(), (-1.0, 1.0), starts=[([ending], -0.5)])
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [-2.0 / 27.0**0.5, 2.0 / 27.0**0.5], atol=1e-10)
+    assert graph.count(0.0) == 4
+    assert graph.system.differences(0.0).part == 1.0

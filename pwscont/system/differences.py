@@ -11,14 +11,15 @@ Failure modes and answers
 - A direction may be long (a null vector of a matrix that is nearly regular): a step has a length of
   its own, and four of them fit into the interval.
 - A function changes within less than a step, as in a cell that is thinner: Newton converges slowly
-  or not at all, however short the steps along the curve. Whoever sees that asks for finer ones.
+  or not at all, however short the steps along the curve. Whoever sees that asks for finer ones,
+  and puts the usual ones back where they are no better: beside an end of the model, or with noise.
 - A function may return one and the same array again and again: its values are copied.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
@@ -59,11 +60,6 @@ class Differences:
     lo: float = -np.inf
     hi: float = np.inf
     part: float = 1.0
-
-    @property
-    def finer(self) -> Differences:
-        """The same in shorter steps, down to the finest."""
-        return replace(self, part=max(FINER * self.part, FINEST))
 
     @property
     def base(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
 from typing import Any, Self
@@ -121,10 +122,10 @@ class PiecewiseSystem(ABC):
         object.__setattr__(twin, "_differences", differences)
         return twin
 
-    def refine_differences(self) -> None:
-        """Let the :meth:`differences` of this run have shorter steps from here on."""
-        if self._is_fitted:
-            object.__setattr__(self, "_differences", self._differences.finer)
+    def refine_differences(self, part: float) -> None:
+        """Let the :meth:`differences` of this run take this part of their usual steps."""
+        if self._is_fitted and part != self._differences.part:
+            object.__setattr__(self, "_differences", replace(self._differences, part=part))
 
     @property
     def gives_scale(self) -> bool:
