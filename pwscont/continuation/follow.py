@@ -11,13 +11,11 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.generic import generic
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.continuation.finer import part_of, refined
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
-from pwscont.system.differences import FINER, FINEST
-from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound
@@ -159,7 +157,7 @@ class _Reached:
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
         self.blocked = self._shortened = 0
-        self._part_before = self._part
+        self._part = part_of(self.curve)
 
     def go_to(self, state: State, is_shortened: bool) -> None:
         """Add a point, at the end of a step that may be shorter than the one before proposed."""
@@ -170,38 +168,9 @@ class _Reached:
             self.refines()
 
     def refines(self) -> bool:
-        """Let differences have shorter steps where that makes them better; tell whether it does.
-
-        The error of long steps falls with their length, that of rounding and noise grows. So
-        steps are too long where the next finer ones change derivatives more than those after them.
-        """
-        self._shortened, part = 0, self._part
-        if part * FINER < FINEST:
-            return False
-        usual, finer, finest = (self._derivatives(part * FINER**k) for k in range(3))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            by_finer, by_finest = (
-                np.abs((one - other) / finer[1]).max(initial=0.0, where=finer[1] != 0.0)
-                for one, other in ((usual[0], finer[0]), (finer[0], finest[0]))
-            )
-        is_better = bool(by_finer > by_finest)
-        self._system.refine_differences(part * FINER if is_better else part)
-        return is_better
-
-    def _derivatives(self, part: float) -> tuple[Array, Array]:
-        """Return derivatives along a generic direction by steps of this part, and their terms."""
-        self._system.refine_differences(part)
-        jacobian, scale = self.curve.selection.jacobian(self.state.x), self.curve.metric.scale
-        return jacobian @ (scale * generic(len(scale))), abs(jacobian) @ scale
-
-    @property
-    def _system(self) -> PiecewiseSystem:
-        return self.curve.selection.system
-
-    @property
-    def _part(self) -> float:
-        """What part of the usual steps differences take."""
-        return self._system.differences(self.state.alpha).part
+        """Let differences have shorter steps where that helps; tell whether it does."""
+        self._shortened = 0
+        return refined(self.curve, self.state.x)
 
     def between(self, segment: Segment, event: Event) -> list[Array]:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""
@@ -212,7 +181,7 @@ class _Reached:
 
     def stopped(self, why: str) -> FollowedPiece:
         """Return the walk that ends here; finer differences have been of no use."""
-        self._system.refine_differences(self._part_before)
+        self.curve.selection.system.refine_differences(self._part)
         back = Ray(self.curve, self.state).reversed()
         return FollowedPiece(
             np.array(self.points), SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
