@@ -11,12 +11,14 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactMatrix
+from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
 from pwscont.linear.factorise import DenseFactor, bordered
+from pwscont.linear.inner import change_of_column
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -111,6 +113,26 @@ def test_solves_and_signs(seed):
         np.testing.assert_allclose(matrix.solve_transposed(x @ dense), x, atol=error)
         assert matrix.sign == np.linalg.slogdet(dense)[0]
     assert algebra.solver.updates >= 5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_columns_change_as_those_of_the_dense_jacobian(seed):
+    """Between cells that differ at one node, at a few, and everywhere."""
+    rng, body = np.random.default_rng(seed), random_body(seed=seed)
+    system, general = systems(body, rng.choice([0.0, 0.5, 3.0], P))
+    mode = in_modes(body, rng)
+    for changed in (1, 3, P):
+        other = mode.copy()
+        other[rng.choice(P, changed, replace=False)] += rng.integers(1, 4, changed)
+        other %= 4
+        cells = [Character([sign for m in now for sign in SIGNS[m]]) for now in (mode, other)]
+        z = rng.normal(size=system.size)
+        before, after = (system.jacobian(z, 0.0, cell) for cell in cells)
+        expected = np.subtract(*(general.jacobian(z, 0.0, cell) for cell in cells[::-1]))
+        for index in range(system.size + 1):
+            change = change_of_column(before, after, index)
+            np.testing.assert_allclose(change, expected[:, index], rtol=1e-15)
+        assert expected.any()
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -96,6 +96,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[Any, Matrix] | None = None
+        self._bounded: tuple[Character, contact.Flags] | None = None
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
@@ -175,9 +176,12 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return (signs * self._bounds(character)).tobytes()
 
     def _bounds(self, character: Character) -> contact.Flags:
-        """Tell which tests bound the cell, shape (3 p,)."""
-        mode = contact.modes(character)
-        return contact.bounds(mode, self._without_friction, self.body.guided)
+        """Tell which tests bound the cell, shape (3 p,); the last answer is kept."""
+        if self._bounded is None or self._bounded[0] is not character:
+            mode = contact.modes(character)
+            found = contact.bounds(mode, self._without_friction, self.body.guided)
+            self._bounded = character, found
+        return self._bounded[1]
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""
