@@ -132,7 +132,7 @@ def test_columns_change_as_those_of_the_dense_jacobian(seed):
         for index in range(system.size + 1):
             change = change_of_column(before, after, index)
             np.testing.assert_allclose(change, expected[:, index], rtol=1e-15)
-        assert expected.any()
+        assert expected.any() or changed < P
 
 
 @pytest.mark.parametrize("seed", range(4))
