@@ -271,6 +271,38 @@ def test_points_that_are_located_wrongly(locate, words):
     assert words in str(check_detector(At(locate)))
 
 
+class Below(TransitionDetector):
+    """Marks where the first unknown passes 5, which no check reaches; the promise is to be kept."""
+
+    is_affine = True
+
+    def __init__(self, function, slope):
+        self.function, self.slope = function, slope
+
+    def read(self, curve, state):
+        value, slope = self.function(state.x[0]), self.slope(state.x[0]) * state.tangent[0]
+        return Reading(np.array([value]), np.array([slope]))
+
+    def locate(self, segment, index, bracket):
+        return locate_sign_change(segment, lambda state: state.x[0] - 5.0, bracket)
+
+    def arrive(self, curve, state, index):
+        forth = Ray(curve, state)
+        return SpecialPointFound("at", state.x, "z is 5", (forth.reversed(), forth))
+
+
+def test_a_promise_to_be_affine():
+    kept = Below(lambda z: 5.0 - z, lambda z: -1.0)
+    assert check_detector(kept), check_detector(kept)
+    negative = Below(lambda z: z - 5.0, lambda z: 1.0)
+    assert "a function is negative where a piece begins" in str(check_detector(negative))
+    bent = Below(lambda z: 25.0 - z**2, lambda z: -2.0 * z)
+    assert "values on a ray are not those of the slopes" in str(check_detector(bent))
+    graph = explore(Kink(), (-20.0, 20.0), detectors=[kept])
+    (point,) = graph.special_points("at")
+    assert point.alpha == pytest.approx(10.0)
+
+
 def test_a_stepper_that_goes_back():
     class Back(Stepper):
         def step(self, curve, interval, state, before, longest):

@@ -97,8 +97,8 @@ class TransitionDetector(ABC):
     Attributes
     ----------
     is_affine : bool
-        A promise that all functions are affine along straight pieces, and read with their slopes:
-        the ratio test then finds where they vanish; default False.
+        A promise that along straight pieces all functions are affine, read with their slopes, and
+        not negative but at the end: the ratio test then finds where they vanish; default False.
     """
 
     is_affine: bool = False

@@ -35,6 +35,8 @@ def check_detector(detector: TransitionDetector) -> Report:
     - Where a function falls to zero, on a step or on a ray, ``locate`` returns a point of the
       curve at which it vanishes, or a Failure.
     - ``arrive`` returns a SpecialPointFound whose first ray points back.
+    - Along a ray no value is negative at first, and all are what their slopes say, where
+      ``is_affine`` promises that.
 
     Returns
     -------
@@ -100,9 +102,28 @@ def _wrong_on_ray(
     if distances.shape != np.shape(first.values):
         yield defect(f"falls() must return {len(first.values)} distances", state.x)
         return
+    if detector.is_affine and (wrong := _wrong_promise(detector, ray, first)):
+        yield defect(f"is_affine is promised, but {wrong}", state.x)
+        return
     for index in np.flatnonzero((distances > 0.0) & (distances < 1.0)):
         s, size = float(distances[index]), float(np.abs(first.values[index]))
         yield from _wrong_location(detector, ray, int(index), (s, s), size)
+
+
+def _wrong_promise(
+    detector: TransitionDetector, ray: StraightSegment, first: Reading
+) -> str | None:
+    """Return why the functions of a detector are no affine ones that are positive at first."""
+    if (np.asarray(first.values) < 0.0).any():
+        return "a function is negative where a piece begins: such a function falls at once"
+    start, s = ray.start, 0.5
+    there = State(ray.near(s), start.tangent, start.error, start.orientation)
+    expected = first.values + s * first.slopes
+    apart = np.abs(detector.read(ray.curve, there).values - expected)
+    size = np.abs(expected).max(initial=0.0) + np.abs(first.values).max(initial=0.0)
+    if (apart > AGREES * size).any():
+        return "values on a ray are not those of the slopes where it begins"
+    return None
 
 
 def _wrong_location(
