@@ -26,6 +26,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 EPS = float(np.finfo(float).eps)
+#: Samples nearer to each other than this part of a stretch are one.
+ONE = 1e-9
 #: Nearer to a special point than this share of the interval nothing is asked: z at a fold is known
 #: to half the digits of alpha.
 MARGIN = EPS**0.5
@@ -127,6 +129,8 @@ class Curve:
     def _extrema(self, grid: np.ndarray) -> Iterator[float]:
         """Yield the smooth folds within a smooth stretch."""
         s = np.unique(grid)
+        # of two points that are one but for rounding, the order of their alphas is no turn
+        s = s[np.append(True, np.diff(s) > ONE * (s[-1] - s[0]))]
         alpha = self.alpha(s)
         for sign in (1.0, -1.0):
             for i in _turns(sign * alpha):
