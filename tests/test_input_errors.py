@@ -6,7 +6,9 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 
 from pwscont import (
+    Block,
     ExactLinear,
+    Limits,
     MultiStart,
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -451,3 +453,44 @@ def test_a_graph_that_cannot_be_written(tmp_path):
     graph = explore(CoulombLoad(body(), LOAD, 4.0), (-2.0, 2.0))
     with pytest.raises(GraphFileError, match=r"cannot write .*graph\.npz: No such file"):
         graph.save(tmp_path / "missing" / "graph.npz")
+
+
+class Promising(PiecewiseLinearSystem):
+    """z + max(z - 1/2, 0) = alpha, with what it says of its modes replaced."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 0.5
+
+    def residual(self, z, alpha, character):
+        return z - alpha + (z - 0.5 if character.signs[0] else 0.0)
+
+    def blocks(self):
+        return (Block((0,), (0,), ((True,), (False,))),)
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "words"),
+    [
+        ("blocks", None, r"blocks\(\) must return Blocks, got None"),
+        ("blocks", [((0,), (0,))], r"blocks\(\) must return Blocks"),
+        ("necessary", None, r"necessary\(\) must return \(A, b\), got None"),
+        ("necessary", (np.ones((1, 2)), np.ones(1)), r"A of shape \(l, 1\) and b of shape \(l,\)"),
+    ],
+)
+@pytest.mark.parametrize(
+    "ask",
+    [lambda system: explore(system, (0.0, 1.0)), lambda system: enumerate_solutions(system, 0.3)],
+    ids=["explore", "enumerate_solutions"],
+)
+def test_what_a_system_says_of_its_modes(method, given, words, ask):
+    assert ask(Promising())
+    wrong = type("Wrong", (Promising,), {method: lambda self, *_: given})
+    with pytest.raises(InvalidSystemError, match=words):
+        ask(wrong())
+
+
+def test_seconds_that_no_number_holds():
+    with pytest.raises(InvalidInputError, match="seconds must be a positive number"):
+        Limits(seconds=10**400)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import final
@@ -46,4 +47,4 @@ class Limits:
 
 def _is_positive(value: object) -> bool:
     number = isinstance(value, Real) and not isinstance(value, bool)
-    return number and not math.isnan(value) and value > 0  # type: ignore[arg-type,operator]
+    return number and (0 < value <= sys.float_info.max or value == math.inf)  # type: ignore[operator]

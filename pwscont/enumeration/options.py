@@ -23,7 +23,12 @@ from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.blocks import Block
 from pwscont.system.contract import residual_at
-from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
+from pwscont.system.promises import (
+    check_blocks,
+    checked_necessary,
+    refuse_bent,
+    refuse_bent_tests,
+)
 from pwscont.system.system import SlicewiseLinearSystem
 
 
@@ -134,10 +139,8 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     check_blocks(system, len(kappa))
     blocks = system.blocks()
     slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
-    necessary = system.necessary(alpha)
-    return problem_of(
-        system, slices, (K[:, :-1], kappa), (dense(necessary[0]), necessary[1]), scale
-    )
+    necessary = checked_necessary(system, alpha)
+    return problem_of(system, slices, (K[:, :-1], kappa), necessary, scale)
 
 
 def problem_of(

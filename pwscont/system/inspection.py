@@ -27,7 +27,7 @@ from pwscont.system.all_cells import signs_of_solutions
 from pwscont.system.blocks import Block
 from pwscont.system.contract import check_contract, residual_at
 from pwscont.system.hidden import all_names
-from pwscont.system.promises import check_blocks, check_promises
+from pwscont.system.promises import check_blocks, check_promises, checked_necessary
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
@@ -242,8 +242,7 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
 def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     """Check the inequalities of ``necessary`` at a solution in its cell."""
     z, alpha = x[:-1], float(x[-1])
-    A, b = system.necessary(alpha)
-    rows, scale = dense(A), system.differences(alpha).scale[:-1]
+    (rows, b), scale = checked_necessary(system, alpha), system.differences(alpha).scale[:-1]
     terms = np.abs(rows) @ (np.abs(z) + scale) + np.abs(b)
     short = -(rows @ z + b) / np.where(terms > 0.0, terms, 1.0)
     for row in np.flatnonzero(short > TOLERANCE):

@@ -16,7 +16,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -24,8 +24,9 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
-from pwscont.basics.looks import at
+from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.system.blocks import Block
 from pwscont.system.contract import Sample, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.shapes import expect
@@ -58,10 +59,12 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
     Raises
     ------
     InvalidSystemError
-        If selections or tests are promised to be affine, and are not.
+        If selections or tests are promised to be affine, and are not, or blocks do not fit.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         return
+    if type(system).blocks is not SlicewiseLinearSystem.blocks:
+        check_blocks(system, len(sample.tests))
     x = sample.x
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
     straight = isinstance(system, PiecewiseLinearSystem)
@@ -261,6 +264,8 @@ def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:
     InvalidSystemError
     """
     blocks, name = system.blocks(), f"{type(system).__name__}.blocks()"
+    if not isinstance(blocks, Sequence) or not all(isinstance(block, Block) for block in blocks):
+        raise InvalidSystemError(f"{name} must return Blocks, got {short(repr(blocks))}")
     _check_owners(name, "row", system.size, [block.rows for block in blocks])
     _check_owners(name, "test function", tests, [block.tests for block in blocks])
     for number, block in enumerate(blocks):
@@ -269,6 +274,26 @@ def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:
                 f"{name}: every mode of block {number} needs {len(block.tests)} signs, one for "
                 "each of its tests"
             )
+
+
+def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Array, Array]:
+    """Return A and b of the inequalities A z + b >= 0 that all solutions fulfil, dense.
+
+    Raises
+    ------
+    InvalidSystemError
+        If they are no matrix with one column for each unknown and one number for each row.
+    """
+    necessary, name = system.necessary(alpha), f"{type(system).__name__}.necessary()"
+    if not (isinstance(necessary, tuple | list) and len(necessary) == 2):
+        raise InvalidSystemError(f"{name} must return (A, b), got {short(repr(necessary))}")
+    A, b = dense(necessary[0]), np.asarray(necessary[1])
+    if b.ndim != 1 or A.shape != (len(b), system.size):
+        raise InvalidSystemError(
+            f"{name} must return A of shape (l, {system.size}) and b of shape (l,), got shapes "
+            f"{A.shape} and {b.shape}"
+        )
+    return A, b
 
 
 def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
