@@ -18,8 +18,8 @@ from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
 from pwscont.linear.factorise import DenseFactor, bordered
-from pwscont.linear.inner import change_of_column
-from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
+from pwscont.linear.inner import column
+from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from strip import strip
@@ -130,7 +130,7 @@ def test_columns_change_as_those_of_the_dense_jacobian(seed):
         before, after = (system.jacobian(z, 0.0, cell) for cell in cells)
         expected = np.subtract(*(general.jacobian(z, 0.0, cell) for cell in cells[::-1]))
         for index in range(system.size + 1):
-            change = change_of_column(before, after, index)
+            change = column(after, index) - column(before, index)
             np.testing.assert_allclose(change, expected[:, index], rtol=1e-15)
         assert expected.any() or changed < P
 
@@ -204,16 +204,21 @@ def test_a_long_run_of_updates_does_not_drift():
     assert solver.updates > 10 * solver.factorisations
 
 
-def test_many_rows_at_once_are_one_update():
-    """As many rows as a sixth of the matrix, with changes made one by one before."""
+@pytest.mark.parametrize(("solves", "most"), [(1, 10), (MANY_SOLVES, 20)])
+def test_many_rows_at_once_are_one_update(solves, most):
+    """Up to a third of the matrix where each serves many solves, up to a sixth where it does not.
+
+    With changes made one by one before.
+    """
     m, rng, table = 60, np.random.default_rng(2), random_table(60)
     solver, choice = Updating(), np.zeros(m, int)
-    for changed in (1, 2, 10, 3, 9, 10):
+    for changed in (1, 2, most, 3, 9, most):
         choice[rng.choice(m, changed, replace=False)] += 1
         matrix = Table(table, choice := choice % 3)
         dense, x = matrix.dense(), rng.normal(size=m)
         bound = 1e-12 * np.linalg.cond(dense)
-        np.testing.assert_allclose(solver.solve(matrix, dense @ x), x, atol=bound)
+        for _ in range(solves):
+            np.testing.assert_allclose(solver.solve(matrix, dense @ x), x, atol=bound)
         np.testing.assert_allclose(solver.solve_transposed(matrix, x @ dense), x, atol=bound)
         assert solver.sign(matrix) == np.linalg.slogdet(dense)[0]
     assert (solver.factorisations, solver.updates) == (1, 5)

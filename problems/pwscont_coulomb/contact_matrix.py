@@ -95,27 +95,6 @@ class ContactMatrix(Core):
         unit[index] = 1.0
         return self._product(unit, a.A[index] if index < a.n else np.zeros(a.n))
 
-    def change_of_column(self, before: ContactMatrix, index: int) -> Array:
-        """Return a column less that of the matrix for other modes, zero but at their nodes."""
-        a, sizes = self.algebra, (self.algebra.n, self.algebra.p, self.algebra.p)
-        change = np.zeros(sum(sizes))
-        others = self.touches != before.touches
-        others |= (self.sticks != before.sticks) | (self.slip != before.slip)
-        for i in np.flatnonzero(others).tolist():
-            rows = [a.n + i, a.n + a.p + i]
-            change[rows] = self._entries(i, index) - before._entries(i, index)
-        return change
-
-    def _entries(self, i: int, index: int) -> Array:
-        """Return what the normal and the tangential row of a node have in a column."""
-        a = self.algebra
-        u_normal, u_tangential = index == a.normal[i], index == a.tangential[i]
-        normal, tangential = index == a.n + i, index == a.n + a.p + i
-        push = a.r[i] * u_normal
-        first = push if self.touches[i] else normal
-        sliding = tangential - self.slip[i] * (normal - push)
-        return np.array([first, a.r[i] * u_tangential if self.sticks[i] else sliding])
-
     def magnitudes(self, z: Array) -> Array:
         """Return the product of the magnitudes of the entries with z >= 0."""
         u, normal, tangential = self._parts(z)
@@ -255,12 +234,6 @@ class ContactJacobian(StructuredJacobian):
         """Return a column."""
         last = index == len(self.column)
         return self.column.copy() if last else self.matrix.column_at(index)
-
-    def change_of_column(self, before: StructuredJacobian, index: int) -> Array:
-        """Return a column less that of another cell's, which differ at few nodes."""
-        if not isinstance(before, ContactJacobian) or index == len(self.column):
-            return super().change_of_column(before, index)
-        return self.matrix.change_of_column(before.matrix, index)
 
     def _split(self, scale: Array, beside: Array | None) -> tuple[Array, Interior]:
         """Return the divisors of the rows, and the block for z; kept for the last scale."""

@@ -126,7 +126,7 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            reached.go_to(segment.end, before is not None and _is_shortened(segment, before))
+            reached.go_to(segment.end, _is_shortened(segment, before))
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
@@ -146,7 +146,7 @@ class PieceFollower(Follower):
         return first_on_curve(self.watch, segment, reading, after), after
 
 
-def _is_shortened(segment: CurvedSegment, before: Segment) -> bool:
+def _is_shortened(segment: CurvedSegment, before: Segment | None) -> bool:
     return isinstance(before, CurvedSegment) and segment.length < SHORTENED * before.suggestion
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.curve.curve import Curve
-from pwscont.linear.inner import change_of_column
+from pwscont.linear.inner import column
 
 #: How many times larger than all other unknowns one is made, in their typical magnitudes.
 FAR = 2.0**20
@@ -34,7 +34,7 @@ def by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> 
         Typical magnitudes of the unknowns.
     """
     steepest = int(np.abs(gradient * scale).argmax())
-    jump: Array = change_of_column(before, after, steepest) / gradient[steepest]
+    jump: Array = (column(after, steepest) - column(before, steepest)) / gradient[steepest]
     return jump
 
 

@@ -24,7 +24,6 @@ from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.blocks import Block
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import (
-    check_blocks,
     checked_necessary,
     refuse_bent,
     refuse_bent_tests,
@@ -136,7 +135,6 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     kappa = np.array(system.test_functions(zero, alpha), dtype=float)
     K = dense(system.test_jacobian(zero, alpha))
     refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
-    check_blocks(system, len(kappa))
     blocks = system.blocks()
     slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
     necessary = checked_necessary(system, alpha)

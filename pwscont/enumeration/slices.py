@@ -39,6 +39,7 @@ from pwscont.enumeration.scalar import solve_scalar
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
 from pwscont.system.blocks import number_of_cells
+from pwscont.system.promises import check_blocks
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -56,7 +57,13 @@ def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> 
     system : SlicewiseLinearSystem
     metric : Metric
     alpha : float
+
+    Raises
+    ------
+    InvalidSystemError
+        If blocks do not fit the system.
     """
+    check_blocks(system, np.size(system.test_functions(np.zeros(system.size), alpha)))
     return _by_parts(system, metric, alpha) or _at_once(system, metric, alpha)
 
 

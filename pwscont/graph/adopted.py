@@ -77,7 +77,7 @@ def _check_solution(
     alpha = piece.track.start.alpha
     z = completed(system, piece.track.start.x[:-1], alpha)
     scale = np.append(system.scale(*interval), np.ptp(interval))
-    if not unexplained(system, piece.character, np.append(z, alpha), scale) == 0.0:
+    if unexplained(system, piece.character, np.append(z, alpha), scale):
         raise InvalidInputError(
             f"{path} is of another system: {type(system).__name__} does not have its solution at "
             f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"

@@ -70,11 +70,3 @@ def _core(divided: Matrix) -> Core | None:
     if sp.issparse(divided):
         return split(divided)[0]
     return DenseCore(divided[:, :-1])
-
-
-def change_of_column(before: Matrix, after: Matrix, index: int) -> Array:
-    """Return by how much a column of a Jacobian changes from one cell to another, shape (n,)."""
-    if isinstance(before, StructuredJacobian) and isinstance(after, StructuredJacobian):
-        return after.change_of_column(before, index)
-    change: Array = column(after, index) - column(before, index)
-    return change

@@ -70,10 +70,6 @@ class StructuredJacobian(ABC):
         unit[index] = 1.0
         return self @ unit
 
-    def change_of_column(self, before: StructuredJacobian, index: int) -> Array:
-        """Return a column of this Jacobian less that of another cell's, shape (n,)."""
-        return self.column_at(index) - before.column_at(index)
-
     def scaled(self, columns: Array) -> Matrix:
         """Return a new matrix with columns multiplied; default dense."""
         return self.toarray() * columns

@@ -41,7 +41,6 @@ from pwscont.linear.threads import few_threads
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_points
-from pwscont.system.promises import check_blocks
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.cone import fan
@@ -98,7 +97,6 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))
     metric, box = Metric.at(system, alpha), Box.of(system)
-    check_blocks(system, np.size(system.test_functions(np.zeros(system.size), alpha)))
     with few_threads(system.size):
         found = solve_surely(system, metric, alpha)
         solutions = [_solution(system, metric, point) for point in found.points]

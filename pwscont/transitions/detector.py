@@ -151,7 +151,7 @@ class TransitionDetector(ABC):
     def _falls_by_reading(self, segment: Segment, which: Indices, farthest: float) -> Array:
         """Return where functions without a slope fall to zero on a ray, between places."""
         places = np.linspace(0.0, farthest, PLACES + 1)[:-1]
-        read = np.array([self._values(segment, s)[which] for s in places])
+        read = np.array([values_on(self, segment, s)[which] for s in places])
         distances = np.full(len(which), np.inf)
         for k, row in enumerate(read.T):
             fallen = np.flatnonzero((row[:-1] > 0.0) & (row[1:] <= 0.0))
@@ -160,15 +160,10 @@ class TransitionDetector(ABC):
                 distances[k] = self._first_zero(segment, int(which[k]), lo, hi)
         return distances
 
-    def _values(self, segment: Segment, s: float) -> Array:
-        start = segment.start
-        state = State(segment.near(s), start.tangent, start.error, start.orientation)
-        return np.asarray(self.read(segment.curve, state).values)
-
     def _first_zero(self, segment: Segment, index: int, lo: float, hi: float) -> float:
         """Return, to rounding, where a function that is positive at ``lo`` is positive no more."""
         while lo < (middle := 0.5 * (lo + hi)) < hi:
-            is_positive = self._values(segment, middle)[index] > 0.0
+            is_positive = values_on(self, segment, middle)[index] > 0.0
             lo, hi = (middle, hi) if is_positive else (lo, middle)
         return hi
 
@@ -233,3 +228,10 @@ class TransitionDetector(ABC):
         Default: unchanged.
         """
         return arrival
+
+
+def values_on(detector: TransitionDetector, ray: Segment, s: float) -> Array:
+    """Return the values of the watched functions on a straight segment, at distance s."""
+    start = ray.start
+    state = State(ray.near(s), start.tangent, start.error, start.orientation)
+    return np.asarray(detector.read(ray.curve, state).values)

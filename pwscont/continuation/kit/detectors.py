@@ -24,7 +24,12 @@ from pwscont.stepping import PseudoArclength
 from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.system.check import Report
 from pwscont.system.inspection import Defect
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import (
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    values_on,
+)
 
 
 def check_detector(detector: TransitionDetector) -> Report:
@@ -116,10 +121,9 @@ def _wrong_promise(
     """Return why the functions of a detector are no affine ones that are positive at first."""
     if (np.asarray(first.values) < 0.0).any():
         return "a function is negative where a piece begins: such a function falls at once"
-    start, s = ray.start, 0.5
-    there = State(ray.near(s), start.tangent, start.error, start.orientation)
+    s = 0.5
     expected = first.values + s * first.slopes
-    apart = np.abs(detector.read(ray.curve, there).values - expected)
+    apart = np.abs(values_on(detector, ray, s) - expected)
     size = np.abs(expected).max(initial=0.0) + np.abs(first.values).max(initial=0.0)
     if (apart > AGREES * size).any():
         return "values on a ray are not those of the slopes where it begins"
