@@ -190,7 +190,7 @@ def test_work_of_a_transition_between_audits(monkeypatch):
     (few, short), (many, long) = (work(monkeypatch, last) for last in (104.0, 114.0))
     assert (len(short.pieces), len(long.pieces)) == (5, 15)
     more = {kind: count - few[kind] for kind, count in many.items() if count > few[kind]}
-    assert more == {"solve": 10, "residual": 30, "test_functions": 20}
+    assert more == {"solve": 10, "residual": 30, "test_functions": 10}
 
 
 def test_an_audit_is_due_after_sixteen_transitions(monkeypatch):

@@ -14,6 +14,8 @@ from pwscont.basics.looks import MOST_LETTERS, short
 #: The signs as they are printed.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
+#: The signs as they name a cell that all of them bound.
+ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
 @final
@@ -78,6 +80,8 @@ class Character:
 
     def among(self, tests: Indices) -> bytes:
         """Return the signs of some tests: one byte each, 1 or 2, and 0 for every other test."""
+        if len(tests) == len(self._signs):
+            return self._signs.translate(ONE_OR_TWO)
         signs = self.array.view(np.uint8) + np.uint8(1)
         some = np.zeros_like(signs)
         some[tests] = signs[tests]

@@ -24,7 +24,7 @@ from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.joints import Edge, Node
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, names
-from pwscont.curve.uncertainty import magnitude
+from pwscont.curve.error_samples import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.records import Track
@@ -64,7 +64,7 @@ class Discovery:
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
         arrival, place = replace(arrival, rays=rays), _place(arrival)
-        keys = RayKey.of(rays, place)
+        keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
         if known is not None:
             self._absorb(known, arrival, keys)
@@ -131,7 +131,8 @@ class Discovery:
             return
         key, end = self.nodes[node].keys[index], _place(walk.arrival)
         track = Track(key.place, walk.points[1:-1].copy(), end)
-        edge = Edge(node, self._reach(walk, end, node), FollowedRay.of(ray, key), track)
+        reached = self._reach(walk, end, _keys(walk, ray, key, end), node)
+        edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
         self._report(len(self.edges), float(walk.points[-1, -1]))
@@ -167,13 +168,12 @@ class Discovery:
             arrival = replace(arrival, kind=Kind.END, message=message)
         return replace(walk, arrival=arrival)
 
-    def _reach(self, walk: FollowedPiece, place: Place, begin: int) -> int:
+    def _reach(self, walk: FollowedPiece, place: Place, keys: Sequence[RayKey], begin: int) -> int:
         """Return the node at which a walk arrived, and remove its ray that leads back.
 
         A walk that stops so close to its beginning that both ends seem one node is no loop.
         """
         rays = walk.arrival.rays
-        keys = RayKey.of(rays, place)
         node = self._known(walk.arrival, keys)
         if node is None:
             node = self._new(walk.arrival, place, keys)
@@ -319,8 +319,17 @@ def _place(arrival: SpecialPointFound) -> Place:
     if not arrival.rays:
         return Stored(x, magnitude(x, np.zeros((1, len(x)))))
     selection = arrival.rays[0].curve.selection
-    samples = {id(ray.state.error): ray.state.error for ray in arrival.rays}  # rays may share them
-    return place_of(selection.system, selection.character, x, list(samples.values()))
+    states = {id(ray.state.error): ray.state for ray in arrival.rays}  # rays may share it
+    errors = [state.size for state in states.values()]
+    return place_of(selection.system, selection.character, x, errors)
+
+
+def _keys(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
+    """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
+    back, *others = walk.arrival.rays
+    is_straight = len(walk.points) == 2 and back.curve is ray.curve
+    first = key.reversed(end) if is_straight else RayKey.of(back, end)
+    return [first, *(RayKey.of(other, end) for other in others)]
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:

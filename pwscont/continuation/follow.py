@@ -22,6 +22,7 @@ from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
 from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Joined, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
@@ -80,20 +81,31 @@ class Follower(ABC):
 @final
 @dataclass(frozen=True, slots=True)
 class PieceFollower(Follower):
-    """Follows a ray to the end of its piece; the policy is here, the step is the stepper's."""
+    """Follows a ray to the end of its piece; the policy is here, the step is the stepper's.
+
+    Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
+    from cell to cell by itself.
+    """
 
     stepper: Stepper
     watch: Watch
     interval: tuple[float, float]
     bounds: Bounds
+    straight: StraightTests | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
         reached = _Reached(leaning(ray))
         try:
-            return self._to_the_end(reached)
+            return self._at_once(ray) or self._to_the_end(reached)
         except KeyboardInterrupt as why:
             return replace(reached.stopped(current_budget().end(why)), is_cut=True)
+
+    def _at_once(self, ray: Ray) -> FollowedPiece | None:
+        """Return a straight piece that leads from one cell to the next, None if it does not."""
+        check_budget()
+        arrival = self.straight.next(ray, self.interval) if self.straight else None
+        return FollowedPiece(np.array([ray.state.x, arrival.x]), arrival) if arrival else None
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None

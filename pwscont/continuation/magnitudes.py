@@ -26,9 +26,9 @@ import numpy as np
 from pwscont.basics.arrays import Array, dense
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.curve.uncertainty import magnitude
 from pwscont.search.enumeration import Found
 from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem

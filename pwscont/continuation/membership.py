@@ -7,7 +7,6 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.refinement import solve_between
 
 #: Solutions at one alpha in one cell are one when closer than this times their size.
@@ -36,7 +35,7 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
     apart = metric.difference(nearest, x)
     if metric.norm(apart) <= metric.slack(x, SAME):
         return True
-    both = 2.0 * magnitude(x, state.error)  # the piece is as uncertain as the state
+    both = 2.0 * state.size  # the piece is as uncertain as the state
     return bool((np.abs(apart) <= CONFIDENCE * both).all())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, final
 
@@ -200,7 +200,7 @@ class Plan:
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, self.added), self.interval, bounds
+            self.stepper, Watch(watched, self.added), self.interval, bounds, _alone(watched)
         )
         if journal is not None:
             self._check(journal)
@@ -277,6 +277,12 @@ def checked_detectors(
         checked_kind("each of detectors", detector, TransitionDetector)
     watched = checked_events(events, shown_size(system))
     return (*added, watched) if watched else added
+
+
+def _alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
+    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
+    others = [each for each in watched if not isinstance(each, IntervalEnds)]
+    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None
 
 
 def _events(detectors: Iterable[TransitionDetector]) -> list[str]:

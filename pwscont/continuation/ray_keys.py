@@ -8,7 +8,6 @@ directions agree, those of clearly different directions do not.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
@@ -20,7 +19,6 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve
-from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.place import Place
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import Ray
@@ -56,10 +54,13 @@ class RayKey:
     direction: Array
 
     @classmethod
-    def of(cls, rays: Sequence[Ray], place: Place) -> list[RayKey]:
-        """Return the keys of the rays that leave a place."""
-        units = _directions(rays) if rays else ()
-        return [cls(place, names(ray), unit) for ray, unit in zip(rays, units, strict=True)]
+    def of(cls, ray: Ray, place: Place) -> RayKey:
+        """Return the key of a ray that leaves a place."""
+        return cls(place, names(ray), _direction(ray))
+
+    def reversed(self, place: Place) -> RayKey:
+        """Return the key of the ray that leads back from the end of a straight piece."""
+        return RayKey(place, self.names, -self.direction)
 
     def alignment(self, ray: Ray, key: RayKey) -> float:
         """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
@@ -72,16 +73,16 @@ class RayKey:
         apart = metric.difference(self.place.x, x)
         if metric.norm(apart) <= metric.slack(x, JOIN):
             return True
-        errors = self.place.error + magnitude(x, ray.state.error)
+        errors = self.place.error + ray.state.size
         return bool((np.abs(apart) <= CONFIDENCE * errors).all())
 
 
-def _directions(rays: Sequence[Ray]) -> list[Array]:
-    """Return the direction of each ray, or projections of it, of length one."""
-    scaled = np.array([ray.state.tangent / ray.curve.metric.scale for ray in rays])
-    size = scaled.shape[1]
-    seen = scaled if size <= WHOLE else scaled @ _projections(size).T
-    return [some / math.sqrt(some.dot(some)) for some in seen]
+def _direction(ray: Ray) -> Array:
+    """Return the direction of a ray, or projections of it, of length one."""
+    scaled = ray.state.tangent / ray.curve.metric.scale
+    seen = scaled if len(scaled) <= WHOLE else _projections(len(scaled)) @ scaled
+    unit: Array = seen / math.sqrt(seen.dot(seen))
+    return unit
 
 
 @lru_cache(maxsize=2)

@@ -8,8 +8,8 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.outcome import Failure
 from pwscont.continuation.plan import Plan
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.curve.uncertainty import magnitude
 from pwscont.system.contract import checked_size
 from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem

@@ -8,8 +8,8 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.curve.error_samples import has_digits, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.uncertainty import has_digits, magnitude
 from pwscont.search.enumeration import Found
 from pwscont.system.box import Box
 

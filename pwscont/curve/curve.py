@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.system.selection import Selection
 
@@ -51,11 +52,23 @@ class State:
     tangent: Array
     error: Array
     orientation: int
+    _size: Array | None = field(default=None, repr=False)
+
+    @property
+    def size(self) -> Array:
+        """The estimated error of every component of the point, shape (n + 1,)."""
+        if self._size is None:
+            self._size = magnitude(self.x, self.error)
+        return self._size
 
     @property
     def alpha(self) -> float:
         """The parameter value."""
         return float(self.x[-1])
+
+    def reversed(self) -> State:
+        """Return the same place with the opposite direction."""
+        return State(self.x, -self.tangent, self.error, -self.orientation, self._size)
 
     def __repr__(self) -> str:
         return named(self, at(self.x), f"orientation {self.orientation:+d}")

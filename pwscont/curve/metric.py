@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
@@ -113,6 +114,16 @@ class Metric:
         """Return the length of a difference of two points."""
         y = x / self.scale
         return math.sqrt(y.dot(y))
+
+    def largest(self, sizes: Array) -> float:
+        """Return the largest of some magnitudes, each relative to the typical one."""
+        return float(np.maximum.reduce(sizes / self.scale))
+
+    @cached_property
+    def kinds(self) -> Indices:
+        """A number for each unknown; those with the same typical magnitude share it."""
+        kinds: Indices = np.unique(self.scale, return_inverse=True)[1]
+        return kinds
 
     def relative(self, dx: Array, x: Array) -> float:
         """Return the largest component of ``dx`` relative to that of ``x`` or its scale.

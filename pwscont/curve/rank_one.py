@@ -12,6 +12,8 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
@@ -38,7 +40,9 @@ def by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> 
     return jump
 
 
-def by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
+def by_residuals(
+    before: Curve, after: Curve, x: Array, gradient: Array, size: float
+) -> Array | None:
     """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
 
     Parameters
@@ -49,14 +53,16 @@ def by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Arra
         A point of the interface, but for rounding.
     gradient : ndarray, shape (n + 1,)
         g, of the test that vanishes on the interface.
+    size : float
+        Of x in the metric.
     """
     scale = after.metric.scale
     weights = np.abs(gradient * scale)[:-1]
     steepest = int(weights.argmax())
     far = x.copy()
-    far[steepest] += FAR * float(np.abs(x / scale).max(initial=1.0)) * scale[steepest]
+    far[steepest] += FAR * max(1.0, size) * scale[steepest]
     test = gradient[steepest] * (far[steepest] - x[steepest])
-    if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR or not np.isfinite(test):
+    if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR or not math.isfinite(test):
         return None
     jump: Array = (after.selection.residual(far) - before.selection.residual(far)) / test
     return jump

@@ -31,9 +31,10 @@ from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import has_digits, is_rounding, uncertainty
+from pwscont.curve.uncertainty import is_rounding, uncertainty
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem

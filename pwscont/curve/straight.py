@@ -26,9 +26,9 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import root_of_squares, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
-from pwscont.curve.uncertainty import magnitude, samples
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
@@ -55,187 +55,196 @@ class Settled(NamedTuple):
         Samples of its error.
     size : ndarray, shape (n + 1,)
         The estimate of its error.
+    extent : tuple of two float
+        The largest of the point, and of that estimate, in typical magnitudes.
+    along : float
+        By how much alpha was corrected along the piece.
+    aside : ndarray, shape (n,), or None
+        By how much z was corrected beside; None where that was not needed.
     """
 
     x: Array
     error: Array
     size: Array
+    extent: tuple[float, float]
+    along: float
+    aside: Array | None
 
 
 @final
 class StraightCell:
-    """The linear algebra of the cell in which a straight piece lies.
+    """The linear algebra of the cell in which a straight piece lies, led from cell to cell.
 
     Attributes
     ----------
     curve : Curve
-    along : ndarray, shape (n + 1,)
-        Direction of the piece, with an alpha of one.
     turn : int
         The sign of 1 + g.w where the cell was entered: -1 at a fold.
+    length : float
+        That of the direction with an alpha of one, in the metric.
     """
 
     def __init__(self, curve: Curve, solver: ProductForm, along: Array) -> None:
-        self.curve, self.along, self.turn = curve, along, 1
+        self.curve, self.turn, self.length = curve, 1, curve.metric.norm(along)
         self._solver = solver
         self._jacobian: Matrix | None = None
-        self._samples, self._bound = np.empty(0), np.empty(0)
+        #: The direction of the piece, and samples of the error of its points.
+        self._lines = along[np.newaxis]
+        self._slopes = np.empty(0)  # of the last test crossed, along all of these
+        self._bound = np.empty(0)
         self._size, self._since = 0.0, AUDIT
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
         """Return the cell of a curve, factorised; None where it is next to singular."""
         jacobian = curve.selection.jacobian(x)
-        solver, n = _factorised(jacobian, curve.metric), len(x) - 1
-        if solver is None:
+        core, n = inner(jacobian, curve.metric.binary), len(x) - 1
+        if core is None:
             return None
+        solver = ProductForm(core, n)
         cell = cls(curve, solver, np.append(-solver.solve(column(jacobian, n)), 1.0))
         is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
         if n < SMALL or is_at_hand or Box.of(curve.selection.system).is_bounded:
             cell._jacobian = jacobian
-        return cell if _is_tame(cell.along, curve.metric) else None
+        return cell if cell._is_tame() else None
 
-    def beyond(self, curve: Curve, x: Array, gradient: Array) -> StraightCell | None:
-        """Return the cell on the other side of the interface; this one is of no use any more.
+    @property
+    def along(self) -> Array:
+        """Direction of the piece, with an alpha of one, shape (n + 1,)."""
+        return self._lines[0]
+
+    def cross(self, other: Curve, x: Array, gradient: Array, value: float) -> Settled | None:
+        """Lead into the cell on the other side of an interface, and return a point there.
 
         Parameters
         ----------
-        curve : Curve
+        other : Curve
             Of the selection on the other side.
         x : ndarray, shape (n + 1,)
             A point of the interface, but for rounding.
-        gradient : ndarray, shape (n + 1,)
+        gradient, value
             Of the test that vanishes there.
 
         Returns
         -------
-        StraightCell or None
-        """
-        solver = self._refreshed(x)
-        jacobian, jump = self._jump(curve, x, gradient)
-        if solver is None or jump is None:
-            return None
-        w = solver.solve(jump)
-        pivot = solver.change(w, gradient[:-1])
-        if pivot == 0.0:
-            return None
-        cell = StraightCell(curve, solver, self.along.copy())
-        cell.along[:-1] -= (float(gradient.dot(self.along)) / pivot) * w
-        cell.turn, cell._jacobian = 1 if pivot > 0.0 else -1, jacobian
-        if len(self._samples):
-            carried = self._samples - np.outer(self._samples @ (gradient[:-1] / pivot), w)
-            cell._samples, cell._bound = carried, self._bound
-            cell._size, cell._since = self._size, self._since + 1
-        return cell if _is_tame(cell.along, curve.metric) else None
-
-    def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
-        """Return a point of the piece on an interface, corrected.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n + 1,)
-            Nearly that point.
-        gradient, value
-            Of the test of the interface.
-
-        Returns
-        -------
         Settled or None
-            None where the correction is more than rounding, or cannot be computed.
+            None where the correction is more than rounding, or cannot be computed: the cell is of
+            no use then.
         """
-        correction = self._correction(x, self.curve.selection.residual(x))
-        if correction is None:
+        size = self.curve.metric.norm(x)
+        if not self._enter(other, x, gradient, size):
             return None
-        slope = float(gradient.dot(self.along))
-        if not slope:
-            return None  # along the interface
-        steep = 1.0 / slope
-        dx = (value - float(gradient[:-1].dot(correction))) * steep * self.along
-        dx[:-1] += correction
-        error = self._bordered(x, gradient, steep)
-        found = Settled(x - dx, error, magnitude(x, error))
-        inside = self.curve.metric.admits(found.x)
+        residual, aside = other.selection.residual(x), None
+        if len(residual) < SMALL or self._since > AUDIT or size > GROWN * self._size:
+            aside = self._audited(x, residual, size)
+            if aside is None:
+                return None
+            self._slopes = self._lines @ gradient
+        elif not np.logical_and.reduce(np.abs(residual) <= self._bound):
+            aside = self._solver.solve(residual)
+        return self._settled(x, gradient, value, aside) if self._slopes[0] else None
+
+    def _enter(self, other: Curve, x: Array, gradient: Array, size: float) -> bool:
+        """Change to the Jacobian on the other side; False where that loses too many digits."""
+        is_ready, jump = self._has_room(x), self._jump(other, x, gradient, size)
+        if not is_ready or jump is None:
+            return False
+        w = self._solver.solve(jump)
+        pivot = self._solver.change(w, gradient[:-1])
+        if pivot == 0.0:
+            return False
+        self._slopes = (self._lines @ gradient) / pivot
+        self._lines[:, :-1] -= self._slopes[:, np.newaxis] * w
+        self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
+        self.length = other.metric.norm(self.along)
+        return self._is_tame()
+
+    def _settled(
+        self, x: Array, gradient: Array, value: float, aside: Array | None
+    ) -> Settled | None:
+        """Return the point of an interface, None where the correction is more than rounding."""
+        metric, sizes = self.curve.metric, np.abs(x)
+        beside = float(gradient[:-1].dot(aside)) if aside is not None else 0.0
+        along = (value - beside) / float(self._slopes[0])
+        dx = along * self.along
+        if aside is not None:
+            dx[:-1] += aside
+        error = self._bordered(EPS * float(np.abs(gradient).dot(sizes)))
+        size = np.maximum(EPS * sizes, root_of_squares(error))
+        extent = metric.largest(sizes), metric.largest(size)
+        found = Settled(x - dx, error, size, extent, along, aside)
+        inside = metric.admits(found.x)
         return found if inside and self._is_rounding(dx, found) else None
 
-    def _correction(self, x: Array, residual: Array) -> Array | None:
-        """Return the solution for a residual; zero where it is rounding, None where it is none."""
-        size = self.curve.metric.norm(x)
-        if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
-            return self._audited(x, residual, size)
-        is_rounding = (np.abs(residual) <= self._bound).all()
-        return np.zeros(len(residual)) if is_rounding else self._solver.solve(residual)
-
-    def _refreshed(self, x: Array) -> ProductForm | None:
-        """Return what solves with this cell's Jacobian, with room for one more change."""
+    def _has_room(self, x: Array) -> bool:
+        """Tell whether one more change can be taken up, after factorising afresh now and then."""
         if not self._solver.is_full:
-            return self._solver
-        return _factorised(self._jacobian_at(x), self.curve.metric)
+            return True
+        core = inner(self._jacobian_at(x), self.curve.metric.binary)
+        if core is not None:
+            self._solver.renew(core)
+        return core is not None
 
     def _jacobian_at(self, x: Array) -> Matrix:
         return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
 
-    def _jump(self, curve: Curve, x: Array, gradient: Array) -> tuple[Matrix | None, Array | None]:
-        """Return c of the cell beyond, and the Jacobian there if this cell has its own at hand."""
-        if self._jacobian is None:
-            return None, by_residuals(self.curve, curve, x, gradient)
-        jacobian = curve.selection.jacobian(x)
-        return jacobian, by_columns(self._jacobian, jacobian, gradient, curve.metric.scale)
+    def _jump(self, other: Curve, x: Array, gradient: Array, size: float) -> Array | None:
+        """Return c of the cell beyond, and take up the curve there."""
+        before, jacobian, self.curve = self.curve, self._jacobian, other
+        if jacobian is None:
+            return by_residuals(before, other, x, gradient, size)
+        self._jacobian = other.selection.jacobian(x)
+        return by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""
-        scale = self.curve.metric.scale
-        typical = GUARD * EPS * float(np.abs(found.x / scale).max()) * scale
-        return bool((np.abs(dx) <= typical + CONFIDENCE * found.size).all())
+        typical = GUARD * EPS * found.extent[0]
+        if found.aside is None and abs(found.along) * self.length <= typical:
+            return True  # nearly always
+        rounding = typical * self.curve.metric.scale + CONFIDENCE * found.size
+        return bool((np.abs(dx) <= rounding).all())
+
+    def _is_tame(self) -> bool:
+        """Tell whether the direction is finite, and far from vertical."""
+        return self.length * float(self.curve.metric.scale[-1]) < GROWTH
 
     def _audited(self, x: Array, residual: Array, size: float) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction of the point.
 
         None where the direction is not one of this selection.
         """
-        n, along, scale = len(x) - 1, self.along, self.curve.metric.scale
+        n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian @ along
-        now = np.abs(x) if n < SMALL else GROWN * _largest_alike(x, scale)
-        terms, typical = magnitudes @ (now + CONVERGED * scale), magnitudes @ scale
-        if not (np.abs(astray) <= ASTRAY * np.abs(along / scale).max() * typical).all():
+        now = np.abs(x) if n < SMALL else GROWN * _largest_alike(x, metric)
+        terms, typical = magnitudes @ (now + CONVERGED * metric.scale), magnitudes @ metric.scale
+        if not (np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical).all():
             return None
         rounding = EPS * terms * samples(n + 1)[:, :n]
         self._bound = COVERED * CONFIDENCE * EPS * terms
         solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
-        along[:-1] -= solved[1]
-        self._samples, self._size, self._since = solved[2:], size, 0
+        self._lines = np.zeros((len(solved) - 1, n + 1))
+        self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
+        self._lines[1:, :-1] = solved[2:]
+        self.length, self._size, self._since = metric.norm(self.along), size, 0
         correction: Array = solved[0]
         return correction
 
-    def _bordered(self, x: Array, gradient: Array, steep: float) -> Array:
-        """Return samples of the error of a point that the test of an interface locates."""
-        rounding = EPS * float(np.abs(gradient).dot(np.abs(x)))
-        last = rounding * samples(len(x))[:, -1] - self._samples @ gradient[:-1]
-        error = np.outer(steep * last, self.along)
-        error[:, :-1] += self._samples
-        return error
+    def _bordered(self, rounding: float) -> Array:
+        """Return samples of the error of a point that a test of this rounding locates."""
+        last = rounding * samples(self._lines.shape[1])[:, -1] - self._slopes[1:]
+        beside: Array = (last / self._slopes[0])[:, np.newaxis] * self.along
+        beside += self._lines[1:]
+        return beside
 
 
-def _largest_alike(x: Array, scale: Array) -> Array:
+def _largest_alike(x: Array, metric: Metric) -> Array:
     """Return the largest magnitude of the unknowns with the same typical one, for each unknown.
 
     Until the next audit each may become as large as others of its kind are now; all of a kind may
     be far smaller than is typical, as displacements of a soft body are that its contact holds.
     """
-    kinds, kind = np.unique(scale, return_inverse=True)
-    largest = np.zeros(len(kinds))
-    np.maximum.at(largest, kind, np.abs(x))
-    alike: Array = largest[kind]
+    largest = np.zeros(len(x))
+    np.maximum.at(largest, metric.kinds, np.abs(x))
+    alike: Array = largest[metric.kinds]
     return alike
-
-
-def _factorised(jacobian: Matrix, metric: Metric) -> ProductForm | None:
-    """Return the part of a Jacobian for z, factorised; None where it has no factorisation."""
-    core = inner(jacobian, metric.binary)
-    return ProductForm(core, jacobian.shape[0]) if core is not None else None
-
-
-def _is_tame(along: Array, metric: Metric) -> bool:
-    """Tell whether a direction is finite, and far from vertical."""
-    steepness = np.abs(along / metric.scale).max() * metric.scale[-1]
-    return bool(steepness < GROWTH)

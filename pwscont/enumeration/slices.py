@@ -25,10 +25,11 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton
 from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import is_same, slack_of_values, uncertainty
+from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable

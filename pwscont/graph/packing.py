@@ -13,7 +13,6 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
 from pwscont.system.compact import Compact
 from pwscont.system.hidden import shown_points
@@ -22,7 +21,7 @@ from pwscont.system.system import PiecewiseSystem
 
 
 def place(
-    system: PiecewiseSystem, character: Character, x: Array, samples: Sequence[Array]
+    system: PiecewiseSystem, character: Character, x: Array, errors: Sequence[Array]
 ) -> Place:
     """Return a solution of a selection and its error, of which no more is computed than stored.
 
@@ -31,22 +30,16 @@ def place(
     system : PiecewiseSystem
     character : Character
     x : ndarray, shape (n + 1,)
-    samples : sequence of ndarray, each of shape (k, n + 1)
-        Samples of its error; the largest error counts.
+    errors : sequence of ndarray, each of shape (n + 1,)
+        Estimates of its error; the largest counts.
     """
     essential = system.essential(character) if isinstance(system, Compact) else None
     if essential is None:
-        return Stored(x, _largest(x, samples))
+        return Stored(x, reduce(np.maximum, errors))
     assert isinstance(system, Compact)
     kept = np.append(essential, len(x) - 1)
-    values = x[kept]
-    error = _largest(values, [some.take(kept, axis=1) for some in samples])
-    return Packed(system, character, values, error)
-
-
-def _largest(x: Array, samples: Sequence[Array]) -> Array:
-    """Return the largest of the errors of which there are samples."""
-    return reduce(np.maximum, (magnitude(x, some) for some in samples))
+    error = reduce(np.maximum, (some[kept] for some in errors))
+    return Packed(system, character, x[kept], error)
 
 
 @final

@@ -16,7 +16,6 @@ from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
-from pwscont.curve.uncertainty import magnitude
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import Piece, Solution
 from pwscont.linear.factorise import bordered, last_unit
@@ -105,7 +104,7 @@ def _located(
         found = locate_zero(segment, _at(alpha, len(a)), (0.0, segment.length), s)
         if isinstance(found, State):
             found.x[-1] = alpha
-            return segment, s, (found.x, magnitude(found.x, found.error))
+            return segment, s, (found.x, found.size)
     return segment, s, None
 
 

@@ -70,6 +70,11 @@ class TridiagonalCore(Core):
         solution: Array = lapack.dgttrs(*self._lu, rhs)[0]
         return solution
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        solutions: Array = lapack.dgttrs(*self._lu, rhs.T)[0]
+        return solutions.T
+
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
         solution: Array = lapack.dgttrs(*self._lu, rhs, trans="T")[0]
@@ -96,6 +101,11 @@ class BandCore(Core):
         """Return the solution for one right-hand side."""
         solution: Array = lapack.dgbtrs(self._lu, *self._widths, rhs, self._pivots)[0]
         return solution
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        solutions: Array = lapack.dgbtrs(self._lu, *self._widths, rhs.T, self._pivots)[0]
+        return solutions.T
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -177,6 +187,11 @@ class SparseCore(Core):
         """Return the solution for one right-hand side."""
         solution: Array = self._lu.solve(rhs)
         return solution
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, n)."""
+        solutions: Array = self._lu.solve(np.asfortranarray(rhs.T))
+        return solutions.T
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""

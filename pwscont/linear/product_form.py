@@ -36,6 +36,11 @@ class ProductForm:
         """Whether a fresh factorisation is due before the next change."""
         return self._changes.count == TOGETHER
 
+    def renew(self, core: Core | Factor) -> None:
+        """Take a factorisation of the matrix with all its changes."""
+        self._core = core
+        self._changes.forget()
+
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side, shape (n,)."""
         return self._changes.applied(self._core.solve(rhs))

@@ -36,14 +36,22 @@ class Rows:
         """The magnitudes of all entries, for products with vectors that are not negative."""
         return abs(self.matrix)
 
+    def one(self, index: int) -> Array:
+        """Return one row, dense, shape (k,), not to be written to."""
+        if isinstance(self.matrix, np.ndarray):
+            return self.matrix[index]
+        row = np.zeros(self.matrix.shape[1])
+        first, last = self.matrix.indptr[index : index + 2]
+        row[self.matrix.indices[first:last]] = self.matrix.data[first:last]
+        return row
+
     def some(self, which: Indices) -> Array:
         """Return a few rows, dense, shape (len(which), k)."""
         if isinstance(self.matrix, np.ndarray):
             return self.matrix[which]
         rows = np.zeros((len(which), self.matrix.shape[1]))
         for row, i in zip(rows, which, strict=True):
-            entries = slice(*self.matrix.indptr[i : i + 2])
-            row[self.matrix.indices[entries]] = self.matrix.data[entries]
+            row[:] = self.one(int(i))
         return rows
 
 

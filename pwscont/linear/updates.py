@@ -209,7 +209,7 @@ class Updating(RowSolver):
     def _replace_together(self, rows: Indices, differences: Array) -> bool:
         """Change some rows at once: M'^-1 = M^-1 - W (I + D W)^-1 D M^-1 (Woodbury)."""
         self._matrix = self._changes.subtracted(self._matrix)
-        self._changes = Changes(differences.shape[1])
+        self._changes.forget()
         w = self._matrix[:, rows]
         pivots, which = factorised(np.eye(len(rows)) + differences @ w)
         smallest = np.abs(pivots.diagonal()).min()
@@ -224,7 +224,7 @@ class Updating(RowSolver):
         """Change one row; False where that loses too many digits."""
         if self._changes.count == TOGETHER:
             self._matrix = self._changes.subtracted(self._matrix)
-            self._changes = Changes(len(difference))
+            self._changes.forget()
         pivot = self._changes.add(self._changes.applied(self._matrix[:, row]), difference)
         self._sign *= int(np.sign(pivot))
         return pivot != 0.0
@@ -260,11 +260,15 @@ class Changes:
         self._d = np.empty_like(self._w)
         self._lower = np.zeros((len(self._w), len(self._w)), order="F")
 
+    def forget(self) -> None:
+        """Begin anew, in the same room: new room costs as much as what is written into it."""
+        self.count = 0
+
     def add(self, w: Array, difference: Array) -> float:
         """Add a change and return its pivot, zero where it would lose too many digits."""
         k, terms = self.count, difference * w
-        pivot = 1.0 + float(terms.sum())
-        if not abs(pivot) > SMALL_PIVOT * (1.0 + float(np.abs(terms).sum())):
+        pivot = 1.0 + float(np.add.reduce(terms))
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + float(np.add.reduce(np.abs(terms)))):
             return 0.0
         self._w[k], self._d[k] = w, difference
         self._lower[k, :k], self._lower[k, k] = self._w[:k] @ difference, pivot

@@ -18,8 +18,8 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.error_samples import is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.uncertainty import is_same, magnitude
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.search.enumeration import Found, starts_at, starts_of
 from pwscont.search.search import Search

@@ -23,8 +23,8 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Quantities
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import has_digits, is_same, magnitude, slack_of_values
 from pwscont.curve.metric import Metric
-from pwscont.curve.uncertainty import has_digits, is_same, magnitude, slack_of_values
 from pwscont.enumeration import (
     Face,
     Point,

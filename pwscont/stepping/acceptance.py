@@ -32,9 +32,10 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import Corrected
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.root import Root, joined
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.uncertainty import magnitude, uncertainty
+from pwscont.curve.uncertainty import uncertainty
 from pwscont.stepping.stepper import BESIDE, CurvedSegment
 
 #: Largest correction, as a part of the step.

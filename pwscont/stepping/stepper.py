@@ -12,7 +12,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.uncertainty import magnitude
+from pwscont.curve.error_samples import magnitude
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5

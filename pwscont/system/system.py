@@ -167,7 +167,7 @@ class PiecewiseSystem(ABC):
 
         All characters that agree with this one on these tests must name the same selection.
         """
-        return range(len(character.signs))
+        return range(character.array.size)
 
     def describe(self, character: Character) -> str:
         """Return all that a user may want to know of a cell, in words."""

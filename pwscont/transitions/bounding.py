@@ -12,7 +12,7 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import FILL, Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.uncertainty import magnitude_of_values
+from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection

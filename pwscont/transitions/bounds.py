@@ -20,7 +20,6 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.uncertainty import magnitude
 from pwscont.stepping.stepper import Segment
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
@@ -62,7 +61,7 @@ class Bounds(TransitionDetector):
 
     def _is_on(self, curve: Curve, state: State) -> Array:
         """Tell for which bounds the state is on them, but for rounding."""
-        error = magnitude(state.x, state.error)[self._which]
+        error = state.size[self._which]
         rounding = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
         on: Array = np.abs(state.x[self._which] - self._limit) <= CONFIDENCE * (error + rounding)
         return on

@@ -31,8 +31,8 @@ from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude, magnitude_of_values
 from pwscont.curve.root import joined
-from pwscont.curve.uncertainty import magnitude, magnitude_of_values
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection
@@ -74,9 +74,7 @@ class Ray:
 
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
-        state = self.state
-        back = State(state.x, -state.tangent, state.error, -state.orientation)
-        return Ray(self.curve, back, self.interface_cells, self.index)
+        return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
 
 
 def vanishing(

@@ -7,6 +7,7 @@ or nearly in the interface, or something is wrong with the system, is left as ev
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, final
 
 import numpy as np
@@ -17,7 +18,6 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.straight import Settled, StraightCell
-from pwscont.curve.uncertainty import magnitude
 from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
@@ -44,14 +44,32 @@ class Crossed(NamedTuple):
         The piece beyond.
     cell : StraightCell
         The cell of that piece.
-    error : ndarray, shape (n + 1,)
-        The estimated error of the point.
+    tests, rates : ndarray, shape (m,)
+        All tests at the point, and how they change with alpha along the piece beyond.
     """
 
     state: State
     ray: Ray
     cell: StraightCell
-    error: Array
+    tests: Array
+    rates: Array
+
+    def ahead(self) -> tuple[int, float] | None:
+        """Return which bounding test of the piece beyond vanishes first, and at what distance.
+
+        No other test is zero where an interface was crossed, so that the piece runs along none.
+        None where no test falls.
+        """
+        selection, pace = self.ray.curve.selection, float(self.ray.state.tangent[-1])
+        slopes = selection.side * self.rates[selection.bounding]
+        falling = np.flatnonzero(slopes < 0.0 if pace > 0.0 else slopes > 0.0)
+        if not len(falling):
+            return None
+        bounding = selection.bounding[falling]
+        values = np.maximum(selection.side[falling] * self.tests[bounding], 0.0)
+        distances = values / np.abs(slopes[falling])
+        first = int(distances.argmin())
+        return int(falling[first]), float(distances[first]) / abs(pace)
 
 
 @final
@@ -86,7 +104,7 @@ class StraightTests(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        self._last = self._across(segment, index, bracket[0])
+        self._last = self._across(segment.curve, segment.start, index, bracket[0])
         if self._last is None:
             return self._slowly.locate(segment, index, bracket)
         return self._last.state
@@ -97,39 +115,47 @@ class StraightTests(TransitionDetector):
             return self._slowly.arrive(curve, state, index)
         return crossed(state.x, Ray(curve, state).reversed(), self._last.ray)
 
+    def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
+        """Return where a ray crosses an interface, if no other function has to be watched.
+
+        None where that is hard, where the interval ends first, or if the ray is not the one beyond
+        the interface that was crossed last: :meth:`read` and :meth:`locate` serve them all.
+        """
+        last, state = self._last, ray.state
+        ahead = last.ahead() if last and last.ray.state is state else None
+        if ahead is None or not ahead[1] < _room(state, interval):
+            return None
+        self._last = self._across(ray.curve, state, *ahead)
+        return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
+
     def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
         """Return the gradients of all tests, which are constant."""
         if self._gradients is None or not self._gradients.are_of(curve):
             self._gradients = Gradients(curve, x)
         return self._gradients
 
-    def _across(self, segment: Segment, index: int, s: float) -> Crossed | None:
+    def _across(self, curve: Curve, start: State, index: int, s: float) -> Crossed | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
-        curve, start, metric = segment.curve, segment.start, segment.curve.metric
-        system, test = curve.selection.system, int(curve.selection.bounding[index])
-        x = segment.near(s)
-        if isinstance(system, Ending) or not metric.admits(x):
+        gradients, test = self._gradients_of(curve, start.x), int(curve.selection.bounding[index])
+        x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
+        if gradients.may_end or not curve.metric.admits(x):
             return None
         last = self._last if self._last and self._last.ray.state is start else None
-        error = last.error if last else magnitude(x, start.error)
-        tests, gradients = system.test_functions(x[:-1], float(x[-1])), self._gradients_of(curve, x)
-        gradient = gradients.rows.some(np.array([test]))[0]
-        if len(gradients.near_zero(tests, x, error, test)) or not _is_crossed(gradient, start):
-            return None
         cell = last.cell if last else self._cell_of(curve, start)
-        sign = not curve.selection.character.array[test]
-        other = Curve(Selection(system, Character.of(tests).with_sign(test, sign)), metric)
-        if cell is None or test not in other.selection.bounding:
+        tests = curve.selection.system.test_functions(x[:-1], float(x[-1]))
+        other = _other_side(curve, tests, test)
+        if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
-        beyond = cell.beyond(other, x, gradient)
-        settled = beyond.settled(x, gradient, float(tests[test])) if beyond else None
-        if beyond is None or settled is None or gradients.is_corner(tests, settled, test):
+        if test not in other.selection.bounding:
             return None
-        forwards = beyond.turn * np.copysign(1.0, start.tangent[-1])
-        tangent = metric.normalised(forwards * beyond.along)
-        here = State(settled.x, start.tangent, settled.error, start.orientation)
-        there = State(settled.x, tangent, settled.error, start.orientation)
-        return Crossed(here, Ray(other, there), beyond, settled.size)
+        settled = cell.cross(other, x, gradient, float(tests[test]))
+        if settled is None:
+            return None
+        rates = gradients.rows.matrix @ cell.along
+        here = tests - gradients.changes(settled, rates)
+        if gradients.is_corner(tests, here, settled, test):
+            return None
+        return _crossed(cell, start, settled, here, rates)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh where the last one is another."""
@@ -155,6 +181,8 @@ class Gradients:
         self._system, self._scale = curve.selection.system, curve.metric.scale
         self.rows = Rows(self._system.test_jacobian(x[:-1], float(x[-1])))
         self._typical: Array = self.rows.magnitudes @ self._scale
+        #: Whether pieces may end where tests vanish.
+        self.may_end = isinstance(self._system, Ending)
 
     def are_of(self, curve: Curve) -> bool:
         """Tell whether these are the gradients of the tests of a curve's system."""
@@ -165,34 +193,60 @@ class Gradients:
         flat: Signs = np.abs(slopes) <= FLAT * self._typical[which]
         return flat
 
-    def near_zero(self, tests: Array, x: Array, error: Array, but: int) -> Indices:
-        """Return the tests that may vanish at a point with this error, all but the given one.
+    def changes(self, found: Settled, rates: Array) -> Array:
+        """Return by how much the correction of a point changed all tests, shape (m,)."""
+        changes: Array = found.along * rates
+        if found.aside is not None:
+            changes += self.rows.matrix @ np.append(found.aside, 0.0)
+        return changes
+
+    def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
+        """Tell whether a piece leads clearly through the interface where a test vanishes."""
+        slope = abs(float(gradient.dot(start.tangent)))
+        if slope > SLANT * float(self._typical[test]):
+            return True  # nearly always, for tangents have length one
+        return slope > SLANT * float(np.abs(gradient).dot(np.abs(start.tangent)))
+
+    def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
+        """Tell whether another test vanishes at a point, or has another sign than before.
 
         Those that are larger than any error of this size, measured by typical magnitudes, makes
-        them are not looked at: nearly always all.
+        them are not looked at.
         """
-        size = EPS * (np.abs(x) + self._scale) + error
-        sizes, reach = np.abs(tests), 2.0 * CONFIDENCE * float(np.max(size / self._scale))
-        near: Indices = np.flatnonzero(sizes <= reach * self._typical)
+        reach = 2.0 * CONFIDENCE * (EPS * (1.0 + found.extent[0]) + found.extent[1])
+        near = np.flatnonzero(np.abs(tests) <= reach * self._typical)
         near = near[near != but]
-        if len(near):
-            rows = np.abs(self.rows.some(near))
-            near = near[sizes[near] <= 2.0 * CONFIDENCE * (rows @ size)]
-        return near
-
-    def is_corner(self, tests: Array, found: Settled, but: int) -> bool:
-        """Tell whether more tests than one vanish at a point."""
-        suspects = self.near_zero(tests, found.x, found.size, but)
-        if not len(suspects):
-            return False
-        rows = self.rows.some(suspects)
-        return bool(is_zero(rows, tests[suspects], found.x, found.error, self._scale).any())
+        if not len(near):
+            return False  # nearly always
+        rows, values = self.rows.some(near), tests[near]
+        turned = (values >= 0.0) != (before[near] >= 0.0)
+        return bool((turned | is_zero(rows, values, found.x, found.error, self._scale)).any())
 
 
-def _is_crossed(gradient: Array, start: State) -> bool:
-    """Tell whether a piece leads clearly through an interface."""
-    terms = gradient * start.tangent
-    return bool(abs(float(np.add.reduce(terms))) > SLANT * float(np.add.reduce(np.abs(terms))))
+def _other_side(curve: Curve, tests: Array, test: int) -> Curve:
+    """Return the curve on the other side of an interface, where all other tests are as given."""
+    character = curve.selection.character
+    beyond = Character.of(tests).with_sign(test, not character.array[test])
+    return Curve(Selection(curve.selection.system, beyond), curve.metric)
+
+
+def _crossed(
+    cell: StraightCell, start: State, settled: Settled, tests: Array, rates: Array
+) -> Crossed:
+    """Return what was found where a piece from ``start`` led into a cell."""
+    x, error, size = settled.x, settled.error, settled.size
+    forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
+    tangent = (forwards / cell.length) * cell.along
+    here = State(x, start.tangent, error, start.orientation, size)
+    there = State(x, tangent, error, start.orientation, size)
+    return Crossed(here, Ray(cell.curve, there), cell, tests, rates)
+
+
+def _room(state: State, interval: tuple[float, float]) -> float:
+    """Return the distance at which a straight piece reaches an end of the interval."""
+    slope = float(state.tangent[-1])
+    end = interval[1] if slope > 0.0 else interval[0]
+    return (end - state.alpha) / slope if slope else np.inf
 
 
 def _agree(cell: StraightCell, start: State) -> bool:

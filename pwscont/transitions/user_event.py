@@ -27,7 +27,6 @@ from pwscont.basics.quantities import Function, evaluated
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.uncertainty import magnitude
 from pwscont.transitions.rays import Ray
 
 #: In so many places along and off a branch a function is tried that is zero where it begins.
@@ -98,7 +97,7 @@ class UserEvent:
             return 0.0, 0.0, self._is_zero_beyond(metric, x, state.tangent)
         if slope and abs(value) > REACH * steep:
             return value, slope, False
-        noise = self.noise(metric, x, magnitude(x, state.error))
+        noise = self.noise(metric, x, state.size)
         is_zero = abs(value) <= max(steep * metric.slack(x, CONVERGED), noise)
         is_level = abs(slope * _step(metric, x, state.tangent)) <= noise
         return (0.0 if is_zero else value), (0.0 if is_level else slope), False
@@ -173,7 +172,7 @@ class UserEvent:
         value, _, steep = self._differences(metric, state.x, state.tangent)
         if abs(value) <= steep * slack:
             return True
-        return abs(value) <= self.noise(metric, state.x, magnitude(state.x, state.error))
+        return abs(value) <= self.noise(metric, state.x, state.size)
 
     def _is_zero_beyond(self, metric: Metric, x: Array, tangent: Array) -> bool:
         """Tell whether g, zero at ``x``, is zero all around a point a little further on."""

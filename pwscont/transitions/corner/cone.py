@@ -24,8 +24,8 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.curve.metric import Metric
-from pwscont.curve.uncertainty import magnitude_of_values
 from pwscont.enumeration import Cells, Slice, solve_slice
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
