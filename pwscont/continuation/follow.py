@@ -95,17 +95,16 @@ class PieceFollower(Follower):
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
-        reached = _Reached(leaning(ray))
+        reached = None
         try:
-            return self._at_once(ray) or self._to_the_end(reached)
+            check_budget()
+            if arrival := self.straight and self.straight.next(ray, self.interval):
+                return FollowedPiece(np.array([ray.state.x, arrival.x]), arrival)
+            reached = _Reached(leaning(ray))
+            return self._to_the_end(reached)
         except KeyboardInterrupt as why:
-            return replace(reached.stopped(current_budget().end(why)), is_cut=True)
-
-    def _at_once(self, ray: Ray) -> FollowedPiece | None:
-        """Return a straight piece that leads from one cell to the next, None if it does not."""
-        check_budget()
-        arrival = self.straight.next(ray, self.interval) if self.straight else None
-        return FollowedPiece(np.array([ray.state.x, arrival.x]), arrival) if arrival else None
+            walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
+            return replace(walk, is_cut=True)
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None

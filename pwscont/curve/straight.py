@@ -111,7 +111,8 @@ class StraightCell:
     @property
     def along(self) -> Array:
         """Direction of the piece, with an alpha of one, shape (n + 1,)."""
-        return self._lines[0]
+        along: Array = self._lines[0]
+        return along
 
     def cross(self, other: Curve, x: Array, gradient: Array, value: float) -> Settled | None:
         """Lead into the cell on the other side of an interface, and return a point there.

@@ -39,7 +39,8 @@ class Rows:
     def one(self, index: int) -> Array:
         """Return one row, dense, shape (k,), not to be written to."""
         if isinstance(self.matrix, np.ndarray):
-            return self.matrix[index]
+            row: Array = self.matrix[index]
+            return row
         row = np.zeros(self.matrix.shape[1])
         first, last = self.matrix.indptr[index : index + 2]
         row[self.matrix.indices[first:last]] = self.matrix.data[first:last]

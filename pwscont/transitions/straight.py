@@ -205,7 +205,7 @@ class Gradients:
         slope = abs(float(gradient.dot(start.tangent)))
         if slope > SLANT * float(self._typical[test]):
             return True  # nearly always, for tangents have length one
-        return slope > SLANT * float(np.abs(gradient).dot(np.abs(start.tangent)))
+        return bool(slope > SLANT * np.abs(gradient).dot(np.abs(start.tangent)))
 
     def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before.
