@@ -27,13 +27,13 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
-    (fig7, ExactLinear): (13, 12, 23, 16, 11, 42, 8),
-    (fig7, PseudoArclength): (95, 55, 147, 62, 54, 163, 47),
-    (example1, ExactLinear): (17, 16, 31, 24, 15, 88, 12),
-    (example1, PseudoArclength): (117, 70, 181, 84, 69, 253, 59),
-    (fig10, PseudoArclength): (378, 221, 317, 131, 128, 660, 103),
-    (fig13, PseudoArclength): (33, 20, 48, 17, 19, 53, 14),
-    (example3, PseudoArclength): (33, 20, 48, 17, 19, 61, 14),
+    (fig7, ExactLinear): (10, 10, 15, 4, 5, 15, 2),
+    (fig7, PseudoArclength): (56, 55, 69, 62, 54, 124, 47),
+    (example1, ExactLinear): (12, 12, 17, 4, 5, 23, 2),
+    (example1, PseudoArclength): (70, 69, 88, 81, 68, 196, 58),
+    (fig10, PseudoArclength): (379, 221, 289, 132, 124, 672, 103),
+    (fig13, PseudoArclength): (33, 20, 46, 17, 18, 54, 14),
+    (example3, PseudoArclength): (33, 20, 46, 17, 18, 62, 14),
 }
 
 

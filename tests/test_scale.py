@@ -17,6 +17,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
+from pwscont.linear.cores import DenseCore, SparseCore, banded_core, superlu
 from pwscont.linear.factorise import DenseFactor, bordered
 from pwscont.linear.inner import column
 from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
@@ -486,10 +487,40 @@ def test_ends_of_pieces_are_their_special_points(long_path):
         assert piece.track.end is graph.point(piece.end).place
 
 
+def test_the_characters_of_a_path_take_a_bit_per_sign():
+    system = CoulombLoad(*strip(200), 0.3)
+    graph = trace(system, (np.zeros(system.size), 0.0), (0.0, 0.1))
+    stored = [len(piece.character._stored) for piece in graph.pieces]
+    assert len(stored) > 5
+    assert set(stored) == {600 // 8}
+
+
+@pytest.mark.parametrize("kind", ["tridiagonal", "banded", "sparse", "dense"])
+def test_several_right_hand_sides_are_solved_for_together(kind):
+    rng, n, width = np.random.default_rng(3), 120, 2 if kind == "banded" else 1
+    bands = rng.normal(size=(2 * width + 1, n))
+    bands[width] += 5.0
+    matrix = sp.dia_matrix((bands, range(width, -width - 1, -1)), shape=(n, n)).toarray()
+    core = {
+        "tridiagonal": lambda: banded_core(bands, 1, 1),
+        "banded": lambda: banded_core(bands, 2, 2),
+        "sparse": lambda: SparseCore(superlu(sp.csc_matrix(matrix))),
+        "dense": lambda: DenseCore(matrix),
+    }[kind]()
+    rhs = rng.normal(size=(5, n))
+    np.testing.assert_allclose(core.solve_all(rhs) @ matrix.T, rhs, atol=1e-12)
+
+
+@pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("m", [0, 1, 63, 64, 65, 301])
-def test_characters_are_the_signs_they_were_made_of(m):
+def test_characters_are_the_signs_they_were_made_of(m, packed):
     signs = tuple(bool(s) for s in np.random.default_rng(m).integers(0, 2, m))
     character = Character(signs)
+    if packed:
+        character.pack()
+    assert character.array.tolist() == list(signs)
+    assert not character.array.flags.writeable
+    assert bytes(character) == bytes(signs)
     assert character.signs == signs
     assert character == Character(list(signs))
     assert hash(character) == hash(Character(list(signs)))

@@ -49,8 +49,6 @@ from pwscont.extending import (
 if TYPE_CHECKING:
     from pwscont_coulomb.body import ContactBody
 
-#: Number of rows of A that are scaled at a time, so that no second matrix is stored.
-CHUNK = 64
 #: A number below this size counts as zero in the matrix of magnitudes.
 SMALLEST = 1e-30
 
@@ -79,8 +77,9 @@ class ContactAlgebra:
         #: A is scaled to D A D, with a diagonal of about one.
         self.D = power_of_two(1.0 / np.sqrt(body.A.diagonal()))
         self.largest = np.array([np.abs(row).max() for row in body.A])
-        #: A by columns, as BLAS wants it: that is its transpose by rows.
-        self._columns = body.A if body.A.flags.f_contiguous else np.ascontiguousarray(body.A).T
+        #: A row by row, and column by column, as BLAS wants it: one array, for A is symmetric.
+        self.by_rows = body.A.T if body.A.flags.f_contiguous else np.ascontiguousarray(body.A)
+        self._columns = self.by_rows.T
 
     @staticmethod
     def fits(body: ContactBody) -> bool:
@@ -89,14 +88,13 @@ class ContactAlgebra:
 
     @cached_property
     def magnitudes(self) -> Array:
-        """|D A D| in single precision, for estimates of errors; shape (n, n)."""
-        magnitudes = np.empty(self.A.shape, dtype=np.float32)
-        for first in range(0, self.n, CHUNK):
-            which = slice(first, first + CHUNK)
-            scaled = np.abs(self.A[which]) * self.D * self.D[which, np.newaxis]
+        """The lower part of |D A D|, column by column, in single precision, for error estimates."""
+        parts = []
+        for j, column in enumerate(self.by_rows):  # A is symmetric
+            scaled = np.abs(column[j:]) * self.D[j:] * self.D[j]
             scaled[scaled < SMALLEST] = 0.0
-            magnitudes[which] = scaled
-        return magnitudes
+            parts.append(scaled.astype(np.float32))
+        return np.concatenate(parts)
 
     def elastic(self, u: Array) -> Array:
         """Return A u, shape (..., n), for which half of A is read."""
@@ -119,7 +117,8 @@ class ContactAlgebra:
         """Return |A| u for u >= 0, to single precision."""
         scaled = u / self.D
         largest = float(scaled.max()) or 1.0
-        product: Array = self.magnitudes @ (scaled / largest).astype(np.float32)
+        single = (scaled / largest).astype(np.float32)
+        product: Array = blas.sspmv(self.n, 1.0, self.magnitudes, single, lower=1)
         scaled_back: Array = product * (largest / self.D)
         return scaled_back
 
@@ -161,12 +160,16 @@ class Displacements(RowMatrix):
 
     def dense(self) -> Array:
         """Return the whole matrix in Fortran order."""
-        n = self._algebra.n
-        matrix = np.empty((n, n), order="F")
-        for first in range(0, n, CHUNK):
-            which = np.arange(first, min(first + CHUNK, n))
-            matrix[first : first + CHUNK] = self.rows(which)
-        return matrix
+        a = self._algebra
+        # A is symmetric, and each row of the matrix a column of its transpose
+        columns = np.take(a.by_rows, a.partner, axis=1)
+        columns *= self._key
+        np.subtract(a.by_rows, columns, out=columns)
+        columns *= a.D[:, np.newaxis]
+        columns *= a.D * a.weights(self.keys)
+        columns[:, self.unit] = 0.0
+        columns[self.unit, self.unit] = 1.0
+        return columns.T
 
     def product(self, x: Array, force: Array) -> Array:
         """Return M x for x and A D x, shape (..., n)."""

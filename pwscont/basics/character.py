@@ -14,6 +14,8 @@ from pwscont.basics.looks import MOST_LETTERS, short
 #: The signs as they are printed.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
+#: No more signs than these are stored as they are.
+FEW = 64
 #: The signs as they name a cell that all of them bound.
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
@@ -29,11 +31,28 @@ class Character:
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    __slots__ = ("_signs",)
-    _signs: bytes  # one byte per sign: compared, hashed and copied as one block of memory
+    __slots__ = ("_packed", "_stored")
+    _stored: bytes  # one byte per sign: compared, hashed and copied as one block of memory
+    _packed: int  # how many signs there are where each takes a bit, else 0
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        object.__setattr__(self, "_signs", bytes(map(bool, signs)))
+        self._store(bytes(map(bool, signs)))
+
+    def _store(self, signs: bytes, packed: int = 0) -> None:
+        object.__setattr__(self, "_stored", signs)
+        object.__setattr__(self, "_packed", packed)
+
+    @property
+    def _signs(self) -> bytes:
+        if not self._packed:
+            return self._stored
+        bits = np.frombuffer(self._stored, dtype=np.uint8)
+        return np.unpackbits(bits, count=self._packed).tobytes()
+
+    def pack(self) -> None:
+        """Store many signs in an eighth of the room, for a character that is kept, not used."""
+        if not self._packed and len(self._stored) > FEW:
+            self._store(np.packbits(self.array).tobytes(), len(self._stored))
 
     @property
     def signs(self) -> tuple[bool, ...]:
@@ -58,7 +77,7 @@ class Character:
     @classmethod
     def _of_bytes(cls, signs: bytes) -> Character:
         character = object.__new__(cls)
-        object.__setattr__(character, "_signs", signs)
+        character._store(signs)
         return character
 
     def flip(self, i: int) -> Character:
@@ -80,7 +99,7 @@ class Character:
 
     def among(self, tests: Indices) -> bytes:
         """Return the signs of some tests: one byte each, 1 or 2, and 0 for every other test."""
-        if len(tests) == len(self._signs):
+        if len(tests) == self.array.size:
             return self._signs.translate(ONE_OR_TWO)
         signs = self.array.view(np.uint8) + np.uint8(1)
         some = np.zeros_like(signs)
@@ -101,7 +120,8 @@ class Character:
         return hash(self._signs)
 
     def __repr__(self) -> str:
-        number = f", {len(self._signs)} signs" if len(self._signs) > MOST_LETTERS else ""
+        size = self.array.size
+        number = f", {size} signs" if size > MOST_LETTERS else ""
         return f"Character({short(str(self))}{number})"
 
     def __reduce__(self) -> tuple[type[Character], tuple[tuple[bool, ...]]]:

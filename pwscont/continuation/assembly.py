@@ -113,7 +113,11 @@ class Lift:
 
     def character(self, character: Character) -> Character:
         """Return the character with all signs."""
-        return self.reduction.character(character) if self.reduction else character
+        if self.reduction is None:
+            return character
+        whole = self.reduction.character(character)
+        whole.pack()
+        return whole
 
 
 def _shown(system: PiecewiseSystem, metric: Metric) -> Metric:

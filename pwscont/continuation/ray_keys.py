@@ -126,8 +126,11 @@ class FollowedRay:
     @classmethod
     def of(cls, ray: Ray, key: RayKey) -> FollowedRay:
         """Return what to remember of a ray with this key."""
+        selection = (ray.curve.selection.character, *ray.interface_cells)
+        for character in selection:
+            character.pack()
         return cls(
-            (ray.curve.selection.character, *ray.interface_cells),
+            selection,
             key.names,
             bool(ray.interface_cells),
             ray.index,

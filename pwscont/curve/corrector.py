@@ -13,8 +13,8 @@ from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import MOST_CHORDS, TURNED, newton
-from pwscont.curve.root import Root, first_quotient, joined
+from pwscont.curve.newton import direction, newton
+from pwscont.curve.root import first_quotient
 from pwscont.linear.factorise import Factor, bordered, last_unit
 
 
@@ -69,27 +69,11 @@ class BorderedNewton(Corrector):
         root = newton(curve, lambda _: border, predicted, self.most_iterations)
         if isinstance(root, Failure):
             return root
-        factor, along = _tangent(curve, root)
+        factor, along = direction(curve, root)
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
         state = State(root.x, curve.metric.normalised(along), root.error[np.newaxis], factor.sign)
         return Corrected(state, root.iterations, factor, root.contraction)
-
-
-def _tangent(curve: Curve, root: Root) -> tuple[Factor, Array]:
-    """Return the direction of the curve at a root, and a factorisation that is new enough."""
-    unit = last_unit(len(root.x))
-    along = root.factor.solve(unit)
-    if not root.stale:
-        return root.factor, along
-    jacobian = curve.selection.jacobian(root.x)
-    for _ in range(MOST_CHORDS):
-        correction = root.factor.solve(joined(jacobian @ along, float(root.row.dot(along)) - 1.0))
-        along = along - correction
-        if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
-            return root.factor, along
-    factor = bordered(jacobian, root.row, curve.metric.binary)
-    return factor, along if factor.failed else factor.solve(unit)
 
 
 @final

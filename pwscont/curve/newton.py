@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -35,7 +36,7 @@ from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve
 from pwscont.curve.root import Root, first_quotient, joined
 from pwscont.curve.uncertainty import is_rounding
-from pwscont.linear.factorise import Factor, bordered
+from pwscont.linear.factorise import Factor, bordered, last_unit
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -104,3 +105,30 @@ def contraction(size: float, before: float) -> float:
     correction the factor c is not known, and taken for one.
     """
     return (size / before) ** 2 if before > 0.0 else size
+
+
+def again(curve: Curve, border: Border, root: Root) -> Root:
+    """Correct a root once more, with the factorisation that it has."""
+    dx = root.factor.solve(joined(curve.selection.residual(root.x), border(root.x)[0]))
+    return replace(root, x=root.x - dx, error=np.abs(dx), stale=True)
+
+
+def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
+    """Return the direction of the curve at a root, and a factorisation that is new enough.
+
+    The border grows along it.
+    """
+    unit = last_unit(len(root.x))
+    along = root.factor.solve(unit)
+    if not root.stale:
+        return root.factor, along
+    jacobian = curve.selection.jacobian(root.x)
+    for _ in range(MOST_CHORDS):
+        correction = root.factor.solve(
+            joined(jacobian @ along, float(np.sum(root.row @ along)) - 1.0)
+        )
+        along = along - correction
+        if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
+            return root.factor, along
+    factor = bordered(jacobian, root.row, curve.metric.binary)
+    return factor, along if factor.failed else factor.solve(unit)

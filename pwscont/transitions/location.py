@@ -23,10 +23,9 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import Border, newton
+from pwscont.curve.newton import Border, again, direction, newton
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import corrected, is_within, uncertainty
-from pwscont.linear.factorise import last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
 MOST_NEWTON = 8
@@ -87,9 +86,10 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
     if isinstance(found, Failure):
         return found
     root, error = found
-    tangent = -root.factor.solve(last_unit(len(root.x)))
-    along = segment.curve.metric.normalised(tangent)
-    return State(root.x, along, error, -root.factor.sign)
+    factor, rising = direction(segment.curve, root)
+    if factor.failed:
+        return Failure(FailureReason.SINGULAR)
+    return State(root.x, segment.curve.metric.normalised(-rising), error, -factor.sign)
 
 
 def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Failure:
@@ -108,12 +108,19 @@ def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Fa
 
 
 def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
-    """Return the root once its corrections are rounding, and its uncertainty."""
+    """Return the root once its corrections are rounding, and its uncertainty.
+
+    Rounding is all that is left of nearly every root after one correction more.
+    """
+    settled = again(curve, border, root)
+    error = uncertainty(settled)
+    if is_within(settled, error) and curve.metric.admits(settled.x):
+        return settled, error
     for _ in range(MOST_NEWTON):
-        again = newton(curve, border, root.x, MOST_NEWTON)
-        if isinstance(again, Failure):
+        found = newton(curve, border, root.x, MOST_NEWTON)
+        if isinstance(found, Failure):
             break
-        root, error = again, uncertainty(again)
+        root, error = found, uncertainty(found)
         if is_within(root, error):
             return root, error
     return root, np.vstack([uncertainty(root), root.error])
