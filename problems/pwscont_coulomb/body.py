@@ -68,6 +68,7 @@ class ContactBody:
         self.numbers = tuple(range(1, p + 1))
         self.gap = finite_array("gap", np.zeros(p) if gap is None else gap, (p,))
         self.guided = _flags("guided", guided, p)
+        self._has_guided = bool(self.guided.any())
         self._check()
         self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
 
@@ -166,7 +167,7 @@ class ContactBody:
 
     def refuse_guided_load(self, f: Array) -> None:
         """Refuse a load, shape (n,), that would move a guided node along its tangent."""
-        if self.guided.any() and (pushed := (self.T @ f != 0.0) & self.guided).any():
+        if self._has_guided and (pushed := (self.T @ f != 0.0) & self.guided).any():
             node = int(np.argmax(pushed)) + 1
             raise InvalidInputError(
                 f"the load acts on the tangential displacement of node {node}, which is guided: "

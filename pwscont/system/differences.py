@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import TypeAlias, TypeVar, final
 
 import numpy as np
 
@@ -39,6 +39,7 @@ CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
 
 Function: TypeAlias = Callable[[Array], Array]
+T = TypeVar("T")
 
 
 @final
@@ -81,14 +82,19 @@ class Differences:
     def jacobian(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 10 digits right."""
         with np.errstate(invalid="ignore"):  # inf - inf gives nan, which callers refuse
-            columns = [_central(function, x, j, self._step(x, j)) for j in range(len(x) - 1)]
+            steps = [self._step(float(value), j) for j, value in enumerate(x[:-1])]
+            columns = [_central(function, x, j, step) for j, step in enumerate(steps)]
             return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
     def by_parameter(self, function: Callable[[float], Array], alpha: float) -> Array:
         """Return the derivative at ``alpha`` of a function of the parameter alone."""
-        along = np.zeros_like(self.scale)
-        along[-1] = alpha
-        return self._by_alpha(lambda x: function(float(x[-1])), along)
+        h = min(self._step(alpha, -1), 0.5 * (self.hi - self.lo))
+        if self.contains(alpha - h) and self.contains(alpha + h):
+            forth, back = alpha + h, alpha - h
+            change = _change(_value(function, back), _value(function, forth))
+            column: Array = change / (forth - back)  # not 2 h, for rounding
+            return column
+        return self._beside_an_end(function, alpha, h)
 
     def exact(self, function: Function) -> Array:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
@@ -121,32 +127,37 @@ class Differences:
         weights, sign = CENTRAL, 1.0
         if not (self.contains(x[-1] - reach) and self.contains(x[-1] + reach)):
             weights = ONE_SIDED
-            sign = np.copysign(1.0, step[-1]) * self._inward(x, reach)
+            sign = np.copysign(1.0, step[-1]) * self._inward(float(x[-1]), reach)
         terms = [w * _value(function, x + sign * k * step) for k, w in weights.items()]
         derivative: Array = np.sum(terms, axis=0) / (sign * fine)
         return derivative
 
-    def _inward(self, x: Array, reach: float) -> float:
+    def _inward(self, alpha: float, reach: float) -> float:
         """Return the sign of the steps of alpha that lead away from a close end of the interval."""
-        return 1.0 if x[-1] - reach < self.lo else -1.0
+        return 1.0 if alpha - reach < self.lo else -1.0
 
-    def _step(self, x: Array, j: int) -> float:
+    def _step(self, value: float, j: int) -> float:
         """Return the step in x_j, longer where x_j is large: there larger terms cancel."""
         scale = float(self.scale[j])
-        larger = max(abs(float(x[j])) / scale, 1.0)
-        return float(self.part * STEP * scale * np.cbrt(larger))
+        larger: float = max(abs(value) / scale, 1.0) ** (1.0 / 3.0)
+        return float(self.part * STEP * scale * larger)
 
     def _by_alpha(self, function: Function, x: Array) -> Array:
-        """Return the last column, one-sided where central differences would leave the interval."""
-        h = min(self._step(x, -1), 0.5 * (self.hi - self.lo))
-        if self.contains(x[-1] - h) and self.contains(x[-1] + h):
-            return _central(function, x, -1, h)
-        h *= self._inward(x, h)
-        near, far = x.copy(), x.copy()
-        near[-1] += h
-        far[-1] = min(max(x[-1] + 2.0 * h, self.lo), self.hi)
-        a, b, here = near[-1] - x[-1], far[-1] - x[-1], _value(function, x)
-        # the slope at x of the parabola through three points
+        """Return the last column of the Jacobian of a function of x."""
+
+        def at(alpha: float) -> Array:
+            y = x.copy()
+            y[-1] = alpha
+            return function(y)
+
+        return self.by_parameter(at, float(x[-1]))
+
+    def _beside_an_end(self, function: Callable[[float], Array], alpha: float, h: float) -> Array:
+        """Return a one-sided derivative, as central differences would leave the interval."""
+        h *= self._inward(alpha, h)
+        near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
+        a, b, here = near - alpha, far - alpha, _value(function, alpha)
+        # the slope at alpha of the parabola through three points
         first, second = (_value(function, other) - here for other in (near, far))
         column: Array = (first * (b / a) - second * (a / b)) / (b - a)
         return column
@@ -172,7 +183,7 @@ def _change(before: Array, after: Array) -> Array:
     return after - before
 
 
-def _value(function: Function, x: Array) -> Array:
+def _value(function: Callable[[T], Array], x: T) -> Array:
     """Return a value of its own, also where the function returns one buffer again and again."""
     return np.array(function(x), dtype=float)
 
