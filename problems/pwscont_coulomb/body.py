@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
@@ -116,8 +117,6 @@ class ContactBody:
         """Return the diagonal of N A^-1 N^T, computed some columns at a time."""
         if self.is_sparse or self.p <= PART:
             return _diagonal(self.N @ self.solve(_dense(self.N).T))
-        from scipy.linalg import cho_factor, cho_solve  # noqa: PLC0415  only for large bodies
-
         factor, flexibility = cho_factor(self.A), np.empty(self.p)
         for first in range(0, self.p, PART):
             rows = _dense(self.N[first : first + PART])
@@ -131,7 +130,7 @@ class ContactBody:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
             return np.asarray(splu(self.A.tocsc()).solve(forces))
-        return np.asarray(np.linalg.solve(self.A, forces))
+        return np.asarray(cho_solve(cho_factor(self.A), forces))
 
     def _check(self) -> None:
         asymmetry = abs(self.A - self.A.T).max()
