@@ -260,7 +260,7 @@ def test_face_of_one_node_at_the_vertical_load():
     found = slice_of(vertical(), 0.0)
     (face,) = found.faces
     assert face.dimension == 1
-    corners = sorted(face.corners[:, :-1].tolist())
+    corners = sorted(face.corners[:, :-1].tolist(), key=lambda corner: np.round(corner, 9).tolist())
     expected = [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 2.0]]
     np.testing.assert_allclose(corners, expected, rtol=0, atol=1e-13)
     np.testing.assert_array_equal(face.corners[:, -1], 0.0)

@@ -8,7 +8,7 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, lapack
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
@@ -130,7 +130,9 @@ class ContactBody:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
             return np.asarray(splu(self.A.tocsc()).solve(forces))
-        return np.asarray(cho_solve(cho_factor(self.A), forces))
+        columns = forces.reshape(self.n, -1)
+        solutions: Array = lapack.dposv(self.A, columns)[1]
+        return solutions.reshape(forces.shape)
 
     def _check(self) -> None:
         asymmetry = abs(self.A - self.A.T).max()

@@ -22,6 +22,7 @@ from pwscont.curve.error_samples import is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.search.enumeration import Found, starts_at, starts_of
+from pwscont.search.few_cells import crossings
 from pwscont.search.search import Search
 from pwscont.system.blocks import Block
 from pwscont.system.box import Box
@@ -99,6 +100,14 @@ def _on_interfaces(
     system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
 ) -> Iterator[tuple[int, Found]]:
     """Yield the solutions where a test vanishes, for each test."""
+    few = crossings(system, metric)
+    if few is not None:
+        for test, (x, error) in few:
+            if (
+                alpha := _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
+            ) is not None:
+                yield test, (np.append(x[:-1], alpha), error)
+        return
     around = Metric(np.append(metric.scale, 1.0))
     for block in system.blocks():
         for test in block.tests:
@@ -109,15 +118,17 @@ def _on_interfaces(
 
 
 def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:
-    """Yield the points (z, alpha) in the interval, without the idle parameter.
-
-    An alpha within its error of an end is set to that end.
-    """
+    """Yield the points (z, alpha) in the interval, without the idle parameter."""
     for x, error in found:
-        alpha = interval[0] + float(x[-2])
-        nearest = min(max(alpha, interval[0]), interval[1])
-        if abs(alpha - nearest) <= CONFIDENCE * magnitude(x, error)[-2]:
-            yield np.append(x[:-2], nearest), error[:, :-1]
+        alpha = _clipped(interval, interval[0] + float(x[-2]), float(magnitude(x, error)[-2]))
+        if alpha is not None:
+            yield np.append(x[:-2], alpha), error[:, :-1]
+
+
+def _clipped(interval: tuple[float, float], alpha: float, error: float) -> float | None:
+    """Return an alpha in the interval, beside an end by its error that end; None outside."""
+    nearest = min(max(alpha, interval[0]), interval[1])
+    return nearest if abs(alpha - nearest) <= CONFIDENCE * error else None
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:

@@ -11,6 +11,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -55,8 +56,11 @@ class Box:
         bounds = system.bounds()
         if not isinstance(bounds, tuple | list) or len(bounds) != 2:
             raise InvalidSystemError(f"{name}.bounds() must return (lower, upper), got {bounds!r}")
+        periods = system.periods()
+        if _are_infinite(*bounds, periods):
+            return _everywhere(size)
         lower, upper = (_broadcast(f"{name}.bounds()", end, size) for end in bounds)
-        period = _broadcast(f"{name}.periods()", system.periods(), size)
+        period = _broadcast(f"{name}.periods()", periods, size)
         period[period == 0.0] = np.inf
         if not (lower < upper).all():
             i = int(np.flatnonzero(~(lower < upper))[0])
@@ -122,6 +126,21 @@ class Box:
         apart = z[turning] - self.centre(np.zeros_like(z))[turning]
         moved[turning] -= period * np.round(apart / period)
         return moved
+
+
+def _are_infinite(lower: Any, upper: Any, period: Any) -> bool:
+    """Tell whether bounds and periods are the numbers that say that there are none."""
+    are_numbers = all(type(value) is float for value in (lower, upper, period))
+    return are_numbers and (lower, upper, period) == (-np.inf, np.inf, np.inf)
+
+
+@lru_cache(maxsize=8)
+def _everywhere(size: int) -> Box:
+    """Return the box without bounds and periods, not to be written to."""
+    ends = np.full(size, -np.inf), np.full(size, np.inf), np.full(size, np.inf)
+    for end in ends:
+        end.flags.writeable = False
+    return Box(*ends)
 
 
 def _broadcast(what: str, values: Any, size: int) -> Array:

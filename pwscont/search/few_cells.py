@@ -1,0 +1,207 @@
+"""Where test functions vanish, for systems of few cells: all cells and tests in one batch.
+
+Where a test vanishes on the line of a cell is one system of linear equations. For few cells they
+are solved together; a point that may lie in its closed cell is then solved for once more, with the
+functions of the system themselves.
+
+Failure modes and answers
+-------------------------
+- A line runs along the interface, or a cell has no line: its equations are singular, or nearly so.
+  Nothing is said then, and the search that decides ranks exactly does all the work.
+- The batch knows points to half of their digits only: what may be rounding is no reason to leave a
+  point out. What lies inside is decided by the errors of the point that is solved for last.
+- A point of an interface is a solution in all cells that meet there, and where their equations are
+  regular the only one: it is solved for once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices, Signs, dense
+from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
+from pwscont.basics.generic import generic
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import slack_of_values
+from pwscont.curve.metric import Metric
+from pwscont.curve.newton import newton
+from pwscont.curve.uncertainty import uncertainty
+from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
+from pwscont.search.enumeration import Found
+from pwscont.system.blocks import number_of_cells
+from pwscont.system.promises import refuse_bent, refuse_bent_tests
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseLinearSystem
+
+#: Systems of more unknowns gain nothing.
+FEW_UNKNOWNS = 64
+#: Equations with a larger condition number are not solved in a batch.
+WORST = EPS**-0.5
+#: What a point of the batch may be wrong by, as a part of typical magnitudes and its own.
+ROUGH = 1e2 * EPS**0.5
+
+
+def crossings(system: PiecewiseLinearSystem, metric: Metric) -> list[tuple[int, Found]] | None:
+    """Return all points where a test that bounds a cell vanishes, each with the test.
+
+    Parameters
+    ----------
+    system : PiecewiseLinearSystem
+        Its blocks have been checked.
+    metric : Metric
+        On the interval that is searched.
+
+    Returns
+    -------
+    list of (int, Found), or None
+        Ordered by tests; alpha may be outside the interval by its error. None where this way is
+        not certain, or there are too many cells or unknowns.
+    """
+    if number_of_cells(system.blocks()) > FEW_CELLS or system.size > FEW_UNKNOWNS:
+        return None
+    lines = _Lines.of(system, metric)
+    tests, cells = np.nonzero(lines.bounding.T)
+    y = lines.points(cells, tests)
+    if y is None:
+        return None
+    found: list[tuple[int, Found]] = []
+    known: set[tuple[int, int]] = set()
+    for i in np.flatnonzero(lines.may_hold(cells, tests, y)):
+        check_budget()
+        test, cell = int(tests[i]), int(cells[i])
+        if (test, cell) in known:
+            continue
+        point = _solved(lines.selections[cell], metric, test, lines.x + lines.scale * y[i])
+        if isinstance(point, Failure):
+            return None
+        meeting = lines.holding(*_tests_at(system, metric, point))
+        if meeting[cell]:
+            found.append((test, point))
+            known |= {(test, int(other)) for other in np.flatnonzero(meeting)}
+    return found
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lines:
+    """Equations J dx + H = 0 of the lines of all cells, and tests K dx + kappa, from x on.
+
+    Attributes
+    ----------
+    x, scale : ndarray, shape (n + 1,)
+        At the lower end of the interval, and typical magnitudes of dx.
+    selections : list of Selection
+    J, H : ndarray, shapes (c, n, n + 1) and (c, n)
+    K, kappa : ndarray, shapes (m, n + 1) and (m,)
+    sides, bounding : ndarray, shape (c, m)
+        By what tests are multiplied to be positive in each cell, and whether they bound it.
+    """
+
+    x: Array
+    scale: Array
+    selections: list[Selection]
+    J: Array
+    H: Array
+    K: Array
+    kappa: Array
+    sides: Array
+    bounding: Signs
+
+    @classmethod
+    def of(cls, system: PiecewiseLinearSystem, metric: Metric) -> _Lines:
+        """Return the lines of a system, whose functions are checked to be affine."""
+        x = np.append(np.zeros(system.size), metric.interval[0])
+        dx = metric.scale * np.abs(generic(len(x)))
+        kappa = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
+        K = system.test_jacobian(x[:-1], float(x[-1]))
+        refuse_bent_tests(system, x, dx, kappa, K)
+        selections = [Selection(system, character) for character in _cells(system, len(kappa))]
+        bounding = np.zeros((len(selections), len(kappa)), dtype=bool)
+        for row, selection in zip(bounding, selections, strict=True):
+            row[selection.bounding] = True
+        J, H = zip(*(_affine(selection, x, dx) for selection in selections), strict=True)
+        sides = np.where([selection.character.array for selection in selections], 1.0, -1.0)
+        forms = np.array(J), np.array(H), dense(K), kappa
+        return cls(x, metric.scale, selections, *forms, sides, bounding)
+
+    def points(self, cells: Indices, tests: Indices) -> Array | None:
+        """Return dx in typical magnitudes where a test vanishes on the line of a cell, for several.
+
+        None where one of the equations is nearly singular.
+        """
+        rows = np.concatenate([self.J[cells], self.K[tests, np.newaxis]], axis=1) * self.scale
+        values = np.column_stack([self.H[cells], self.kappa[tests]])
+        largest = np.abs(rows).max(axis=2)
+        if not largest.all():
+            return None
+        rows /= largest[..., np.newaxis]
+        try:
+            inverse = np.linalg.inv(rows)
+        except np.linalg.LinAlgError:
+            return None
+        condition = np.abs(rows).sum(axis=1).max(axis=1) * np.abs(inverse).sum(axis=1).max(axis=1)
+        if not (condition <= WORST).all():
+            return None
+        points: Array = -(inverse @ (values / largest)[..., np.newaxis])[..., 0]
+        return points
+
+    def may_hold(self, cells: Indices, tests: Indices, y: Array) -> Signs:
+        """Tell which points may lie in their closed cells, between the ends of the interval."""
+        slack = ROUGH * (1.0 + np.abs(y).max(axis=1, initial=0.0))
+        values = self.sides[cells] * (y @ (self.K * self.scale).T + self.kappa)
+        sizes = np.abs(self.K) @ self.scale + np.abs(self.kappa)
+        outside = self.bounding[cells] & (values < -slack[:, np.newaxis] * sizes)
+        outside[np.arange(len(tests)), tests] = False
+        between: Signs = (y[:, -1] >= -slack) & (y[:, -1] <= 1.0 + slack)
+        between &= ~outside.any(axis=1)
+        return between
+
+    def holding(self, values: Array, slack: Array) -> Signs:
+        """Tell in which closed cells a point lies whose tests have these values, shape (c,)."""
+        holding: Signs = np.all(~self.bounding | (self.sides * values >= -slack), axis=1)
+        return holding
+
+
+def _cells(system: PiecewiseLinearSystem, tests: int) -> Iterator[Character]:
+    """Yield the character of each combination of the modes of all blocks."""
+    blocks = system.blocks()
+    for modes in product(*(block.modes for block in blocks)):
+        signs = np.ones(tests, dtype=bool)
+        for block, mode in zip(blocks, modes, strict=True):
+            signs[list(block.tests)] = mode
+        yield Character(signs)
+
+
+def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
+    """Return the Jacobian of a selection and its value at x; it must be affine up to x + dx."""
+    jacobian, residual = selection.jacobian(x), selection.residual(x)
+    refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
+    return dense(jacobian), residual
+
+
+def _solved(selection: Selection, metric: Metric, test: int, x: Array) -> Found | Failure:
+    """Return the point near x where a test vanishes on the line of a cell, and its error."""
+    index = int(np.flatnonzero(selection.bounding == test)[0])
+    curve = Curve(selection, Metric(metric.scale))  # its alpha may be outside by rounding
+    root = newton(
+        curve,
+        lambda y: (selection.test(y, index), selection.test_gradient(y, index)),
+        x,
+        REFINEMENTS,
+    )
+    return root if isinstance(root, Failure) else (root.x, uncertainty(root))
+
+
+def _tests_at(system: PiecewiseLinearSystem, metric: Metric, found: Found) -> tuple[Array, Array]:
+    """Return all tests at a point, and how far below zero they may be computed."""
+    (x, error), gradients = found, system.test_jacobian(found[0][:-1], float(found[0][-1]))
+    values = system.test_functions(x[:-1], float(x[-1]))
+    return values, slack_of_values(gradients, x, error, metric.scale)
