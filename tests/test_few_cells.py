@@ -1,0 +1,73 @@
+"""Transition points of systems of few cells, against the ends of pieces in rational arithmetic."""
+
+import numpy as np
+import pytest
+from pwscont_coulomb import AffineLoad, CoulombLoad
+from random_bodies import contact_body, random_body, random_vector
+from reference_enumeration import exact_pieces
+
+from pwscont import explore
+from pwscont.bench.calls import counted
+from pwscont.curve.metric import Metric
+from pwscont.search import all_transitions
+from pwscont.search.few_cells import crossings
+
+INTERVAL = (-2.0, 2.0)
+
+
+def path(p, seed, *, gap=False):
+    """Return a random body, a path of its load, and a friction coefficient."""
+    body = random_body(p, seed, gap=gap)
+    f0, f1 = (random_vector(body.n, [seed, i]) for i in range(2))
+    return body, f0, f1, float(np.random.default_rng(seed).uniform(0.1, 6.0))
+
+
+def problem(body, f0, f1, friction):
+    return CoulombLoad(contact_body(body), AffineLoad(f0, f1), friction)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_the_ends_of_all_pieces_are_found(p, seed, gap):
+    parts = path(p, seed, gap=gap)
+    ends = {end for piece in exact_pieces(*parts, INTERVAL) for end in (piece.lo, piece.hi)}
+    inside = sorted(float(end) for end in ends if INTERVAL[0] < end < INTERVAL[1])
+    system = problem(*parts)
+    found = crossings(system, Metric.of(system, INTERVAL))
+    assert found is not None
+    alphas = sorted(x[-1] for _, (x, _) in found if INTERVAL[0] <= x[-1] <= INTERVAL[1])
+    np.testing.assert_allclose(alphas, inside, rtol=0, atol=1e-10)
+    for test, (x, error) in found:
+        assert abs(system.test_functions(x[:-1], x[-1])[test]) <= 1e-12 * np.abs(x).max()
+        assert np.abs(error).max() <= 1e-10 * np.abs(x).max()
+
+
+def test_many_cells_and_lines_along_interfaces_are_left_to_others():
+    several = problem(*path(4, 0))
+    assert crossings(several, Metric.of(several, INTERVAL)) is None
+    body, f0, f1, _ = path(1, 0)
+    level = problem(body, f0, 0.0 * f1, 1.0)  # nothing changes with alpha
+    assert crossings(level, Metric.of(level, INTERVAL)) is None
+
+
+def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
+    system = problem(*path(2, 1))
+    found = crossings(system, Metric.of(system, INTERVAL))
+    with counted(system) as calls:
+        crossings(system, Metric.of(system, INTERVAL))
+    points = len({float(x[-1]) for _, (x, _) in found})
+    assert calls["jacobian"] <= 16 + 2 * points
+    assert calls["test_jacobian"] <= 3 + 5 * points
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_graphs_are_those_of_the_search_for_many_cells(seed, monkeypatch):
+    system = problem(*path(2, seed))
+    graph = explore(system, INTERVAL)
+    monkeypatch.setattr(all_transitions, "crossings", lambda *_: None)
+    other = explore(system, INTERVAL)
+    assert graph.guarantee == other.guarantee == "complete"
+    marks = [sorted((p.alpha, str(p.kind)) for p in g.special_points()) for g in (graph, other)]
+    assert [kind for _, kind in marks[0]] == [kind for _, kind in marks[1]]
+    np.testing.assert_allclose(*([alpha for alpha, _ in m] for m in marks), rtol=0, atol=1e-12)
