@@ -7,11 +7,12 @@ any solve costs O(N).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import lapack
+from scipy.linalg import lapack, solve_banded
 
 from pwscont import BandedJacobian, Character, PiecewiseLinearSystem
 
@@ -78,20 +79,29 @@ def bent(u: np.ndarray) -> np.ndarray:
     return force
 
 
-def solved(touching: np.ndarray, rhs: np.ndarray) -> np.ndarray:
-    """Solve for place and velocity, shape (N, 2), by one tridiagonal elimination."""
+def solved_at_once(touching: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+    """Solve for place and velocity, shape (N, 2), by one tridiagonal elimination of LAPACK."""
     free = np.where(touching, 0.0, -1.0)
     *_, solution, _ = lapack.dgtsv(free[1:], 1.0 - free, free[:-1], rhs)
     return solution
 
 
-def by_hand(string: String) -> tuple[int, np.ndarray]:
+def solved(touching: np.ndarray, rhs: np.ndarray) -> np.ndarray:
+    """Solve for place and velocity, shape (N, 2), by two calls of scipy."""
+    free = np.where(touching, 0.0, 1.0)
+    bands = np.stack([-np.roll(free, 1), 1.0 + free, -np.roll(free, -1)])
+    return np.column_stack([solve_banded((1, 1), bands, one) for one in rhs.T])
+
+
+def by_hand(
+    string: String, solve: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> tuple[int, np.ndarray]:
     """Follow a string from rest in a bare loop; return the number of transitions and the end."""
     (alpha, end), transitions = INTERVAL, 0
     touching, pull = np.zeros(string.size, dtype=bool), string.weight
     while True:
         places = np.where(touching, -string.gap, -alpha * pull)
-        u, moving = solved(touching, np.stack([places, np.where(touching, 0.0, -pull)], 1)).T
+        u, moving = solve(touching, np.stack([places, np.where(touching, 0.0, -pull)], 1)).T
         values = np.where(touching, string.balance(u, alpha), u + string.gap)
         slopes = np.where(touching, bent(moving) + pull, moving)
         never = np.full(string.size, np.inf)

@@ -5,7 +5,8 @@
 
 - strip: contact with friction, dense, against a bare loop (strip_by_hand.py) and against one
   product with the condensed stiffness, the least that any method does that looks at all of it.
-- string: an obstacle, Jacobians banded or sparse, against a bare loop (obstacle.py).
+- string: an obstacle, Jacobians banded or sparse, against a bare loop with one elimination by
+  LAPACK, and one by hand with two calls of ``scipy.linalg.solve_banded`` (obstacle.py).
 - LASSO: dense, against ``lars_path`` of scikit-learn, where that is installed (lasso.py).
 
 Every way has to end at the same state after the same number of transitions. The first run of each
@@ -28,7 +29,7 @@ import numpy as np
 from figures import store
 from lasso import Lasso, breaks, is_installed
 from obstacle import INTERVAL as PRESSED
-from obstacle import String, by_hand
+from obstacle import String, by_hand, solved, solved_at_once
 from pwscont_coulomb import CoulombLoad
 from scale import INTERVAL, run
 from strip import strip
@@ -42,9 +43,10 @@ AGREE = 1e-9
 #: Products that are timed together.
 PASSES = 100
 #: Ratios that are shown: of which to which.
-RATIOS = (("trace", "bare"), ("trace", "pass"), ("bare", "pass"))
+RATIOS = (("trace", "bare"), ("trace", "by hand"), ("trace", "pass"))
+WAYS = ("trace", "bare", "by hand", "pass")
 HEADINGS = (
-    *("path", "size", "transitions", "trace (ms)", "bare (ms)", "one pass (ms)"),
+    *("path", "size", "transitions", "trace (ms)", "bare (ms)", "by hand (ms)", "one pass (ms)"),
     *(" / ".join(ratio) for ratio in RATIOS),
 )
 
@@ -122,11 +124,12 @@ def string_ways(banded: bool, size: int) -> dict[str, Way]:
     """Return the ways along a string."""
     string = String(size, banded)
 
-    def bare() -> Run:
-        (transitions, end), spent = timed(partial(by_hand, string))
+    def loop(solve: Callable[..., np.ndarray]) -> Run:
+        (transitions, end), spent = timed(partial(by_hand, string, solve))
         return Run(spent / transitions, transitions, end)
 
-    return {"trace": partial(traced, string, PRESSED), "bare": bare}
+    loops = {"bare": partial(loop, solved_at_once), "by hand": partial(loop, solved)}
+    return {"trace": partial(traced, string, PRESSED)} | loops
 
 
 def lasso_ways(size: int) -> dict[str, Way]:
@@ -159,7 +162,7 @@ CASES: dict[str, Callable[[int], dict[str, Way]]] = {
 
 def told(row: dict[str, Any]) -> str:
     """Return the line of one row, in reStructuredText."""
-    each = (f"{row[way]:.3g}" if way in row else "" for way in ("trace", "bare", "pass"))
+    each = (f"{row[way]:.3g}" if way in row else "" for way in WAYS)
     ratios = (_ratio(row[a] / row[b]) if a in row and b in row else "" for a, b in RATIOS)
     return _line(row["path"], f"{row['size']:,}", f"{row['transitions']:,}", *each, *ratios)
 
