@@ -253,9 +253,7 @@ def test_in_another_thread():
 
 
 def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "pwscont.continuation.follow.PieceFollower._first_event", _pressing(press_after(2))
-    )
+    monkeypatch.setattr("pwscont.continuation.follow.PieceFollower.walk", _pressing(press_after(2)))
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 130
     assert "--resume goes on from there" in capsys.readouterr().err
     monkeypatch.undo()
@@ -264,11 +262,11 @@ def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, caps
 
 
 def _pressing(press):
-    original = PieceFollower._first_event
+    original = PieceFollower.walk
 
-    def pressing(self, segment, reading):
+    def pressing(self, ray):
         press()
-        return original(self, segment, reading)
+        return original(self, ray)
 
     return pressing
 

@@ -27,9 +27,9 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
-    (fig7, ExactLinear): (10, 10, 15, 4, 5, 15, 2),
+    (fig7, ExactLinear): (10, 9, 14, 4, 4, 8, 1),
     (fig7, PseudoArclength): (56, 55, 69, 62, 54, 124, 47),
-    (example1, ExactLinear): (12, 12, 17, 4, 5, 23, 2),
+    (example1, ExactLinear): (12, 11, 16, 4, 4, 12, 1),
     (example1, PseudoArclength): (70, 69, 88, 81, 68, 196, 58),
     (fig10, PseudoArclength): (379, 221, 289, 132, 124, 672, 103),
     (fig13, PseudoArclength): (33, 20, 46, 17, 18, 54, 14),

@@ -135,7 +135,16 @@ class StraightCell:
         size = self.curve.metric.norm(x)
         if not self._enter(other, x, gradient, size):
             return None
-        residual, aside = other.selection.residual(x), None
+        return self._settled(x, gradient, value, size)
+
+    def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
+        """Return a point of the piece where a function vanishes, as :meth:`cross` does."""
+        self._slopes = self._lines @ gradient
+        return self._settled(x, gradient, value, self.curve.metric.norm(x))
+
+    def _settled(self, x: Array, gradient: Array, value: float, size: float) -> Settled | None:
+        """Correct a point, and everything else now and then; the size is that of x."""
+        residual, aside = self.curve.selection.residual(x), None
         if len(residual) < SMALL or self._since > AUDIT or size > GROWN * self._size:
             aside = self._audited(x, residual, size)
             if aside is None:
@@ -143,7 +152,7 @@ class StraightCell:
             self._slopes = self._lines @ gradient
         elif not np.logical_and.reduce(np.abs(residual) <= self._bound):
             aside = self._solver.solve(residual)
-        return self._settled(x, gradient, value, aside) if self._slopes[0] else None
+        return self._moved(x, gradient, value, aside) if self._slopes[0] else None
 
     def _enter(self, other: Curve, x: Array, gradient: Array, size: float) -> bool:
         """Change to the Jacobian on the other side; False where that loses too many digits."""
@@ -160,7 +169,7 @@ class StraightCell:
         self.length = other.metric.norm(self.along)
         return self._is_tame()
 
-    def _settled(
+    def _moved(
         self, x: Array, gradient: Array, value: float, aside: Array | None
     ) -> Settled | None:
         """Return the point of an interface, None where the correction is more than rounding."""

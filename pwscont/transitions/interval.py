@@ -54,14 +54,19 @@ class IntervalEnds(TransitionDetector):
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the component, or turn back where other pieces leave from the same point."""
-        back = Ray(curve, state).reversed()
-        system, metric = curve.selection.system, curve.metric
-        zero = vanishing(system, state.x, state.error, metric.scale)
-        if not zero and (fold := fold_at_end(curve, state)):
-            return _turning(Ray(curve, fold))
-        rays = fan(system, metric, state.x, state.error, zero, back).rays if zero else ()
-        inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
-        return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
+        return at_end(curve, state)
+
+
+def at_end(curve: Curve, state: State) -> SpecialPointFound:
+    """Return the special point at which a curve reaches an end of the interval."""
+    back = Ray(curve, state).reversed()
+    system, metric = curve.selection.system, curve.metric
+    zero = vanishing(system, state.x, state.error, metric.scale)
+    if not zero and (fold := fold_at_end(curve, state)):
+        return _turning(Ray(curve, fold))
+    rays = fan(system, metric, state.x, state.error, zero, back).rays if zero else ()
+    inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
+    return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:

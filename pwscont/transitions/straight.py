@@ -18,6 +18,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.straight import Settled, StraightCell
+from pwscont.linear.factorise import last_unit
 from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
@@ -25,6 +26,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
 #: Tests that change by more than this part of typical terms are not looked at more closely.
@@ -116,17 +118,38 @@ class StraightTests(TransitionDetector):
         return crossed(state.x, Ray(curve, state).reversed(), self._last.ray)
 
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
-        """Return where a ray crosses an interface, if no other function has to be watched.
+        """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
-        None where that is hard, where the interval ends first, or if the ray is not the one beyond
-        the interface that was crossed last: :meth:`read` and :meth:`locate` serve them all.
+        None where that is hard, or if the ray is not the one beyond the interface that was crossed
+        last: :meth:`read` and :meth:`locate` serve them all.
         """
         last, state = self._last, ray.state
-        ahead = last.ahead() if last and last.ray.state is state else None
-        if ahead is None or not ahead[1] < _room(state, interval):
+        if last is None or last.ray.state is not state:
             return None
+        ahead, room = last.ahead(), _room(state, interval)
+        if ahead is None or not ahead[1] < room:
+            return self._at_end(last, room, interval)
         self._last = self._across(ray.curve, state, *ahead)
         return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
+
+    def _at_end(
+        self, last: Crossed, room: float, interval: tuple[float, float]
+    ) -> SpecialPointFound | None:
+        """Return the end of the interval, which a piece reaches at this distance; its cell is left.
+
+        None where that is hard.
+        """
+        self._last, start = None, last.ray.state
+        x = start.x + room * start.tangent
+        x[-1] = end = interval[1] if start.tangent[-1] > 0.0 else interval[0]
+        if self._gradients is None or self._gradients.may_end or not np.isfinite(room):
+            return None
+        found = last.cell.settled(x, last_unit(len(x)), 0.0)
+        if found is None:
+            return None
+        found.x[-1] = end  # equal but for rounding
+        here = State(found.x, start.tangent, found.error, start.orientation, found.size)
+        return at_end(last.ray.curve, here)
 
     def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
         """Return the gradients of all tests, which are constant."""
