@@ -145,7 +145,7 @@ class StraightCell:
     def _settled(self, x: Array, gradient: Array, value: float, size: float) -> Settled | None:
         """Correct a point, and everything else now and then; the size is that of x."""
         residual, aside = self.curve.selection.residual(x), None
-        if len(residual) < SMALL or self._since > AUDIT or size > GROWN * self._size:
+        if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
             aside = self._audited(x, residual, size)
             if aside is None:
                 return None

@@ -84,6 +84,7 @@ class StraightTests(TransitionDetector):
         self._slowly = BoundingTests()
         self._gradients: Gradients | None = None
         self._last: Crossed | None = None
+        self._hard: State | None = None  # where a piece begins that next() gave up
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the bounding tests, positive inside, and their slopes.
@@ -106,7 +107,8 @@ class StraightTests(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        self._last = self._across(segment.curve, segment.start, index, bracket[0])
+        if segment.start is not self._hard:
+            self._last = self._across(segment.curve, segment.start, index, bracket[0])
         if self._last is None:
             return self._slowly.locate(segment, index, bracket)
         return self._last.state
@@ -130,6 +132,7 @@ class StraightTests(TransitionDetector):
         if ahead is None or not ahead[1] < room:
             return self._at_end(last, room, interval)
         self._last = self._across(ray.curve, state, *ahead)
+        self._hard = None if self._last else state
         return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
 
     def _at_end(
@@ -176,7 +179,8 @@ class StraightTests(TransitionDetector):
             return None
         rates = gradients.rows.matrix @ cell.along
         here = tests - gradients.changes(settled, rates)
-        if gradients.is_corner(tests, here, settled, test):
+        is_finite = math.isfinite(float(np.add.reduce(here)))
+        if not is_finite or gradients.is_corner(tests, here, settled, test):
             return None
         return _crossed(cell, start, settled, here, rates)
 
