@@ -34,7 +34,7 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
-WAYS = {"trace": "trace", "bare": "loop by hand", "pass": "one pass over the matrix"}
+WAYS = {"trace": "trace", "bare": "bare loop", "pass": "one pass over the matrix"}
 STAGES = ("assembly", "condensation", "tracing", "recovery")
 
 
