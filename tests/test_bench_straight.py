@@ -11,6 +11,7 @@ from pages import DOCS, page
 from pwscont import Character, check_system, trace
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import limits
 import straight
 from lasso import Lasso, is_installed
 from obstacle import String
@@ -65,3 +66,19 @@ def test_the_page_shows_the_stored_figures():
     data = json.loads((DOCS / "data" / "scale.json").read_text(encoding="utf-8"))
     for row in data["straight"]:
         assert straight.told(row) in page("scale.rst")
+    for row in data["limits"]:
+        assert limits.Row(**row).told() in page("scale.rst")
+
+
+def test_the_table_of_limits_compares_ways_that_are_measured():
+    for path, _, yardstick, limit in limits.RATIOS:
+        ways = straight.CASES[path](SIZES[path])
+        assert yardstick in ways or (path == "LASSO" and not is_installed())
+        assert limit >= 1
+    over = limits.Row("a path", 2.345, 2.0, " ×")
+    assert over.told() == '   "a path", "2.35 ×", "2 ×"'
+
+
+def test_diodes_that_turn_at_once_have_one_solution_everywhere():
+    graph = trace(limits.Chain(6), (np.full(6, -0.01), -1.0), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.7, -0.1, 0.2, 0.9)] == [1, 1, 1, 1]
