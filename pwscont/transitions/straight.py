@@ -23,6 +23,7 @@ from pwscont.linear.rows import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
 from pwscont.system.selection import Selection
+from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
@@ -168,7 +169,7 @@ class StraightTests(TransitionDetector):
             return None
         last = self._last if self._last and self._last.ray.state is start else None
         cell = last.cell if last else self._cell_of(curve, start)
-        tests = curve.selection.system.test_functions(x[:-1], float(x[-1]))
+        tests = gradients.tests_at(x)
         other = _other_side(curve, tests, test)
         if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
@@ -210,6 +211,11 @@ class Gradients:
         self._typical: Array = self.rows.magnitudes @ self._scale
         #: Whether pieces may end where tests vanish.
         self.may_end = isinstance(self._system, Ending)
+
+    def tests_at(self, x: Array) -> Array:
+        """Return all tests at a point, shape (m,), in an array of their own."""
+        values = self._system.test_functions(x[:-1], float(x[-1]))
+        return own_array(self._system, "test_functions", values, self._typical.shape)
 
     def are_of(self, curve: Curve) -> bool:
         """Tell whether these are the gradients of the tests of a curve's system."""
