@@ -490,7 +490,7 @@ def test_ends_of_pieces_are_their_special_points(long_path):
 def test_the_characters_of_a_path_take_a_bit_per_sign():
     system = CoulombLoad(*strip(200), 0.3)
     graph = trace(system, (np.zeros(system.size), 0.0), (0.0, 0.1))
-    stored = [len(piece.character._stored) for piece in graph.pieces]
+    stored = [len(piece.character._stored[0]) for piece in graph.pieces]
     assert len(stored) > 5
     assert set(stored) == {600 // 8}
 

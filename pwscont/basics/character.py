@@ -31,28 +31,29 @@ class Character:
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    __slots__ = ("_packed", "_stored")
-    _stored: bytes  # one byte per sign: compared, hashed and copied as one block of memory
-    _packed: int  # how many signs there are where each takes a bit, else 0
+    __slots__ = ("_stored",)
+    #: One byte per sign, which is compared, hashed and copied as one block of memory, and zero; or
+    #: one bit, and how many signs there are. Replaced at once: an interrupt may come in between.
+    _stored: tuple[bytes, int]
 
     def __init__(self, signs: Iterable[bool]) -> None:
         self._store(bytes(map(bool, signs)))
 
     def _store(self, signs: bytes, packed: int = 0) -> None:
-        object.__setattr__(self, "_stored", signs)
-        object.__setattr__(self, "_packed", packed)
+        object.__setattr__(self, "_stored", (signs, packed))
 
     @property
     def _signs(self) -> bytes:
-        if not self._packed:
-            return self._stored
-        bits = np.frombuffer(self._stored, dtype=np.uint8)
-        return np.unpackbits(bits, count=self._packed).tobytes()
+        stored, packed = self._stored
+        if not packed:
+            return stored
+        return np.unpackbits(np.frombuffer(stored, dtype=np.uint8), count=packed).tobytes()
 
     def pack(self) -> None:
         """Store many signs in an eighth of the room, for a character that is kept, not used."""
-        if not self._packed and len(self._stored) > FEW:
-            self._store(np.packbits(self.array).tobytes(), len(self._stored))
+        stored, packed = self._stored
+        if not packed and len(stored) > FEW:
+            self._store(np.packbits(self.array).tobytes(), len(stored))
 
     @property
     def signs(self) -> tuple[bool, ...]:

@@ -133,7 +133,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     """
     zero, dx = np.zeros(system.size), aside(scale)
     kappa = np.array(system.test_functions(zero, alpha), dtype=float)
-    K = dense(system.test_jacobian(zero, alpha))
+    K = np.array(dense(system.test_jacobian(zero, alpha)), dtype=float)  # it may be one buffer
     refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
     blocks = system.blocks()
     slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
@@ -204,7 +204,7 @@ def affine(
         for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
             signs[test] = sign
     character = Character(tuple(signs))
-    jacobian = dense(system.jacobian(zero, alpha, character))
+    jacobian = np.array(dense(system.jacobian(zero, alpha, character)), dtype=float)
     residual = residual_at(system, zero, alpha, character)
     refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
     return jacobian[:, :-1], residual

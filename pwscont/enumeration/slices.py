@@ -292,7 +292,7 @@ class _Points:
 
     def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
         """Tell for each option of each block whether a solution satisfies its inequalities."""
-        tests = self._system.test_functions(x[:-1], self._alpha)
+        tests = np.array(self._system.test_functions(x[:-1], self._alpha), dtype=float)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
         slack += _inherited_slack(self._system, slice(None))

@@ -121,7 +121,7 @@ class _Lines:
         x = np.append(np.zeros(system.size), metric.interval[0])
         dx = metric.scale * np.abs(generic(len(x)))
         kappa = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        K = system.test_jacobian(x[:-1], float(x[-1]))
+        K = np.array(dense(system.test_jacobian(x[:-1], float(x[-1]))), dtype=float)
         refuse_bent_tests(system, x, dx, kappa, K)
         selections = [Selection(system, character) for character in _cells(system, len(kappa))]
         bounding = np.zeros((len(selections), len(kappa)), dtype=bool)
@@ -129,7 +129,7 @@ class _Lines:
             row[selection.bounding] = True
         J, H = zip(*(_affine(selection, x, dx) for selection in selections), strict=True)
         sides = np.where([selection.character.array for selection in selections], 1.0, -1.0)
-        forms = np.array(J), np.array(H), dense(K), kappa
+        forms = np.array(J), np.array(H), K, kappa
         return cls(x, metric.scale, selections, *forms, sides, bounding)
 
     def points(self, cells: Indices, tests: Indices) -> Array | None:
@@ -182,9 +182,10 @@ def _cells(system: PiecewiseLinearSystem, tests: int) -> Iterator[Character]:
 
 def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
     """Return the Jacobian of a selection and its value at x; it must be affine up to x + dx."""
-    jacobian, residual = selection.jacobian(x), selection.residual(x)
+    jacobian = np.array(dense(selection.jacobian(x)), dtype=float)  # it may be one buffer
+    residual = selection.residual(x)
     refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
-    return dense(jacobian), residual
+    return jacobian, residual
 
 
 def _solved(selection: Selection, metric: Metric, test: int, x: Array) -> Found | Failure:

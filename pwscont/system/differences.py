@@ -34,6 +34,8 @@ STEP = EPS ** (1.0 / 3.0)
 FINE_STEP = EPS**0.2
 #: Finer steps are this part of the ones before; of the finest, seven digits are left.
 FINER, FINEST = 1.0 / 16.0, 1.0 / 16.0**3
+#: Changes of a value by no more than this part of it are rounding.
+ROUNDED = 4.0 * EPS
 #: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
@@ -197,7 +199,11 @@ def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
     for j, end in enumerate(ends):
         other = x.copy()
         other[j] = end
-        slopes.append(_change(origin, _value(function, other)) / (end - x[j]))
+        value = _value(function, other)
+        change = _change(origin, value)
+        # what is rounding of the values is no slope: a singular matrix stays singular
+        change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
+        slopes.append(change / (end - x[j]))
     return slopes
 
 
