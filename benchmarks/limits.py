@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import straight
+from block import FRICTIONS
 from enumeration import random_problem
 from figures import store
 from lasso import is_installed
@@ -30,7 +31,6 @@ from strip import strip
 
 from pwscont import Block, BranchGraph, PiecewiseLinearSystem, enumerate_solutions, explore, trace
 
-FRICTIONS = (0.1, 2.0)
 HEADINGS = '   :header: "work", "measured", "limit"'
 #: Path, size, to what it is compared, and how many times as long it may take.
 RATIOS = (

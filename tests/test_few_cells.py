@@ -34,7 +34,7 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
     ends = {end for piece in exact_pieces(*parts, INTERVAL) for end in (piece.lo, piece.hi)}
     inside = sorted(float(end) for end in ends if INTERVAL[0] < end < INTERVAL[1])
     system = problem(*parts)
-    found = crossings(system, Metric.of(system, INTERVAL))
+    found = crossings(system, Metric.of(system, INTERVAL), INTERVAL)
     assert found is not None
     alphas = sorted(x[-1] for _, (x, _) in found if INTERVAL[0] <= x[-1] <= INTERVAL[1])
     np.testing.assert_allclose(alphas, inside, rtol=0, atol=1e-10)
@@ -45,17 +45,17 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
 
 def test_many_cells_and_lines_along_interfaces_are_left_to_others():
     several = problem(*path(4, 0))
-    assert crossings(several, Metric.of(several, INTERVAL)) is None
+    assert crossings(several, Metric.of(several, INTERVAL), INTERVAL) is None
     body, f0, f1, _ = path(1, 0)
     level = problem(body, f0, 0.0 * f1, 1.0)  # nothing changes with alpha
-    assert crossings(level, Metric.of(level, INTERVAL)) is None
+    assert crossings(level, Metric.of(level, INTERVAL), INTERVAL) is None
 
 
 def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
     system = problem(*path(2, 1))
-    found = crossings(system, Metric.of(system, INTERVAL))
+    found = crossings(system, Metric.of(system, INTERVAL), INTERVAL)
     with counted(system) as calls:
-        crossings(system, Metric.of(system, INTERVAL))
+        crossings(system, Metric.of(system, INTERVAL), INTERVAL)
     points = len({float(x[-1]) for _, (x, _) in found})
     assert calls["jacobian"] <= 16 + 2 * points
     assert calls["test_jacobian"] <= 3 + 5 * points

@@ -130,9 +130,10 @@ class ContactBody:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
             return np.asarray(splu(self.A.tocsc()).solve(forces))
-        columns = forces.reshape(self.n, -1)
-        solutions: Array = lapack.dposv(self.A, columns)[1]
-        return solutions.reshape(forces.shape)
+        _, solutions, failed = lapack.dposv(self.A, forces.reshape(self.n, -1))
+        if failed:  # by rounding: A is positive definite
+            return np.asarray(np.linalg.solve(self.A, forces))
+        return np.asarray(solutions).reshape(forces.shape)
 
     def _check(self) -> None:
         asymmetry = abs(self.A - self.A.T).max()

@@ -49,3 +49,8 @@ def dense(matrix: Matrix) -> Array:
     """Return any matrix, sparse, banded or dense, as an array."""
     whole: Array = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
     return whole
+
+
+def own_dense(matrix: Matrix) -> Array:
+    """Return any matrix as an array of its own: its owner may use the same one for the next."""
+    return np.array(dense(matrix), dtype=float)

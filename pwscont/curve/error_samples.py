@@ -35,11 +35,11 @@ def magnitude(x: Array, error: Array) -> Array:
     error : ndarray, shape (k, n + 1)
         Independent contributions, as from :func:`uncertainty`.
     """
-    estimate: Array = np.maximum(EPS * np.abs(x), root_of_squares(error))
+    estimate: Array = np.maximum(EPS * np.abs(x), _root_of_squares(error))
     return estimate
 
 
-def root_of_squares(error: Array) -> Array:
+def _root_of_squares(error: Array) -> Array:
     """Return the root of the sum of squares of each column; ``hypot`` takes ten times as long.
 
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.

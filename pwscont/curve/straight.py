@@ -26,7 +26,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import root_of_squares, samples
+from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
@@ -180,7 +180,7 @@ class StraightCell:
         if aside is not None:
             dx[:-1] += aside
         error = self._bordered(EPS * float(np.abs(gradient).dot(sizes)))
-        size = np.maximum(EPS * sizes, root_of_squares(error))
+        size = magnitude(x, error)
         extent = metric.largest(sizes), metric.largest(size)
         found = Settled(x - dx, error, size, extent, along, aside)
         inside = metric.admits(found.x)

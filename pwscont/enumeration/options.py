@@ -16,18 +16,14 @@ from typing import final
 import numpy as np
 import scipy.linalg
 
-from pwscont.basics.arrays import Array, Indices, dense
+from pwscont.basics.arrays import Array, Indices, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.blocks import Block
 from pwscont.system.contract import residual_at
-from pwscont.system.promises import (
-    checked_necessary,
-    refuse_bent,
-    refuse_bent_tests,
-)
+from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
 from pwscont.system.system import SlicewiseLinearSystem
 
 
@@ -133,7 +129,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     """
     zero, dx = np.zeros(system.size), aside(scale)
     kappa = np.array(system.test_functions(zero, alpha), dtype=float)
-    K = np.array(dense(system.test_jacobian(zero, alpha)), dtype=float)  # it may be one buffer
+    K = own_dense(system.test_jacobian(zero, alpha))
     refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
     blocks = system.blocks()
     slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
@@ -204,7 +200,7 @@ def affine(
         for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
             signs[test] = sign
     character = Character(tuple(signs))
-    jacobian = np.array(dense(system.jacobian(zero, alpha, character)), dtype=float)
+    jacobian = own_dense(system.jacobian(zero, alpha, character))
     residual = residual_at(system, zero, alpha, character)
     refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
     return jacobian[:, :-1], residual

@@ -100,7 +100,7 @@ def _on_interfaces(
     system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
 ) -> Iterator[tuple[int, Found]]:
     """Yield the solutions where a test vanishes, for each test."""
-    few = crossings(system, metric)
+    few = crossings(system, metric, interval)
     if few is not None:
         for test, (x, error) in few:
             if (

@@ -16,16 +16,13 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, dense
+from pwscont.basics.arrays import Array, Indices, Signs, own_dense
 from pwscont.basics.budget import check_budget
-from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS
@@ -36,7 +33,7 @@ from pwscont.curve.newton import newton
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
 from pwscont.search.enumeration import Found
-from pwscont.system.blocks import number_of_cells
+from pwscont.system.blocks import characters, number_of_cells
 from pwscont.system.promises import refuse_bent, refuse_bent_tests
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
@@ -49,7 +46,9 @@ WORST = EPS**-0.5
 ROUGH = 1e2 * EPS**0.5
 
 
-def crossings(system: PiecewiseLinearSystem, metric: Metric) -> list[tuple[int, Found]] | None:
+def crossings(
+    system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
+) -> list[tuple[int, Found]] | None:
     """Return all points where a test that bounds a cell vanishes, each with the test.
 
     Parameters
@@ -57,7 +56,7 @@ def crossings(system: PiecewiseLinearSystem, metric: Metric) -> list[tuple[int, 
     system : PiecewiseLinearSystem
         Its blocks have been checked.
     metric : Metric
-        On the interval that is searched.
+    interval : tuple of float
 
     Returns
     -------
@@ -67,7 +66,7 @@ def crossings(system: PiecewiseLinearSystem, metric: Metric) -> list[tuple[int, 
     """
     if number_of_cells(system.blocks()) > FEW_CELLS or system.size > FEW_UNKNOWNS:
         return None
-    lines = _Lines.of(system, metric)
+    lines = _Lines.of(system, metric, interval)
     tests, cells = np.nonzero(lines.bounding.T)
     y = lines.points(cells, tests)
     if y is None:
@@ -97,7 +96,7 @@ class _Lines:
     Attributes
     ----------
     x, scale : ndarray, shape (n + 1,)
-        At the lower end of the interval, and typical magnitudes of dx.
+        At the lower end of the interval, and typical magnitudes of dx, of alpha the length of it.
     selections : list of Selection
     J, H : ndarray, shapes (c, n, n + 1) and (c, n)
     K, kappa : ndarray, shapes (m, n + 1) and (m,)
@@ -116,21 +115,25 @@ class _Lines:
     bounding: Signs
 
     @classmethod
-    def of(cls, system: PiecewiseLinearSystem, metric: Metric) -> _Lines:
+    def of(
+        cls, system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
+    ) -> _Lines:
         """Return the lines of a system, whose functions are checked to be affine."""
-        x = np.append(np.zeros(system.size), metric.interval[0])
-        dx = metric.scale * np.abs(generic(len(x)))
+        x = np.append(np.zeros(system.size), interval[0])
+        scale = np.append(metric.scale[:-1], interval[1] - interval[0])
+        dx = scale * np.abs(generic(len(x)))
         kappa = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        K = np.array(dense(system.test_jacobian(x[:-1], float(x[-1]))), dtype=float)
+        K = own_dense(system.test_jacobian(x[:-1], float(x[-1])))
         refuse_bent_tests(system, x, dx, kappa, K)
-        selections = [Selection(system, character) for character in _cells(system, len(kappa))]
+        cells = characters(system.blocks(), len(kappa))
+        selections = [Selection(system, character) for character in cells]
         bounding = np.zeros((len(selections), len(kappa)), dtype=bool)
         for row, selection in zip(bounding, selections, strict=True):
             row[selection.bounding] = True
         J, H = zip(*(_affine(selection, x, dx) for selection in selections), strict=True)
         sides = np.where([selection.character.array for selection in selections], 1.0, -1.0)
         forms = np.array(J), np.array(H), K, kappa
-        return cls(x, metric.scale, selections, *forms, sides, bounding)
+        return cls(x, scale, selections, *forms, sides, bounding)
 
     def points(self, cells: Indices, tests: Indices) -> Array | None:
         """Return dx in typical magnitudes where a test vanishes on the line of a cell, for several.
@@ -170,19 +173,9 @@ class _Lines:
         return holding
 
 
-def _cells(system: PiecewiseLinearSystem, tests: int) -> Iterator[Character]:
-    """Yield the character of each combination of the modes of all blocks."""
-    blocks = system.blocks()
-    for modes in product(*(block.modes for block in blocks)):
-        signs = np.ones(tests, dtype=bool)
-        for block, mode in zip(blocks, modes, strict=True):
-            signs[list(block.tests)] = mode
-        yield Character(signs)
-
-
 def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
     """Return the Jacobian of a selection and its value at x; it must be affine up to x + dx."""
-    jacobian = np.array(dense(selection.jacobian(x)), dtype=float)  # it may be one buffer
+    jacobian = own_dense(selection.jacobian(x))
     residual = selection.residual(x)
     refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
     return jacobian, residual

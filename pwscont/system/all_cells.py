@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import product
-
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
-from pwscont.system.blocks import Block, number_of_cells
+from pwscont.system.blocks import characters, number_of_cells
 from pwscont.system.system import SlicewiseLinearSystem
 
 #: Most cells that are tried.
@@ -29,20 +26,13 @@ def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int]
     if number_of_cells(blocks) > MOST_CELLS:
         return None
     signs = []
-    for modes in product(*(block.modes for block in blocks)):
-        sign = _sign_in_cell(system, alpha, _character(blocks, modes))
+    tests = 1 + max((max(block.tests, default=-1) for block in blocks), default=-1)
+    for character in characters(blocks, tests):
+        sign = _sign_in_cell(system, alpha, character)
         if sign is None:
             return None
         signs += [sign] if sign else []
     return signs
-
-
-def _character(blocks: Sequence[Block], modes: Sequence[tuple[bool, ...]]) -> Character:
-    signs = [True] * (1 + max((max(block.tests, default=-1) for block in blocks), default=-1))
-    for block, mode in zip(blocks, modes, strict=True):
-        for test, sign in zip(block.tests, mode, strict=True):
-            signs[test] = sign
-    return Character(signs)
 
 
 def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Character) -> int | None:

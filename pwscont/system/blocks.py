@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import prod
 from typing import final
+
+from pwscont.basics.character import Character
 
 
 @final
@@ -31,3 +34,15 @@ class Block:
 def number_of_cells(blocks: Iterable[Block]) -> int:
     """Return the number of combinations of the modes of some blocks."""
     return prod(len(block.modes) for block in blocks)
+
+
+def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
+    """Yield one character for each combination of the modes of some blocks.
+
+    Of so many tests, those that no block decides are positive.
+    """
+    for modes in product(*(block.modes for block in blocks)):
+        character = Character([True] * tests)
+        for block, mode in zip(blocks, modes, strict=True):
+            character = character.with_signs(block.tests, mode)
+        yield character

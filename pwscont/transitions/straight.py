@@ -15,7 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
@@ -26,7 +26,12 @@ from pwscont.system.selection import Selection
 from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import (
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    ratio_test,
+)
 from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
@@ -57,22 +62,18 @@ class Crossed(NamedTuple):
     tests: Array
     rates: Array
 
-    def ahead(self) -> tuple[int, float] | None:
+    def ahead(self) -> tuple[int, float]:
         """Return which bounding test of the piece beyond vanishes first, and at what distance.
 
         No other test is zero where an interface was crossed, so that the piece runs along none.
-        None where no test falls.
+        The distance is infinite where no test falls.
         """
         selection, pace = self.ray.curve.selection, float(self.ray.state.tangent[-1])
+        values = selection.side * self.tests[selection.bounding]
         slopes = selection.side * self.rates[selection.bounding]
-        falling = np.flatnonzero(slopes < 0.0 if pace > 0.0 else slopes > 0.0)
-        if not len(falling):
-            return None
-        bounding = selection.bounding[falling]
-        values = np.maximum(selection.side[falling] * self.tests[bounding], 0.0)
-        distances = values / np.abs(slopes[falling])
+        distances = ratio_test(values, pace * slopes)
         first = int(distances.argmin())
-        return int(falling[first]), float(distances[first]) / abs(pace)
+        return first, float(distances[first])
 
 
 @final
@@ -130,7 +131,7 @@ class StraightTests(TransitionDetector):
         if last is None or last.ray.state is not state:
             return None
         ahead, room = last.ahead(), _room(state, interval)
-        if ahead is None or not ahead[1] < room:
+        if not ahead[1] < room:
             return self._at_end(last, room, interval)
         self._last = self._across(ray.curve, state, *ahead)
         self._hard = None if self._last else state
@@ -243,10 +244,10 @@ class Gradients:
     def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before.
 
-        Those that are larger than any error of this size, measured by typical magnitudes, makes
-        them are not looked at.
+        Those that are larger than any error of this size, or a correction, measured by typical
+        magnitudes, makes them are not looked at.
         """
-        reach = 2.0 * CONFIDENCE * (EPS * (1.0 + found.extent[0]) + found.extent[1])
+        reach = GUARD * EPS * (1.0 + found.extent[0]) + 2.0 * CONFIDENCE * found.extent[1]
         near = np.flatnonzero(np.abs(tests) <= reach * self._typical)
         near = near[near != but]
         if not len(near):
