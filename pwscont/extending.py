@@ -25,7 +25,7 @@ from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton
+from pwscont.curve.newton import Border, newton
 from pwscont.curve.predictor import Predictor
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.records import Piece, Solution, SpecialPoint
@@ -41,7 +41,7 @@ from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.scenes.panels import Shown
 from pwscont.search.search import Search
 from pwscont.stepping.acceptance import accepted
-from pwscont.stepping.landing import land_on, land_on_end
+from pwscont.stepping.landing import land_on, land_on_end, land_on_zero
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
@@ -61,6 +61,7 @@ __all__ = [
     "Answer",
     "Array",
     "BodyPicture",
+    "Border",
     "BorderedFactor",
     "BringsSearches",
     "Compact",
@@ -116,6 +117,7 @@ __all__ = [
     "finite_array",
     "land_on",
     "land_on_end",
+    "land_on_zero",
     "locate_point",
     "locate_sign_change",
     "locate_zero",

@@ -28,10 +28,10 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
     (fig7, ExactLinear): (10, 9, 14, 4, 4, 8, 1),
-    (fig7, PseudoArclength): (56, 55, 69, 62, 54, 124, 47),
+    (fig7, PseudoArclength): (48, 47, 61, 54, 43, 117, 39),
     (example1, ExactLinear): (12, 11, 16, 4, 4, 12, 1),
-    (example1, PseudoArclength): (70, 69, 88, 81, 68, 196, 58),
-    (fig10, PseudoArclength): (379, 221, 289, 132, 124, 672, 103),
+    (example1, PseudoArclength): (54, 53, 73, 66, 47, 171, 43),
+    (fig10, PseudoArclength): (378, 218, 286, 132, 116, 698, 97),
     (fig13, PseudoArclength): (33, 20, 46, 17, 18, 54, 14),
     (example3, PseudoArclength): (33, 20, 46, 17, 18, 62, 14),
 }

@@ -103,6 +103,46 @@ def test_broken_steppers(change, words):
     assert re.search(words, str(report))
 
 
+class WrongAim(Stepper):
+    """Returns what a function makes of the true step to a zero."""
+
+    def __init__(self, change):
+        self.change = change
+
+    def step(self, *given):
+        return PseudoArclength().step(*given)
+
+    def aim(self, *given):
+        true = PseudoArclength().aim(*given)
+        return true and self.change(true)
+
+
+def further(segment):
+    """Return a true step that is longer."""
+    state, interval = segment.start, (-np.inf, np.inf)
+    return PseudoArclength().step(segment.curve, interval, state, None, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda segment: 3, "must return a CurvedSegment or None"),
+        (moved, "off the curve"),
+        (further, "does not vanish at the end"),
+    ],
+)
+def test_broken_aims(change, words):
+    report = check_stepper(WrongAim(change))
+    assert not report
+    assert re.search(words, str(report))
+
+
+def test_a_stepper_that_aims_at_something_else_is_named():
+    words = "WrongAim.aim must return a CurvedSegment or None, got 3"
+    with pytest.raises(InvalidInputError, match=words):
+        trace(Sphere(), ([1.0], 0.0), (-2.0, 2.0), stepper=WrongAim(lambda segment: 3))
+
+
 class Broken(TransitionDetector):
     def __init__(self, reading, arrival=None):
         self.reading, self.arrival = reading, arrival
@@ -247,6 +287,47 @@ class Kink(PiecewiseLinearSystem):
 
     def residual(self, z, alpha, character):
         return z + (z if character.signs[0] else 0.0) - alpha
+
+
+class AimedAt(At):
+    """The same with a gradient, so that steps may end there."""
+
+    gradient = 1.0
+
+    def border(self, curve, index):
+        sign, row = 1.0 - 2.0 * index, np.zeros(curve.selection.system.size + 1)
+        row[0] = sign * self.gradient
+        return lambda x: (sign * (x[0] + 0.5), row)
+
+
+class Sphere(PiecewiseSystem):
+    """z^2 + alpha^2 = 1, with a seam at z = 0.3 at which nothing changes."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 0.3
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0
+
+
+@pytest.mark.parametrize("kind", [At, AimedAt])
+def test_a_detector_on_a_circle(kind):
+    """With a gradient its points are the ends of steps; they are the same."""
+    assert check_detector(kind()), check_detector(kind())
+    graph = trace(Sphere(), ([1.0], 0.0), (-2.0, 2.0), detectors=[kind()])
+    found = sorted(point.alpha for point in graph.special_points("at"))
+    np.testing.assert_allclose(found, [-(0.75**0.5), 0.75**0.5], rtol=1e-11)
+    kinks = sorted(point.alpha for point in graph.special_points("transition"))
+    np.testing.assert_allclose(kinks, [-(0.91**0.5), 0.91**0.5], rtol=1e-14)
+
+
+def test_a_border_that_is_not_the_function_that_is_read():
+    class Steeper(AimedAt):
+        gradient = 2.0
+
+    assert "border(..., 0): the gradient gives the slope" in str(check_detector(Steeper()))
 
 
 @pytest.mark.parametrize("slopes", [1.0, 0.0])

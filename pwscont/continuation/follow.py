@@ -111,23 +111,21 @@ class PieceFollower(Follower):
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()
+            if aimed := self._aimed(reached, before, longest, reading):
+                return self._ended(reached, *aimed)
             segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
                 return reached.stopped(str(blocked or segment))
             if not isinstance(segment, Segment):
-                raise InvalidInputError(
-                    f"{type(self.stepper).__name__}.step must return a Segment or a Failure, got "
-                    f"{segment!r}; check_stepper tells what else is wrong"
-                )
+                raise self._broken("step", "a Segment or a Failure", segment)
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
                 reading = self.watch.without(reading, event)
                 continue
             if isinstance(event, Event):
-                points = [*reached.points, *reached.between(segment, event), event.state.x]
-                return FollowedPiece(np.array(points), self._arrived(event, curve))
+                return self._ended(reached, segment, event)
             if isinstance(event, Failure):  # the step is too long to tell which event comes first
                 if not isinstance(segment, CurvedSegment):
                     return reached.stopped(str(event))
@@ -140,6 +138,39 @@ class PieceFollower(Follower):
             reached.go_to(segment.end, _is_shortened(segment, before))
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _aimed(
+        self, reached: _Reached, before: Segment | None, longest: float, reading: Joined
+    ) -> tuple[CurvedSegment, Event] | None:
+        """Return the step to the event that seems to come next, None where it is another way."""
+        curve, ahead = reached.curve, self.watch.ahead(reading)
+        if ahead is None or ahead[0] > longest:
+            return None
+        distance, detector, index = ahead
+        border = detector.border(curve, index)
+        segment = border and self.stepper.aim(curve, reached.state, before, distance, border)
+        if segment is None:
+            return None
+        if not isinstance(segment, CurvedSegment):
+            raise self._broken("aim", "a CurvedSegment or None", segment)
+        event = Event(detector, index, segment.length, segment.end)
+        after = self.watch.before(self.watch.read(curve, segment.end), event)
+        first = first_on_curve(self.watch, segment, reading, after, event)
+        if not isinstance(first, Event) or self.watch.is_rounding(first, curve):
+            return None
+        return segment, first
+
+    def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
+        """Return the error that says what the stepper returned instead of what it must."""
+        return InvalidInputError(
+            f"{type(self.stepper).__name__}.{method} must return {what}, got {got!r}; "
+            "check_stepper tells what else is wrong"
+        )
+
+    def _ended(self, reached: _Reached, segment: Segment, event: Event) -> FollowedPiece:
+        """Return the piece that an event on the last step ends."""
+        points = [*reached.points, *reached.between(segment, event), event.state.x]
+        return FollowedPiece(np.array(points), self._arrived(event, reached.curve))
 
     def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
         """Return the special point that an event makes, with the ways on that are allowed."""
@@ -187,8 +218,8 @@ class _Reached:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""
         if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
             return []
-        middle = segment.at(0.5 * event.position)
-        return [] if isinstance(middle, Failure) else [middle.x]
+        middle = segment.point(0.5 * event.position, event.state.factor)
+        return [] if middle is None else [middle]
 
     def stopped(self, why: str) -> FollowedPiece:
         """Return the walk that ends here; finer differences have been of no use."""

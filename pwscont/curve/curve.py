@@ -10,6 +10,7 @@ from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
+from pwscont.linear.factorise import Factor
 from pwscont.system.selection import Selection
 
 
@@ -46,6 +47,9 @@ class State:
         correction.
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
+    factor : Factor, optional
+        Where a function vanishes: a factorisation of [J; its gradient], which has nearly
+        everything that the piece beyond begins with. It is not kept with the way back.
     """
 
     x: Array
@@ -53,6 +57,7 @@ class State:
     error: Array
     orientation: int
     _size: Array | None = field(default=None, repr=False)
+    factor: Factor | None = field(default=None, repr=False)
 
     @property
     def size(self) -> Array:

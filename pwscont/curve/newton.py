@@ -43,6 +43,8 @@ Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
 #: Corrections with the last factorisation, where these are expected to be enough.
 MOST_CHORDS = 2
+#: Corrections with a factorisation from close by.
+MOST_CORRECTIONS = 6
 #: A correction that is not smaller than this part of the one before does not converge any more.
 STALLED = 0.1
 #: A factorisation is stale where it changes by more than this part within the last correction.
@@ -96,6 +98,25 @@ def _chords(
             x = x - dx
             sizes.append(curve.metric.relative(dx, x))
     return x, dx
+
+
+def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
+    """Return the point of a curve next to ``x``, by a factorisation [J; border] from close by.
+
+    None where corrections do not shrink as fast as they would with one that is new enough.
+    """
+    before = math.inf
+    for _ in range(MOST_CORRECTIONS):
+        if not curve.metric.admits(x):
+            return None
+        dx = factor.solve(joined(curve.selection.residual(x), 0.0))
+        x, size = x - dx, curve.metric.relative(dx, x - dx)
+        if size <= CONVERGED:
+            return x
+        if not size <= STALLED * before:
+            return None
+        before = size
+    return None
 
 
 def contraction(size: float, before: float) -> float:

@@ -16,6 +16,7 @@ from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
+from pwscont.curve.zero import MOST_NEWTON
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import Piece, Solution
 from pwscont.linear.factorise import bordered, last_unit
@@ -24,7 +25,7 @@ from pwscont.stepping.stepper import CurvedSegment
 from pwscont.system.hidden import completed_point, shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.location import MOST_NEWTON, locate_zero
+from pwscont.transitions.location import locate_zero
 
 #: Steps are halved so often where the cubic is too far from the curve to say which sheet it is on.
 MOST_HALVINGS = 8

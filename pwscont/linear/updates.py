@@ -41,11 +41,15 @@ DRIFT = 1e-9
 SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
-#: Up to these parts of all rows are replaced at once, in 4 k m^2 operations for k rows; beyond, a
-#: fresh inverse costs less, 2 m^3, or a factorisation, 2/3 m^3, where matrices serve few solves.
+#: Up to these parts of all rows of an inverse are replaced at once, in 4 k m^2 operations for k
+#: rows; beyond, a new inverse costs less, 2 m^3, or a factorisation, 2/3 m^3, where matrices serve
+#: few solves. A factorisation is inverted, in 4/3 m^3, only for rows that are replaced singly.
 FEW_ROWS, FEW_ROWS_OF_FEW_SOLVES = 1.0 / 3.0, 1.0 / 6.0
-#: A factorisation that has served for so many solves is inverted: each then costs half as much.
+#: A matrix that has served for so many solves is likely to be followed by others that do.
 MANY_SOLVES = 8
+#: A factorisation that has served for so many solves is inverted: each then costs a third, so that
+#: the inverse is paid for after as many again.
+INVERTED_AFTER = 24
 #: After this many changes per row the matrix is factorised afresh.
 MANY_UPDATES = 2.0
 #: More changes than these are made together, which takes as long as one product of matrices.
@@ -134,7 +138,7 @@ class Updating(RowSolver):
         self._take(matrix)
         self._solves += 1
         self._served += 1
-        if self._pivots is not None and (self._solves < MANY_SOLVES or not self._inverted()):
+        if self._pivots is not None and (self._solves < INVERTED_AFTER or not self._inverted()):
             return solved(self._matrix, self._pivots, rhs)
         return self._changes.applied(_product(self._matrix, rhs))
 
@@ -187,8 +191,7 @@ class Updating(RowSolver):
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        few = FEW_ROWS if self._served >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
-        if len(changed) > max(2, few * m) or self._since >= max(8, MANY_UPDATES * m):
+        if len(changed) > self._few(m) or self._since >= max(8, MANY_UPDATES * m):
             return False
         if not self._inverted():
             return False
@@ -198,6 +201,13 @@ class Updating(RowSolver):
         self._since += len(changed)
         self.updates += 1
         return True
+
+    def _few(self, m: int) -> float:
+        """Return up to how many rows are replaced rather than the matrix factorised afresh."""
+        if self._pivots is not None:
+            return SINGLY
+        part = FEW_ROWS if self._served >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
+        return max(2.0, part * m)
 
     def _replaced(self, rows: Indices, differences: Array) -> bool:
         """Change some rows; False where that loses too many digits."""

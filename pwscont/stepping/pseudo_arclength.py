@@ -9,10 +9,11 @@ from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.newton import Border
 from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
 from pwscont.stepping.acceptance import accepted
-from pwscont.stepping.landing import land_on_end
+from pwscont.stepping.landing import STRETCH, land_on_end, land_on_zero
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 
 
@@ -51,9 +52,7 @@ class PseudoArclength(Stepper):
         longest: float,
     ) -> Segment | Failure:
         """Halve the step until the corrector converges and the curve turns little."""
-        previous, length = None, self.step_size.first
-        if isinstance(before, CurvedSegment):
-            previous, length = before.start, before.suggestion
+        previous, length = self._proposed(before)
         length = min(length, longest)
         failure = Failure(FailureReason.NOT_CONVERGED)
         while length >= self.step_size.smallest:
@@ -62,6 +61,27 @@ class PseudoArclength(Stepper):
                 return segment
             failure, length = segment, 0.5 * length
         return failure
+
+    def aim(
+        self,
+        curve: Curve,
+        state: State,
+        before: Segment | None,
+        distance: float,
+        border: Border,
+    ) -> CurvedSegment | None:
+        """Predict the zero like any other point; land on it where it is about a step away."""
+        previous, length = self._proposed(before)
+        if distance > STRETCH * length:
+            return None
+        predicted, _ = self.predictor.predict(curve, previous, state, distance)
+        return land_on_zero(curve, state, predicted, border, self.step_size)
+
+    def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
+        """Return the state before on the same piece, and the length of the next step."""
+        if isinstance(before, CurvedSegment):
+            return before.start, before.suggestion
+        return None, self.step_size.first
 
     def _try(
         self,

@@ -13,6 +13,8 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
+from pwscont.curve.newton import Border, by_chords
+from pwscont.linear.factorise import Factor
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -149,6 +151,18 @@ class CurvedSegment(Segment):
         rounding = CONFIDENCE * metric.norm(magnitude(x, state.error))
         return apart <= BESIDE * self.length + rounding
 
+    def point(self, s: float, factor: Factor | None) -> Array | None:
+        """Return a point of the curve at about ``s``, shape (n + 1,), None where none is found.
+
+        A factorisation [J; border] from close by is used, if there is one that serves.
+        """
+        near = self.near(s)
+        x = by_chords(self.curve, factor, near) if factor else None
+        if x is not None and self.curve.metric.norm(x - near) <= BESIDE * self.length:
+            return x
+        found = self.at(s)
+        return None if isinstance(found, Failure) else found.x
+
     def at(self, s: float) -> State | Failure:
         """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
         found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
@@ -199,3 +213,30 @@ class Stepper(ABC):
         -------
         Segment or Failure
         """
+
+    def aim(
+        self,
+        curve: Curve,
+        state: State,
+        before: Segment | None,
+        distance: float,
+        border: Border,
+    ) -> CurvedSegment | None:
+        """Return the step to a zero that lies ahead, instead of one beyond it.
+
+        Parameters
+        ----------
+        curve, state, before
+            As for :meth:`step`.
+        distance : float
+            How far along the tangent ``border`` seems to vanish, in the metric.
+        border : callable
+            x -> (value, gradient), positive at ``state``.
+
+        Returns
+        -------
+        CurvedSegment or None
+            It ends where ``border`` is zero. None, the default, where the zero is too far for one
+            step, or the step would not be true: it is then found in a step beyond it.
+        """
+        return None

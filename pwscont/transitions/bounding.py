@@ -13,6 +13,7 @@ from pwscont.basics.outcome import FILL, Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude_of_values
+from pwscont.curve.newton import Border
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection
@@ -26,6 +27,7 @@ from pwscont.transitions.rays import (
     beyond,
     check_continuity,
     inward_ray,
+    ray_beyond,
     vanishing,
 )
 
@@ -81,14 +83,18 @@ class BoundingTests(TransitionDetector):
                 return Failure(FailureReason.THIN_CELL)
         return None
 
-    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Solve {H_chi = 0, kappa_i = 0}."""
-        selection = segment.curve.selection
+    def border(self, curve: Curve, index: int) -> Border:
+        """Return kappa_i and its gradient."""
+        selection = curve.selection
 
         def function(x: Array) -> tuple[float, Matrix]:
             return selection.test(x, index), selection.test_gradient(x, index)
 
-        return locate_zero(segment, function, bracket)
+        return function
+
+    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
+        """Solve {H_chi = 0, kappa_i = 0}."""
+        return locate_zero(segment, self.border(segment.curve, index), bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Cross the interface; where several meet, take every way on."""
@@ -175,7 +181,8 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     the selections do not.
     """
     new = Selection(curve.selection.system, beyond(curve.selection, state.x, test))
-    ray = inward_ray(Curve(new, curve.metric), state.x, state.error, test)
+    there = Curve(new, curve.metric)
+    ray = ray_beyond(there, state, test) or inward_ray(there, state.x, state.error, test)
     check_continuity(curve, new, ray, state.x, state.error)
     return ray if ray and ray.state.orientation == state.orientation else None
 

@@ -55,9 +55,11 @@ def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
 
 
 def first_on_curve(
-    watch: Watch, segment: CurvedSegment, start: Joined, end: Joined
+    watch: Watch, segment: CurvedSegment, start: Joined, end: Joined, first: Event | None = None
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
+
+    ``first`` is an event that is known at the end: others there are none of their own.
 
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
     segment falls to zero later, and is not located. So of each detector the function that seems to
@@ -68,9 +70,9 @@ def first_on_curve(
     if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
         watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
+    end = _before(end) if first else end
     if too_long := watch.needs_shorter_step(segment, start, end):
         return too_long
-    first: Event | None = None
     located: set[int] = set()
     while suspects := set(_suspects(start, end, segment.length)) - located:
         event = _event(watch, suspect := _soonest(suspects, start, end), segment, start, end)

@@ -14,6 +14,7 @@ from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.newton import Border
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
@@ -166,6 +167,14 @@ class TransitionDetector(ABC):
             is_positive = values_on(self, segment, middle)[index] > 0.0
             lo, hi = (middle, hi) if is_positive else (lo, middle)
         return hi
+
+    def border(self, curve: Curve, index: int) -> Border | None:
+        """Return function ``index`` of a point with its gradient, x -> (value, gradient).
+
+        With it a step may end where the function vanishes, instead of beyond. None, the default,
+        where there is no gradient.
+        """
+        return None
 
     @abstractmethod
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:

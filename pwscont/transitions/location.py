@@ -4,11 +4,6 @@ Failure modes and answers
 -------------------------
 - Newton runs off to another zero, or to another sheet: its point counts only within the bracket and
   beside the cubic of the segment. Otherwise the bracket is halved on the curve itself.
-- The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
-  :class:`~pwscont.basics.outcome.Failure`, not a point.
-- The curve is nearly tangent to the zero set: at the angle d, a correction c is followed by one of
-  about c^2 / d, which need not be rounding where c is small. Newton goes on until its corrections
-  are rounding; where they never are, the last correction counts as an error.
 - A straight segment needs no bracket: its prediction is exact and one correction removes the
   rounding that a long ray has gathered.
 """
@@ -17,18 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
-from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import Border, again, direction, newton
-from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import corrected, is_within, uncertainty
+from pwscont.curve.curve import State
+from pwscont.curve.newton import Border
+from pwscont.curve.uncertainty import corrected
+from pwscont.curve.zero import falling, zero
 from pwscont.stepping.stepper import CurvedSegment, Segment
 
-MOST_NEWTON = 8
 #: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
 #: flat: its error is the square of this. Much closer, changes of the tangent are rounding.
 NARROW = EPS**0.6
@@ -82,48 +73,15 @@ def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
 
     The tangent of the state points to where the border falls.
     """
-    found = _root(segment, border, segment.near(guess))
-    if isinstance(found, Failure):
-        return found
-    root, error = found
-    factor, rising = direction(segment.curve, root)
-    if factor.failed:
-        return Failure(FailureReason.SINGULAR)
-    return State(root.x, segment.curve.metric.normalised(-rising), error, -factor.sign)
-
-
-def _root(segment: Segment, border: Border, x: Array) -> tuple[Root, Array] | Failure:
-    """Return the zero and samples of its error, where it is regular."""
-    curve = segment.curve
-    straight = curve.selection.is_straight
-    exact = straight and not isinstance(segment, CurvedSegment)
-    if exact and (found := corrected(curve, x, *border(x))):
-        return Failure(FailureReason.SINGULAR) if found[0].factor.is_singular() else found
-    root = newton(curve, border, x, MOST_NEWTON)
-    if isinstance(root, Failure):
-        return root
-    if root.factor.is_singular():
-        return Failure(FailureReason.SINGULAR)
-    return (root, uncertainty(root)) if straight else _polished(curve, border, root)
-
-
-def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
-    """Return the root once its corrections are rounding, and its uncertainty.
-
-    Rounding is all that is left of nearly every root after one correction more.
-    """
-    settled = again(curve, border, root)
-    error = uncertainty(settled)
-    if is_within(settled, error) and curve.metric.admits(settled.x):
-        return settled, error
-    for _ in range(MOST_NEWTON):
-        found = newton(curve, border, root.x, MOST_NEWTON)
-        if isinstance(found, Failure):
-            break
-        root, error = found, uncertainty(found)
-        if is_within(root, error):
-            return root, error
-    return root, np.vstack([uncertainty(root), root.error])
+    curve, x = segment.curve, segment.near(guess)
+    is_exact = curve.selection.is_straight and not isinstance(segment, CurvedSegment)
+    if is_exact and (known := corrected(curve, x, *border(x))):
+        if known[0].factor.is_singular():
+            return Failure(FailureReason.SINGULAR)
+        found = falling(curve, *known)
+    else:
+        found = zero(curve, border, x)
+    return found if isinstance(found, Failure) else found.state
 
 
 class _OffCurveError(Exception):

@@ -22,6 +22,7 @@ from pwscont.transitions.detector import (
 
 #: Closer to its beginning than this, in intervals, a piece has no event of a user's detector.
 CLOSE = 1e-10
+TINY = float(np.finfo(float).tiny)
 
 
 @final
@@ -58,6 +59,11 @@ class Watch:
             (i, detector)
             for i, detector in enumerate(detectors)
             if type(detector).needs_shorter_step is not TransitionDetector.needs_shorter_step
+        ]
+        self._aimed_at = [
+            (i, detector)
+            for i, detector in enumerate(detectors)
+            if type(detector).border is not TransitionDetector.border
         ]
 
     def read(self, curve: Curve, state: State) -> Joined:
@@ -96,10 +102,19 @@ class Watch:
 
         It is watched once it is positive. Falling from zero, it would be found again.
         """
+        return self._with(reading, event, 0.0, 0.0)
+
+    def before(self, reading: Joined, event: Event) -> Joined:
+        """Return the reading at an event as it was just before: the function is still positive."""
+        part = reading.parts[self._detectors.index(event.detector)]
+        return self._with(reading, event, TINY, float(part.slopes[event.index]))
+
+    def _with(self, reading: Joined, event: Event, value: float, slope: float) -> Joined:
+        """Return a reading with another value and slope of the function of an event."""
         parts = list(reading.parts)
         place = self._detectors.index(event.detector)
         values, slopes = np.array(parts[place].values), np.array(parts[place].slopes)
-        values[event.index] = slopes[event.index] = 0.0
+        values[event.index], slopes[event.index] = value, slope
         parts[place] = Reading(values, slopes)
         return Joined.of(parts)
 
@@ -126,6 +141,21 @@ class Watch:
             if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
+
+    def ahead(self, reading: Joined) -> tuple[float, TransitionDetector, int] | None:
+        """Return the distance at which a function with a gradient seems to vanish first, and which.
+
+        None where none falls.
+        """
+        soonest = None
+        for i, detector in self._aimed_at:
+            values, slopes = reading.parts[i].values, reading.parts[i].slopes
+            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            index = int(rates.argmin()) if len(rates) else 0
+            if len(rates) and rates[index] < 0.0:
+                found = -1.0 / float(rates[index]), detector, index
+                soonest = min(soonest or found, found, key=lambda found: found[0])
+        return soonest
 
     def falls(self, segment: Segment, start: Joined) -> Array:
         """Return the distance at which each function falls to zero on a straight segment.

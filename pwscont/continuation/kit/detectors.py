@@ -19,7 +19,7 @@ from pwscont.continuation.kit.samples import (
     report,
     samples,
 )
-from pwscont.curve.curve import State
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping import PseudoArclength
 from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.system.check import Report
@@ -37,6 +37,8 @@ def check_detector(detector: TransitionDetector) -> Report:
 
     - ``read`` returns as many finite values and slopes at every point of a piece.
     - Slopes that are not zero agree with differences along the curve.
+    - ``border``, where it returns something, gives the values of ``read``, and gradients that agree
+      with its slopes.
     - Where a function falls to zero, on a step or on a ray, ``locate`` returns a point of the
       curve at which it vanishes, or a Failure.
     - ``arrive`` returns a SpecialPointFound whose first ray points back.
@@ -73,6 +75,26 @@ def _wrong_readings(detector: TransitionDetector, sample: StateSample) -> Iterat
     for index in range(len(first.values)):
         if wrong := _wrong_arrival(detector.arrive(curve, state, index), state):
             yield defect(f"arrive(..., {index}): {wrong}", state.x)
+        if wrong := _wrong_border(detector, curve, state, first, index):
+            yield defect(f"border(..., {index}): {wrong}", state.x)
+
+
+def _wrong_border(
+    detector: TransitionDetector, curve: Curve, state: State, reading: Reading, index: int
+) -> str | None:
+    """Return why a function with its gradient is not the one that was read."""
+    border = detector.border(curve, index)
+    if border is None:
+        return None
+    value, gradient = border(state.x)
+    slope = float(np.sum(gradient @ state.tangent))
+    expected = float(reading.values[index]), float(reading.slopes[index])
+    size = abs(expected[0]) + abs(expected[1])
+    if not abs(value - expected[0]) <= AGREES * size:
+        return f"the value is {value:.6g}, read is {expected[0]:.6g}"
+    if not abs(slope - expected[1]) <= AGREES * size:
+        return f"the gradient gives the slope {slope:.6g}, read is {expected[1]:.6g}"
+    return None
 
 
 def _wrong_locations(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
 from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure
 from pwscont.continuation.kit.samples import (
@@ -18,6 +20,7 @@ from pwscont.continuation.kit.samples import (
     samples,
 )
 from pwscont.curve.curve import Curve, State
+from pwscont.linear.factorise import last_unit
 from pwscont.stepping import Stepper
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.check import Report
@@ -27,6 +30,8 @@ from pwscont.system.inspection import Defect
 LONGER = 1.5
 #: An end of the interval is reached when it is nearer than this.
 AT_THE_END = 1e-9
+#: How far ahead the zero of a function is that is aimed at.
+AHEAD = 0.01
 
 
 def check_stepper(stepper: Stepper) -> Report:
@@ -36,6 +41,7 @@ def check_stepper(stepper: Stepper) -> Report:
     - Both ends solve the frozen selection, and tangents go on in the direction of travel.
     - No step is longer than ``longest`` by much, and no end lies outside the interval.
     - The end of the interval is reached.
+    - A step that ``aim`` returns ends where the function vanishes that it was given.
 
     Returns
     -------
@@ -43,7 +49,9 @@ def check_stepper(stepper: Stepper) -> Report:
     """
     checked_kind("stepper", stepper, Stepper)
     tried = [(sample, direction) for sample in samples() for direction in (1.0, -1.0)]
-    return report((d for pair in tried for d in _wrong_steps(stepper, *pair)), len(tried))
+    steps = (d for pair in tried for d in _wrong_steps(stepper, *pair))
+    aims = (d for pair in tried for d in _wrong_aim(stepper, *pair))
+    return report(chain(steps, aims), len(tried))
 
 
 def _wrong_steps(stepper: Stepper, sample: StateSample, direction: float) -> Iterator[Defect]:
@@ -64,6 +72,26 @@ def _wrong_steps(stepper: Stepper, sample: StateSample, direction: float) -> Ite
             yield defect(wrong, step.end.x)
             return
         state, before = step.end, step
+
+
+def _wrong_aim(stepper: Stepper, sample: StateSample, direction: float) -> Iterator[Defect]:
+    """Yield what is wrong with a step to a value of alpha, given as a function that falls."""
+    curve, state = sample.curve, sample.state(direction)
+    target = float((state.x + AHEAD * state.tangent)[-1])
+    row = -direction * last_unit(len(state.x))
+
+    def border(x: Array) -> tuple[float, Array]:
+        return direction * (target - float(x[-1])), row
+
+    step = stepper.aim(curve, state, None, AHEAD, border)
+    if step is None:
+        return
+    if not isinstance(step, CurvedSegment):
+        yield defect(f"aim() must return a CurvedSegment or None, got {step!r}", state.x)
+    elif wrong := _wrong_step(curve, sample, state, step, np.inf):
+        yield defect(f"aim(): {wrong}", step.end.x)
+    elif not abs(border(step.end.x)[0]) <= ON_CURVE:
+        yield defect("aim(): the function does not vanish at the end of the step", step.end.x)
 
 
 def _wrong_step(
