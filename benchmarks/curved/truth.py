@@ -121,7 +121,7 @@ class Curve:
         nodes = set(bounds)
         for a, b in pairwise(bounds):
             inner = self.samples[(self.samples > a) & (self.samples < b)]
-            near = (b - a) * 2.0 ** -np.arange(2.0, 14.0)  # a fold may be close to a kink
+            near = (b - a) * 2.0 ** -np.arange(2.0, 20.0)  # a fold may be close to a kink
             grid = [np.linspace(a, b, 9), inner, a + near, b - near]
             nodes.update(self._extrema(np.concatenate(grid)))
         return sorted(nodes)
