@@ -10,7 +10,7 @@ from pwscont import explore
 from pwscont.bench.calls import counted
 from pwscont.curve.metric import Metric
 from pwscont.search import all_transitions
-from pwscont.search.few_cells import crossings
+from pwscont.search.few_cells import FewCells
 
 INTERVAL = (-2.0, 2.0)
 
@@ -26,6 +26,32 @@ def problem(body, f0, f1, friction):
     return CoulombLoad(contact_body(body), AffineLoad(f0, f1), friction)
 
 
+def few(system):
+    return FewCells.of(system, Metric.of(system, INTERVAL), INTERVAL)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("p", [1, 2, 3])
+def test_all_solutions_at_the_lower_end_are_found(p, seed, gap):
+    parts = path(p, seed, gap=gap)
+    exact = [p for p in exact_pieces(*parts, INTERVAL) if p.lo <= INTERVAL[0] <= p.hi]
+    system = problem(*parts)
+    found = few(system).solutions()
+    assert len(found) == len(exact)
+    for x, error in found:
+        assert x[-1] == INTERVAL[0]
+        residual = system.residual(x[:-1], x[-1], system.character(x[:-1], x[-1]))
+        assert np.abs(residual).max() <= 1e-12 * (1.0 + np.abs(x).max())
+        assert np.abs(error).max() <= 1e-10 * np.abs(x).max()
+
+
+def test_solutions_in_doubt_are_left_to_others():
+    """At no load at all the only solution lies on every interface."""
+    body, _, f1, friction = path(2, 0)
+    assert few(problem(body, 2.0 * f1, f1, friction)).solutions() is None
+
+
 @pytest.mark.parametrize("gap", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("p", [1, 2, 3])
@@ -34,7 +60,7 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
     ends = {end for piece in exact_pieces(*parts, INTERVAL) for end in (piece.lo, piece.hi)}
     inside = sorted(float(end) for end in ends if INTERVAL[0] < end < INTERVAL[1])
     system = problem(*parts)
-    found = crossings(system, Metric.of(system, INTERVAL), INTERVAL)
+    found = few(system).crossings()
     assert found is not None
     alphas = sorted(x[-1] for _, (x, _) in found if INTERVAL[0] <= x[-1] <= INTERVAL[1])
     np.testing.assert_allclose(alphas, inside, rtol=0, atol=1e-10)
@@ -45,17 +71,17 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
 
 def test_many_cells_and_lines_along_interfaces_are_left_to_others():
     several = problem(*path(4, 0))
-    assert crossings(several, Metric.of(several, INTERVAL), INTERVAL) is None
+    assert few(several) is None
     body, f0, f1, _ = path(1, 0)
     level = problem(body, f0, 0.0 * f1, 1.0)  # nothing changes with alpha
-    assert crossings(level, Metric.of(level, INTERVAL), INTERVAL) is None
+    assert few(level).crossings() is None
 
 
 def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
     system = problem(*path(2, 1))
-    found = crossings(system, Metric.of(system, INTERVAL), INTERVAL)
+    found = few(system).crossings()
     with counted(system) as calls:
-        crossings(system, Metric.of(system, INTERVAL), INTERVAL)
+        few(system).crossings()
     points = len({float(x[-1]) for _, (x, _) in found})
     assert calls["jacobian"] <= 16 + 2 * points
     assert calls["test_jacobian"] <= 3 + 5 * points
@@ -65,7 +91,7 @@ def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
 def test_graphs_are_those_of_the_search_for_many_cells(seed, monkeypatch):
     system = problem(*path(2, seed))
     graph = explore(system, INTERVAL)
-    monkeypatch.setattr(all_transitions, "crossings", lambda *_: None)
+    monkeypatch.setattr(all_transitions.FewCells, "of", lambda *_: None)
     other = explore(system, INTERVAL)
     assert graph.guarantee == other.guarantee == "complete"
     marks = [sorted((p.alpha, str(p.kind)) for p in g.special_points()) for g in (graph, other)]

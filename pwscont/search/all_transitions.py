@@ -22,7 +22,7 @@ from pwscont.curve.error_samples import is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.search.enumeration import Found, starts_at, starts_of
-from pwscont.search.few_cells import crossings
+from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
 from pwscont.system.blocks import Block
 from pwscont.system.box import Box
@@ -47,11 +47,12 @@ class AllTransitions(Search):
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
                 "none; use EndPoints, Slices or MultiStart"
             )
-        known = _Corners(system, metric)
-        for found in starts_at(system, metric, interval[0]):
+        few, known = FewCells.of(system, metric, interval), _Corners(system, metric)
+        solutions = few.solutions() if few else None
+        for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
             known.add(found)
             yield found
-        for test, found in _on_interfaces(system, metric, interval):
+        for test, found in _on_interfaces(system, metric, interval, few):
             if not known.has(test, found):
                 known.add(found)
                 yield found
@@ -97,12 +98,15 @@ class _Corners:
 
 
 def _on_interfaces(
-    system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
+    system: PiecewiseLinearSystem,
+    metric: Metric,
+    interval: tuple[float, float],
+    few: FewCells | None,
 ) -> Iterator[tuple[int, Found]]:
     """Yield the solutions where a test vanishes, for each test."""
-    few = crossings(system, metric, interval)
-    if few is not None:
-        for test, (x, error) in few:
+    crossings = few.crossings() if few else None
+    if crossings is not None:
+        for test, (x, error) in crossings:
             if (
                 alpha := _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
             ) is not None:

@@ -1,8 +1,8 @@
-"""Where test functions vanish, for systems of few cells: all cells and tests in one batch.
+"""Solutions, and where test functions vanish, for systems of few cells: all cells in one batch.
 
-Where a test vanishes on the line of a cell is one system of linear equations. For few cells they
-are solved together; a point that may lie in its closed cell is then solved for once more, with the
-functions of the system themselves.
+Where a test vanishes on the line of a cell is one system of linear equations, as is where alpha has
+a value. For few cells they are solved together; a point that may lie in its closed cell is then
+solved for once more, with the functions of the system themselves.
 
 Failure modes and answers
 -------------------------
@@ -27,14 +27,18 @@ from pwscont.basics.generic import generic
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import slack_of_values
+from pwscont.curve.error_samples import magnitude, slack_of_values
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton
+from pwscont.curve.newton import Border, newton
+from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
+from pwscont.graph.accuracy import significant
+from pwscont.graph.records import FEW_DIGITS
+from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import Found
 from pwscont.system.blocks import characters, number_of_cells
-from pwscont.system.promises import refuse_bent, refuse_bent_tests
+from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 
@@ -46,55 +50,15 @@ WORST = EPS**-0.5
 ROUGH = 1e2 * EPS**0.5
 
 
-def crossings(
-    system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
-) -> list[tuple[int, Found]] | None:
-    """Return all points where a test that bounds a cell vanishes, each with the test.
-
-    Parameters
-    ----------
-    system : PiecewiseLinearSystem
-        Its blocks have been checked.
-    metric : Metric
-    interval : tuple of float
-
-    Returns
-    -------
-    list of (int, Found), or None
-        Ordered by tests; alpha may be outside the interval by its error. None where this way is
-        not certain, or there are too many cells or unknowns.
-    """
-    if number_of_cells(system.blocks()) > FEW_CELLS or system.size > FEW_UNKNOWNS:
-        return None
-    lines = _Lines.of(system, metric, interval)
-    tests, cells = np.nonzero(lines.bounding.T)
-    y = lines.points(cells, tests)
-    if y is None:
-        return None
-    found: list[tuple[int, Found]] = []
-    known: set[tuple[int, int]] = set()
-    for i in np.flatnonzero(lines.may_hold(cells, tests, y)):
-        check_budget()
-        test, cell = int(tests[i]), int(cells[i])
-        if (test, cell) in known:
-            continue
-        point = _solved(lines.selections[cell], metric, test, lines.x + lines.scale * y[i])
-        if isinstance(point, Failure):
-            return None
-        meeting = lines.holding(*_tests_at(system, metric, point))
-        if meeting[cell]:
-            found.append((test, point))
-            known |= {(test, int(other)) for other in np.flatnonzero(meeting)}
-    return found
-
-
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
+class FewCells:
     """Equations J dx + H = 0 of the lines of all cells, and tests K dx + kappa, from x on.
 
     Attributes
     ----------
+    system : PiecewiseLinearSystem
+    metric : Metric
     x, scale : ndarray, shape (n + 1,)
         At the lower end of the interval, and typical magnitudes of dx, of alpha the length of it.
     selections : list of Selection
@@ -104,6 +68,8 @@ class _Lines:
         By what tests are multiplied to be positive in each cell, and whether they bound it.
     """
 
+    system: PiecewiseLinearSystem
+    metric: Metric
     x: Array
     scale: Array
     selections: list[Selection]
@@ -117,8 +83,13 @@ class _Lines:
     @classmethod
     def of(
         cls, system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
-    ) -> _Lines:
-        """Return the lines of a system, whose functions are checked to be affine."""
+    ) -> FewCells | None:
+        """Return the lines of a system, whose functions are checked to be affine.
+
+        None where there are too many cells or unknowns. Its blocks have been checked.
+        """
+        if number_of_cells(system.blocks()) > FEW_CELLS or system.size > FEW_UNKNOWNS:
+            return None
         x = np.append(np.zeros(system.size), interval[0])
         scale = np.append(metric.scale[:-1], interval[1] - interval[0])
         dx = scale * np.abs(generic(len(x)))
@@ -133,15 +104,67 @@ class _Lines:
         J, H = zip(*(_affine(selection, x, dx) for selection in selections), strict=True)
         sides = np.where([selection.character.array for selection in selections], 1.0, -1.0)
         forms = np.array(J), np.array(H), K, kappa
-        return cls(x, scale, selections, *forms, sides, bounding)
+        return cls(system, metric, x, scale, selections, *forms, sides, bounding)
 
-    def points(self, cells: Indices, tests: Indices) -> Array | None:
-        """Return dx in typical magnitudes where a test vanishes on the line of a cell, for several.
+    def solutions(self) -> list[Found] | None:
+        """Return all solutions at the lower end of the interval.
+
+        None where this way is not certain: where a point lies on an interface, or is known to few
+        digits, where there is none, or the signs of det(dH/dz) do not sum to the degree.
+        """
+        checked_necessary(self.system, float(self.x[-1]))  # not needed, but refused if wrong
+        cells, row = np.arange(len(self.selections)), last_unit(len(self.x))
+        y = self._points(cells, np.tile(row, (len(cells), 1)), np.zeros(len(cells)))
+        if y is None:
+            return None
+        found, signs = [], 0
+        for cell in np.flatnonzero(self._may_hold(cells, y)).tolist():
+            root = self._solved(cell, lambda x: (float((x - self.x)[-1]), row), y[cell])
+            if isinstance(root, Failure):
+                return None
+            point = np.append(root.x[:-1], self.x[-1]), uncertainty(root)
+            meeting = self._holding(point)
+            if np.count_nonzero(meeting) > 1 or self._has_few_digits(point):
+                return None
+            if meeting[cell]:
+                found.append(point)
+                signs += root.factor.sign
+        return found if found and self.system.degree in (None, signs) else None
+
+    def crossings(self) -> list[tuple[int, Found]] | None:
+        """Return all points where a test that bounds a cell vanishes, each with the test.
+
+        Ordered by tests; alpha may be outside the interval by its error. None where this way is not
+        certain.
+        """
+        tests, cells = np.nonzero(self.bounding.T)
+        y = self._points(cells, self.K[tests], self.kappa[tests])
+        if y is None:
+            return None
+        found: list[tuple[int, Found]] = []
+        known: set[tuple[int, int]] = set()
+        for i in np.flatnonzero(self._may_hold(cells, y, tests)):
+            check_budget()
+            test, cell = int(tests[i]), int(cells[i])
+            if (test, cell) in known:
+                continue
+            root = self._solved(cell, _test_of(self.selections[cell], test), y[i])
+            if isinstance(root, Failure):
+                return None
+            point = root.x, uncertainty(root)
+            meeting = self._holding(point)
+            if meeting[cell]:
+                found.append((test, point))
+                known |= {(test, int(other)) for other in np.flatnonzero(meeting)}
+        return found
+
+    def _points(self, cells: Indices, borders: Array, values: Array) -> Array | None:
+        """Return dx in typical magnitudes where functions vanish on the lines of several cells.
 
         None where one of the equations is nearly singular.
         """
-        rows = np.concatenate([self.J[cells], self.K[tests, np.newaxis]], axis=1) * self.scale
-        values = np.column_stack([self.H[cells], self.kappa[tests]])
+        rows = np.concatenate([self.J[cells], borders[:, np.newaxis]], axis=1) * self.scale
+        values = np.column_stack([self.H[cells], values])
         largest = np.abs(rows).max(axis=2)
         if not largest.all():
             return None
@@ -156,21 +179,46 @@ class _Lines:
         points: Array = -(inverse @ (values / largest)[..., np.newaxis])[..., 0]
         return points
 
-    def may_hold(self, cells: Indices, tests: Indices, y: Array) -> Signs:
-        """Tell which points may lie in their closed cells, between the ends of the interval."""
+    def _may_hold(self, cells: Indices, y: Array, tests: Indices | None = None) -> Signs:
+        """Tell which points may lie in their closed cells, between the ends of the interval.
+
+        ``tests`` are those that vanish, one at each point.
+        """
         slack = ROUGH * (1.0 + np.abs(y).max(axis=1, initial=0.0))
         values = self.sides[cells] * (y @ (self.K * self.scale).T + self.kappa)
         sizes = np.abs(self.K) @ self.scale + np.abs(self.kappa)
         outside = self.bounding[cells] & (values < -slack[:, np.newaxis] * sizes)
-        outside[np.arange(len(tests)), tests] = False
+        if tests is not None:
+            outside[np.arange(len(tests)), tests] = False
         between: Signs = (y[:, -1] >= -slack) & (y[:, -1] <= 1.0 + slack)
         between &= ~outside.any(axis=1)
         return between
 
-    def holding(self, values: Array, slack: Array) -> Signs:
-        """Tell in which closed cells a point lies whose tests have these values, shape (c,)."""
+    def _solved(self, cell: int, border: Border, y: Array) -> Root | Failure:
+        """Return the point near one of the batch where a function vanishes in a cell."""
+        # its alpha may be outside the interval by rounding
+        curve = Curve(self.selections[cell], Metric(self.metric.scale))
+        return newton(curve, border, self.x + self.scale * y, REFINEMENTS)
+
+    def _holding(self, found: Found) -> Signs:
+        """Tell in which closed cells a point lies, shape (c,)."""
+        (x, error), system = found, self.system
+        gradients = system.test_jacobian(x[:-1], float(x[-1]))
+        values = system.test_functions(x[:-1], float(x[-1]))
+        slack = slack_of_values(gradients, x, error, self.metric.scale)
         holding: Signs = np.all(~self.bounding | (self.sides * values >= -slack), axis=1)
         return holding
+
+    def _has_few_digits(self, found: Found) -> bool:
+        """Tell whether a point lost its digits."""
+        x, error = found
+        return significant(magnitude(x, error), x, self.metric.scale) < FEW_DIGITS
+
+
+def _test_of(selection: Selection, test: int) -> Border:
+    """Return a test that bounds a cell, with its gradient."""
+    index = int(np.flatnonzero(selection.bounding == test)[0])
+    return lambda x: (selection.test(x, index), selection.test_gradient(x, index))
 
 
 def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
@@ -179,23 +227,3 @@ def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
     residual = selection.residual(x)
     refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
     return jacobian, residual
-
-
-def _solved(selection: Selection, metric: Metric, test: int, x: Array) -> Found | Failure:
-    """Return the point near x where a test vanishes on the line of a cell, and its error."""
-    index = int(np.flatnonzero(selection.bounding == test)[0])
-    curve = Curve(selection, Metric(metric.scale))  # its alpha may be outside by rounding
-    root = newton(
-        curve,
-        lambda y: (selection.test(y, index), selection.test_gradient(y, index)),
-        x,
-        REFINEMENTS,
-    )
-    return root if isinstance(root, Failure) else (root.x, uncertainty(root))
-
-
-def _tests_at(system: PiecewiseLinearSystem, metric: Metric, found: Found) -> tuple[Array, Array]:
-    """Return all tests at a point, and how far below zero they may be computed."""
-    (x, error), gradients = found, system.test_jacobian(found[0][:-1], float(found[0][-1]))
-    values = system.test_functions(x[:-1], float(x[-1]))
-    return values, slack_of_values(gradients, x, error, metric.scale)
