@@ -11,6 +11,7 @@ from pwscont.bench.calls import counted
 from pwscont.curve.metric import Metric
 from pwscont.search import all_transitions
 from pwscont.search.few_cells import FewCells
+from pwscont.transitions.departures import Standing
 
 INTERVAL = (-2.0, 2.0)
 
@@ -97,3 +98,18 @@ def test_graphs_are_those_of_the_search_for_many_cells(seed, monkeypatch):
     marks = [sorted((p.alpha, str(p.kind)) for p in g.special_points()) for g in (graph, other)]
     assert [kind for _, kind in marks[0]] == [kind for _, kind in marks[1]]
     np.testing.assert_allclose(*([alpha for alpha, _ in m] for m in marks), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_transitions_that_are_known_are_not_left_once_more(seed, monkeypatch):
+    left, depart = [], Standing.departures
+
+    def departures(standing):
+        left.append(standing)
+        return depart(standing)
+
+    monkeypatch.setattr(Standing, "departures", departures)
+    graph = explore(problem(*path(2, seed)), INTERVAL)
+    assert len(graph.special_points("transition")) + len(graph.special_points("nonsmooth fold")) > 2
+    starts_and_ends = len(graph.special_points("start")) + len(graph.special_points("end"))
+    assert len(left) <= starts_and_ends

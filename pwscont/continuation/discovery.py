@@ -19,18 +19,26 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.kind import Kind
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.continuation.arrival import (
+    ends_on_purpose,
+    keys_at_end,
+    place_of_arrival,
+    points_inside,
+)
 from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.joints import Edge, Node
 from pwscont.continuation.membership import lies_on
-from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, names
+from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, names
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.packing import place as place_of
-from pwscont.graph.place import Place, Stored
+from pwscont.graph.place import Place
 from pwscont.graph.records import Track
-from pwscont.system.ending import Ending
+from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
+
+#: Where a curve leaves one cell for another.
+CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
 
 @final
@@ -63,7 +71,7 @@ class Discovery:
         """Start from a special point, and follow everything that can be reached from it."""
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
-        arrival, place = replace(arrival, rays=rays), _place(arrival)
+        arrival, place = replace(arrival, rays=rays), place_of_arrival(arrival)
         keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
         if known is not None:
@@ -79,6 +87,24 @@ class Discovery:
             self._register(start, keys)
         dissolve = partial(self._dissolve, start, rays) if interior else None
         self._follow_all(after_first=dissolve)
+
+    def has(self, standing: Standing) -> bool:
+        """Tell whether a solution on an interface is a known transition between the two cells.
+
+        One ray leaves into each (F1): there is nothing else to be found.
+        """
+        if standing.other is None:
+            return False
+        cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
+        one, other = ({node for node, _ in self._by_cell.get(cell, ())} for cell in cells)
+        metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
+        nodes = (self.nodes[node] for node in one & other)
+        return any(
+            node.kind in CROSSED
+            and len(node.keys) == 2
+            and node.keys[0].is_at(metric, standing.x, size)
+            for node in nodes
+        )
 
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
@@ -129,9 +155,9 @@ class Discovery:
         if len(walk.points) == 1:  # not a single step could be taken
             self.nodes[node].stop(walk.arrival.message)
             return
-        key, end = self.nodes[node].keys[index], _place(walk.arrival)
+        key, end = self.nodes[node].keys[index], place_of_arrival(walk.arrival)
         track = Track(key.place, walk.points[1:-1].copy(), end)
-        reached = self._reach(walk, end, _keys(walk, ray, key, end), node)
+        reached = self._reach(walk, end, keys_at_end(walk, ray, key, end), node)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
@@ -149,7 +175,7 @@ class Discovery:
         return tuple(
             ray
             for ray in rays
-            if _points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
+            if points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
         )
 
     def _within(self, walk: FollowedPiece) -> FollowedPiece:
@@ -198,7 +224,7 @@ class Discovery:
 
     def _end_at(self, arrival: SpecialPointFound) -> int | None:
         """Return the node at which other curves end on purpose, at the place of such an end."""
-        if not _ends_on_purpose(arrival):
+        if not ends_on_purpose(arrival):
             return None
         alike = (n for n, node in self.nodes.items() if node.kind == arrival.kind)
         return next((n for n in alike if self.nodes[n].keys[0].is_where(arrival.rays[0])), None)
@@ -248,8 +274,7 @@ class Discovery:
         A start that rounding alone puts on an interface is a point of the pieces on both sides.
         """
         rays = arrival.rays
-        two_sided = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD, Kind.EVENT)
-        crossed = arrival.kind in two_sided and len(rays) == 2
+        crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
         asked = rays if crossed else rays[:1] if interior else ()
         return bool(asked) and all(self._is_known(ray) for ray in asked)
 
@@ -298,50 +323,11 @@ class Discovery:
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
 
 
-def _ends_on_purpose(arrival: SpecialPointFound) -> bool:
-    """Tell whether the system, or an event, ends curves at a special point."""
-    rays = arrival.rays
-    stops = arrival.kind == Kind.EVENT and len(rays) == 1
-    ends = arrival.kind == Kind.END and len(rays) > 0
-    return stops or (ends and isinstance(rays[0].curve.selection.system, Ending))
-
-
 def _is_near(z: Array, other: Array) -> bool:
     return bool(np.abs(z - other).max() <= JOIN * (1.0 + np.abs(z).max()))
-
-
-def _place(arrival: SpecialPointFound) -> Place:
-    """Return the place of an arrival, with the error of its least certain ray.
-
-    The place is stored as a solution of the selection of the piece that arrived.
-    """
-    x = arrival.x
-    if not arrival.rays:
-        return Stored(x, magnitude(x, np.zeros((1, len(x)))))
-    selection = arrival.rays[0].curve.selection
-    states = {id(ray.state.error): ray.state for ray in arrival.rays}  # rays may share it
-    errors = [state.size for state in states.values()]
-    return place_of(selection.system, selection.character, x, errors)
-
-
-def _keys(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
-    """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
-    back, *others = walk.arrival.rays
-    is_straight = len(walk.points) == 2 and back.curve is ray.curve
-    first = key.reversed(end) if is_straight else RayKey.of(back, end)
-    return [first, *(RayKey.of(other, end) for other in others)]
 
 
 def _same_side(forth: Edge, back: Edge) -> bool:
     """Tell whether alpha turns where two halves of a piece begin: the point is a fold."""
     first, second = (float(np.subtract(*edge.track.alpha[1::-1])) for edge in (forth, back))
     return first * second > 0.0
-
-
-def _points_inside(ray: Ray, lo: float, hi: float) -> bool:
-    """Tell whether a ray from a point of the interval stays in it at first.
-
-    At a fold at an end the rays' own alphas may be beside that end by rounding.
-    """
-    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
-    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))

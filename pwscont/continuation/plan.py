@@ -43,7 +43,7 @@ from pwscont.transitions import (
     TransitionDetector,
 )
 from pwscont.transitions.bounds import Bounds
-from pwscont.transitions.departures import departures
+from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events, checked_events
@@ -221,7 +221,9 @@ class Plan:
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
-            discovery.add(self._begun(departures(self.followed, self.metric, x, error)))
+            standing = Standing.of(self.followed, self.metric, x, error)
+            if not discovery.has(standing):
+                discovery.add(self._begun(standing.departures()))
             if budget.spent or (self.system.unique and discovery.spans(*self.interval)):
                 return
 

@@ -19,6 +19,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve
+from pwscont.curve.metric import Metric
 from pwscont.graph.place import Place
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import Ray
@@ -69,12 +70,14 @@ class RayKey:
 
     def is_where(self, ray: Ray) -> bool:
         """Tell whether a ray starts at this place, to within the errors of both."""
-        metric, x = ray.curve.metric, ray.state.x
+        return self.is_at(ray.curve.metric, ray.state.x, ray.state.size)
+
+    def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
+        """Tell whether a point with an error of this size is this place."""
         apart = metric.difference(self.place.x, x)
         if metric.norm(apart) <= metric.slack(x, JOIN):
             return True
-        errors = self.place.error + ray.state.size
-        return bool((np.abs(apart) <= CONFIDENCE * errors).all())
+        return bool((np.abs(apart) <= CONFIDENCE * (self.place.error + size)).all())
 
 
 def _direction(ray: Ray) -> Array:
@@ -93,10 +96,12 @@ def _projections(size: int) -> Array:
 
 def names(ray: Ray) -> tuple[bytes, ...]:
     """Return short names of the cells in which a ray may be met again."""
-    return tuple(
-        cell if len(cell) <= WHOLE else blake2b(cell, digest_size=DIGEST).digest()
-        for cell in ray.cells
-    )
+    return tuple(map(name_of, ray.cells))
+
+
+def name_of(cell: bytes) -> bytes:
+    """Return the short name of a cell."""
+    return cell if len(cell) <= WHOLE else blake2b(cell, digest_size=DIGEST).digest()
 
 
 @final

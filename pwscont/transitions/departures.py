@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import final
+
 import numpy as np
 
 from pwscont.basics.arrays import Array
@@ -24,25 +27,65 @@ from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, 
 from pwscont.transitions.standing import regular_border
 
 
-def departures(
-    system: PiecewiseSystem, metric: Metric, x: Array, error: Array
-) -> SpecialPointFound:
-    """Return a solution ``x`` as a special point, with its kind and its rays.
+@final
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where a solution stands: inside a cell, on the interface of two, or in a corner.
 
-    A point inside a cell has two rays on one curve and the kind START.
+    Attributes
+    ----------
+    x : ndarray, shape (n + 1,)
+    error : ndarray, shape (k, n + 1)
+    zero : frozenset of int
+        The tests that vanish there.
+    curve : Curve
+        Of the cell whose signs the tests have, or seem to have.
+    other : Curve or None
+        Of the cell on the other side, where exactly one test vanishes that bounds a cell.
     """
-    tests = system.test_functions(x[:-1], float(x[-1]))
-    if not np.isfinite(tests).all():
-        raise InvalidSystemError(
-            f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
-            f"{x[-1]:.6g}: all must be finite"
-        )
-    curve = Curve(Selection(system, Character.of(tests)), metric)
-    error = np.atleast_2d(error)  # searches may give one sample as a vector
-    zero = vanishing(system, x, error, metric.scale)
-    if not zero & _bounds_near(system, x, zero):
-        return _inside(curve, x, error)
-    return _on_interface(curve, x, error, zero)
+
+    x: Array
+    error: Array
+    zero: frozenset[int]
+    curve: Curve
+    other: Curve | None
+
+    @classmethod
+    def of(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Standing:
+        """Return where a solution stands.
+
+        Raises
+        ------
+        InvalidSystemError
+            If a test is not finite there.
+        """
+        tests = system.test_functions(x[:-1], float(x[-1]))
+        if not np.isfinite(tests).all():
+            raise InvalidSystemError(
+                f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
+                f"{x[-1]:.6g}: all must be finite"
+            )
+        curve = Curve(Selection(system, Character.of(tests)), metric)
+        error = np.atleast_2d(error)  # searches may give one sample as a vector
+        zero = vanishing(system, x, error, metric.scale)
+        if not zero & _bounds_near(system, x, zero):
+            return cls(x, error, frozenset(), curve, None)
+        other = None
+        if len(zero) == 1:
+            (test,) = zero
+            other = Curve(Selection(system, beyond(curve.selection, x, test)), metric)
+        return cls(x, error, zero, curve, other)
+
+    def departures(self) -> SpecialPointFound:
+        """Return the solution as a special point, with its kind and its rays.
+
+        A point inside a cell has two rays on one curve and the kind START.
+        """
+        if not self.zero:
+            return _inside(self.curve, self.x, self.error)
+        if self.other and (found := _on_interface(self, self.other)):
+            return found
+        return corner(self.curve, self.x, self.error, self.zero)
 
 
 def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set[int]:
@@ -70,16 +113,15 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     )
 
 
-def _on_interface(curve: Curve, x: Array, error: Array, zero: frozenset[int]) -> SpecialPointFound:
-    if len(zero) == 1:
-        (test,) = zero
-        system = curve.selection.system
-        other = Curve(Selection(system, beyond(curve.selection, x, test)), curve.metric)
-        rays = [inward_ray(side, x, error, test) for side in (curve, other)]
-        check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
-        found = [ray for ray in rays if ray is not None]
-        if len(found) == 2:
-            kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
-            characters = curve.selection.character, other.selection.character
-            return SpecialPointFound(kind, x, system.describe_transition(*characters), tuple(found))
-    return corner(curve, x, error, zero)
+def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
+    """Return the special point on an interface with a ray into each cell, if there are both."""
+    (test,), curve, x, error = standing.zero, standing.curve, standing.x, standing.error
+    rays = [inward_ray(side, x, error, test) for side in (curve, other)]
+    check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
+    found = tuple(ray for ray in rays if ray is not None)
+    if len(found) < 2:
+        return None
+    kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
+    characters = curve.selection.character, other.selection.character
+    message = curve.selection.system.describe_transition(*characters)
+    return SpecialPointFound(kind, x, message, found)

@@ -1,0 +1,55 @@
+"""Where pieces arrive: the place of a special point, the keys of its rays, and which stay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont.basics.kind import Kind
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.continuation.follow import FollowedPiece
+from pwscont.continuation.ray_keys import RayKey
+from pwscont.curve.error_samples import magnitude
+from pwscont.graph.packing import place as place_of
+from pwscont.graph.place import Place, Stored
+from pwscont.system.ending import Ending
+from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.rays import Ray
+
+
+def ends_on_purpose(arrival: SpecialPointFound) -> bool:
+    """Tell whether the system, or an event, ends curves at a special point."""
+    rays = arrival.rays
+    stops = arrival.kind == Kind.EVENT and len(rays) == 1
+    ends = arrival.kind == Kind.END and len(rays) > 0
+    return stops or (ends and isinstance(rays[0].curve.selection.system, Ending))
+
+
+def place_of_arrival(arrival: SpecialPointFound) -> Place:
+    """Return the place of an arrival, with the error of its least certain ray.
+
+    The place is stored as a solution of the selection of the piece that arrived.
+    """
+    x = arrival.x
+    if not arrival.rays:
+        return Stored(x, magnitude(x, np.zeros((1, len(x)))))
+    selection = arrival.rays[0].curve.selection
+    states = {id(ray.state.error): ray.state for ray in arrival.rays}  # rays may share it
+    errors = [state.size for state in states.values()]
+    return place_of(selection.system, selection.character, x, errors)
+
+
+def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
+    """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
+    back, *others = walk.arrival.rays
+    is_straight = len(walk.points) == 2 and back.curve is ray.curve
+    first = key.reversed(end) if is_straight else RayKey.of(back, end)
+    return [first, *(RayKey.of(other, end) for other in others)]
+
+
+def points_inside(ray: Ray, lo: float, hi: float) -> bool:
+    """Tell whether a ray from a point of the interval stays in it at first.
+
+    At a fold at an end the rays' own alphas may be beside that end by rounding.
+    """
+    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
+    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
