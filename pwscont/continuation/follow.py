@@ -218,7 +218,7 @@ class _Reached:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""
         if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
             return []
-        middle = segment.point(0.5 * event.position, event.state.factor)
+        middle = segment.point(0.5 * event.position, event.state.located_by)
         return [] if middle is None else [middle]
 
     def stopped(self, why: str) -> FollowedPiece:

@@ -47,7 +47,7 @@ class State:
         correction.
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
-    factor : Factor, optional
+    located_by : Factor, optional
         Where a function vanishes: a factorisation of [J; its gradient], which has nearly
         everything that the piece beyond begins with. It is not kept with the way back.
     """
@@ -57,7 +57,7 @@ class State:
     error: Array
     orientation: int
     _size: Array | None = field(default=None, repr=False)
-    factor: Factor | None = field(default=None, repr=False)
+    located_by: Factor | None = field(default=None, repr=False)
 
     @property
     def size(self) -> Array:

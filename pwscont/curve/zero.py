@@ -51,7 +51,7 @@ def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     tangent = curve.metric.normalised(-rising)
-    state = State(root.x, tangent, error, -factor.sign, factor=factor)
+    state = State(root.x, tangent, error, -factor.sign, located_by=factor)
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

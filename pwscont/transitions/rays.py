@@ -148,7 +148,7 @@ def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
     selections do not agree along the interface, or where there is no ray: :func:`inward_ray` tells.
     """
     selection, metric, x = curve.selection, curve.metric, state.x
-    if state.factor is None or test not in selection.bounding:
+    if state.located_by is None or test not in selection.bounding:
         return None
     there = _Beyond(selection.jacobian(x), -gradient_of(selection, x, test), state)
     some, rest = metric.scale * generic(len(x)), joined(selection.residual(x), 0.0)
@@ -172,8 +172,8 @@ class _Beyond:
     """
 
     def __init__(self, jacobian: Matrix, row: Array, state: State) -> None:
-        assert state.factor is not None, "the factorisation that located the state"
-        self._jacobian, self._row, self._factor = jacobian, row, state.factor
+        assert state.located_by is not None, "the factorisation that located the state"
+        self._jacobian, self._row, self._factor = jacobian, row, state.located_by
         self._before = state.tangent / float(row.dot(state.tangent))
         self._c = jacobian @ self._before
 
