@@ -71,9 +71,10 @@ class ContactAlgebra:
         self.A, self.r, self.solver = body.A, r, solver
         self.n, self.p = body.n, body.p
         self.slides = ~body.guided
-        self.normal, self.tangential = picked(body.N), picked(body.T)
+        normal, tangential = picked(body.N), picked(body.T)
         self.partner = np.arange(body.n)
-        self.partner[self.tangential] = self.normal
+        self.partner[tangential] = normal
+        self.normal, self.tangential = _span(normal), _span(tangential)
         #: A is scaled to D A D, with a diagonal of about one.
         self.D = power_of_two(1.0 / np.sqrt(body.A.diagonal()))
         self.largest = np.array([np.abs(row).max() for row in body.A])
@@ -186,3 +187,10 @@ def _picks(rows: Matrix) -> bool:
 def picked(rows: Any) -> Indices:
     """Return the displacement that each row picks, shape (p,)."""
     return np.asarray(sp.csr_matrix(rows).indices, dtype=np.intp)
+
+
+def _span(numbers: Indices) -> Indices | slice:
+    """Return consecutive numbers as a slice, of which numpy makes no copy."""
+    first, last = (int(numbers[0]), int(numbers[-1])) if len(numbers) else (0, -1)
+    is_span = np.array_equal(numbers, np.arange(first, last + 1))
+    return slice(first, last + 1) if is_span else numbers

@@ -53,7 +53,7 @@ class ContactMatrix(Core):
     def displacements(self) -> Displacements:
         """M for the displacements; most matrices of a straight path are never solved with."""
         keys = np.zeros(self.algebra.n)
-        keys[self.algebra.normal[self.touches]] = np.inf
+        keys[self.algebra.normal] = np.where(self.touches, np.inf, 0.0)
         keys[self.algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
         return Displacements(self.algebra, keys)
 
