@@ -69,6 +69,36 @@ class Stored(Place):
         return from_first_digits(self._error)
 
 
+@final
+class WorkedOut(Place):
+    """A place that is asked again and again for a moment.
+
+    Parameters
+    ----------
+    place : Place
+    """
+
+    __slots__ = ("_error", "_x")
+
+    def __init__(self, place: Place) -> None:
+        self._x, self._error = place.x, place.error
+
+    @property
+    def alpha(self) -> float:
+        """The parameter."""
+        return float(self._x[-1])
+
+    @property
+    def x(self) -> Array:
+        """The point, not to be written to."""
+        return self._x
+
+    @property
+    def error(self) -> Array:
+        """The estimate of its error."""
+        return self._error
+
+
 def first_digits(error: Array) -> npt.NDArray[np.uint16]:
     """Return estimates of errors, not negative, in two bytes each; rounded up by up to 6 %."""
     bits = np.ascontiguousarray(error, dtype=float).view(np.uint64)

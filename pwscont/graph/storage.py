@@ -13,12 +13,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+import numpy.typing as npt
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
@@ -30,7 +31,7 @@ from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.consistency import check_places, check_references
 from pwscont.graph.fields import DamagedError, Fields
 from pwscont.graph.passages import Said
-from pwscont.graph.place import Stored, first_digits, from_first_digits
+from pwscont.graph.place import Stored, WorkedOut, first_digits, from_first_digits
 from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
 
 FORMAT = "pwscont branch graph"
@@ -64,23 +65,46 @@ def write(path: str | Path, contents: Contents) -> None:
     GraphFileError
         If it cannot be written.
     """
-    special = (*contents.points, *contents.starts)
+    nodes, starts = _SpecialPoints(contents.points), _SpecialPoints(contents.starts)
     arrays = {
-        "nodes": _stack([point.z for point in contents.points]),
-        "starts": _stack([point.z for point in contents.starts]),
-        "errors": _stack([first_digits(point.error) for point in special]).astype(np.uint16),
+        "nodes": _stack(nodes.states),
+        "starts": _stack(starts.states),
+        "errors": _stack([*nodes.errors, *starts.errors]).astype(np.uint16),
         "points": _stack([piece.points for piece in contents.pieces]),
     }
+    header = _header(contents) | {"nodes": nodes.headers, "starts": starts.headers}
     content = BytesIO()
     # not compressed: digits are random, and compressing them takes ten times as long as all else
-    np.savez(content, header=np.array(json.dumps(_header(contents))), **arrays)
+    np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
-        _replace(Path(path), content.getvalue())
+        _replace(Path(path), content.getbuffer())
     except OSError as error:
         raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
 
 
+@final
+class _SpecialPoints:
+    """What a file holds of special points; each place is worked out once.
+
+    Attributes
+    ----------
+    states, errors : list of ndarray, each of shape (n,) and (n + 1,)
+    headers : list of dict
+    """
+
+    def __init__(self, points: Sequence[SpecialPoint]) -> None:
+        self.states: list[Array] = []
+        self.errors: list[npt.NDArray[np.uint16]] = []
+        self.headers: list[dict[str, Any]] = []
+        for packed in points:
+            point = replace(packed, place=WorkedOut(packed.place))
+            self.states.append(point.z)
+            self.errors.append(first_digits(point.error))
+            self.headers.append(_node_header(point))
+
+
 def _header(contents: Contents) -> dict[str, Any]:
+    """Return all of the header but special points."""
     searched = contents.searched
     header = {
         "format": FORMAT,
@@ -88,14 +112,12 @@ def _header(contents: Contents) -> dict[str, Any]:
         "interval": contents.interval,
         "parameter": contents.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
-        "nodes": [_node_header(point) for point in contents.points],
-        "starts": [_node_header(point) for point in contents.starts],
         "pieces": [_piece_header(piece) for piece in contents.pieces],
     }
     return header if contents.names is None else header | {"names": contents.names}
 
 
-def _replace(target: Path, content: bytes) -> None:
+def _replace(target: Path, content: memoryview) -> None:
     """Write a file that appears whole or not at all, and leaves nothing else behind."""
     temporary = target.with_name(target.name + ".part")
     try:
@@ -134,7 +156,7 @@ def _piece_header(piece: Piece) -> dict[str, Any]:
         "signs": str(piece.character),
         "label": piece.label,
         "det_sign": piece.det_sign,
-        "count": len(piece.points),
+        "count": len(piece.track.inner) + 2,
     }
 
 
