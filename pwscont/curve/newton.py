@@ -145,9 +145,8 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         return root.factor, along
     jacobian = curve.selection.jacobian(root.x)
     for _ in range(MOST_CHORDS):
-        correction = root.factor.solve(
-            joined(jacobian @ along, float(np.sum(root.row @ along)) - 1.0)
-        )
+        excess = (root.row @ along).item() - 1.0
+        correction = root.factor.solve(joined(jacobian @ along, excess))
         along = along - correction
         if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
             return root.factor, along
