@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+from pwscont_coulomb.rows import SparseGradients
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10, fig13
 
 from pwscont import (
@@ -231,8 +232,8 @@ def test_no_words_and_digits_are_made_before_they_are_asked_for(monkeypatch):
 
 
 def test_gradients_of_tests_are_made_once_where_they_are_constant(monkeypatch):
-    made, make = [], CoulombLoad.test_gradients
-    monkeypatch.setattr(CoulombLoad, "test_gradients", lambda *of: made.append(1) or make(*of))
+    made, make = [], SparseGradients.at
+    monkeypatch.setattr(SparseGradients, "at", lambda *of: made.append(1) or make(*of))
     graph = counts(random_path(p=33), (-5.0, 0.0), ExactLinear())[1]
     assert len(graph.pieces) > 10
     assert len(made) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad, HarmonicLoad
 
 from pwscont import (
     Block,
@@ -158,6 +158,21 @@ def test_affine_load_must_be_finite(bad):
 def test_affine_load_shapes_must_agree():
     with pytest.raises(InvalidInputError, match="f1 has shape"):
         AffineLoad([0.0, 0.0], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([0.0, np.nan], [1.0, 0.0], [0.0, 1.0]), "f0 must be finite"),
+        (([0.0, 0.0], [1.0], [0.0, 1.0]), "fc has shape"),
+        (([0.0, 0.0], [1.0, 0.0], [0.0, 1.0, 2.0]), "fs has shape"),
+        (([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], np.inf), "w must be finite"),
+        (([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], 1.0, [1.0, 2.0]), "phase has shape"),
+    ],
+)
+def test_harmonic_load(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        HarmonicLoad(*arguments)
 
 
 def test_load_path_with_a_wrong_shape():

@@ -5,7 +5,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from paper_systems import CASES, REFERENCE, STRAIGHT
+from paper_systems import CASES, REFERENCE, STRAIGHT, circle, sphere
+from pwscont_coulomb.scenes import circular_path, periodic_path
 from reference_enumeration import (
     det_sign,
     enumerate_solutions,
@@ -230,3 +231,11 @@ def test_only_fig12_has_vertical_pieces(name):
     case = CASES[name]
     graph = explore(case.system, case.interval)
     assert not any(piece.is_vertical for piece in graph.pieces)
+
+
+@pytest.mark.parametrize(("load", "paper"), [(circular_path(), circle), (periodic_path(), sphere)])
+def test_harmonic_loads_are_the_papers_and_know_their_derivatives(load, paper):
+    for alpha in np.linspace(-7.0, 7.0, 29):
+        np.testing.assert_allclose(load(alpha), paper(alpha), rtol=0, atol=1e-14)
+        change = (paper(alpha + 1e-5) - paper(alpha - 1e-5)) / 2e-5
+        np.testing.assert_allclose(load.derivative(alpha), change, rtol=0, atol=1e-8)

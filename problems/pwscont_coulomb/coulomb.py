@@ -311,17 +311,6 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
             return ContactMatrix(self.algebra, mode, friction)
         return self._states.at(mode, friction)
 
-    def test_gradients(self, friction: Array, by_alpha: Array) -> Matrix:
-        """Return the gradients of all tests, shape (3 p, n + 2 p + 1).
-
-        Parameters
-        ----------
-        friction : ndarray, shape (p,)
-        by_alpha : ndarray, shape (3 p,)
-            Derivatives by alpha, the last column.
-        """
-        return self._gradients.at(friction, by_alpha)
-
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""
         if isinstance(matrix, ContactMatrix):

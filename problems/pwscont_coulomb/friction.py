@@ -13,6 +13,7 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.per_node import not_negative
+from pwscont_coulomb.rows import by_node
 from pwscont_coulomb.states import SLIPS
 
 
@@ -76,7 +77,13 @@ class CoulombFriction(Coulomb):
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of the tests; kappa2 and kappa3 depend on F."""
-        by_alpha = np.zeros(3 * self.body.p)
-        by_alpha[2::3] = bound = self.profile * self.kappa1(z)
-        by_alpha[1::3] = -bound
-        return self.test_gradients(self.friction_at(alpha), by_alpha)
+        return self._gradients.at(self.friction_at(alpha), self._tests_by_friction(z))
+
+    def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
+        """Return some of these rows."""
+        return self._gradients.some(which, self.friction_at(alpha), self._tests_by_friction(z))
+
+    def _tests_by_friction(self, z: Array) -> Array:
+        """Return the derivatives of the tests by F, shape (3 p,)."""
+        bound = self.profile * self.kappa1(z)
+        return by_node(np.zeros_like(bound), -bound, bound)

@@ -10,39 +10,14 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
-from pwscont.extending import Array, Indices, Matrix, finite_array, named
+from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
+from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.per_node import not_negative
-
-
-@final
-class AffineLoad:
-    """The load path f(alpha) = f0 + alpha f1.
-
-    Parameters
-    ----------
-    f0, f1 : array_like, shape (n,)
-        Load at alpha = 0 and load per unit of alpha.
-    """
-
-    def __init__(self, f0: Any, f1: Any) -> None:
-        self.f0 = finite_array("f0", f0)
-        self.f1 = finite_array("f1", f1, self.f0.shape)
-
-    def __repr__(self) -> str:
-        return named(self, f"f0 + alpha f1, n = {len(self.f0)}")
-
-    def __call__(self, alpha: float) -> Array:
-        """Return f(alpha), shape (n,)."""
-        return self.f0 + alpha * self.f1
-
-    def derivative(self, alpha: float) -> Array:
-        """Return df/dalpha, shape (n,)."""
-        return self.f1
 
 
 class CoulombLoad(Coulomb):
@@ -153,7 +128,7 @@ class CoulombLoad(Coulomb):
 
     @cached_property
     def _test_gradients(self) -> Matrix:
-        return self.test_gradients(self.friction, np.zeros(3 * self.body.p))
+        return self._gradients.at(self.friction, np.zeros(3 * self.body.p))
 
 
 @final

@@ -21,7 +21,8 @@ from functools import partial
 
 from pwscont import Axes, PlaneScene
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.load import AffineLoad, CoulombLoad
+from pwscont_coulomb.load import CoulombLoad
+from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.scenes import one_node, two_nodes
 
 SECTORS = {

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Matrix, dense
+from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont_coulomb.body import ContactBody
 
 #: Up to this many rows are taken out of a sparse matrix as dense ones.
@@ -49,22 +49,31 @@ class GradientRows(sp.csr_matrix):  # type: ignore[misc]
         """Return rows by their numbers, or whatever scipy returns for other keys."""
         if not isinstance(key, np.ndarray) or key.dtype.kind != "i":
             return super().__getitem__(key)
-        first, counts = self.indptr[key], self.indptr[key + 1] - self.indptr[key]
-        ends = np.cumsum(counts)
-        entries = np.arange(counts.sum()) + np.repeat(first - ends + counts, counts)
-        data, columns = self.data[entries], self.indices[entries]
-        shape = (len(key), self.shape[1])
-        if len(key) > FEW:
-            return GradientRows((data, columns, np.append(0, ends)), shape)
-        rows = np.zeros(shape)
-        rows[np.repeat(np.arange(len(key)), counts), columns] = data
-        return rows
+        entries, counts = _entries(self.indptr, key)
+        return _taken(self.data[entries], self.indices[entries], counts, self.shape[1])
 
     def __abs__(self) -> Matrix:
         """Return the magnitudes, which are remembered."""
         if not hasattr(self, "_magnitudes"):
             self._magnitudes = super().__abs__()
         return self._magnitudes
+
+
+def _entries(starts: Indices, rows: Indices) -> tuple[Indices, Indices]:
+    """Return where the entries of some rows are stored, and how many there are in each."""
+    first, counts = starts[rows], starts[rows + 1] - starts[rows]
+    before = np.cumsum(counts) - counts
+    return np.arange(counts.sum()) + np.repeat(first - before, counts), counts
+
+
+def _taken(data: Array, columns: Indices, counts: Indices, width: int) -> Matrix:
+    """Return rows, dense if they are few, from their entries and how many each has."""
+    if len(counts) > FEW:
+        starts = np.append(0, np.cumsum(counts))
+        return GradientRows((data, columns, starts), (len(counts), width))
+    rows = np.zeros((len(counts), width))
+    rows[np.repeat(np.arange(len(counts)), counts), columns] = data
+    return rows
 
 
 @final
@@ -106,6 +115,14 @@ class SparseGradients:
         pattern = self._pattern
         return GradientRows((data, pattern.indices, pattern.indptr), pattern.shape)
 
+    def some(self, which: Indices, friction: Array, by_alpha: Array) -> Matrix:
+        """Return only some of these rows, of which no others are computed."""
+        pattern = self._pattern
+        entries, counts = _entries(pattern.indptr, which)
+        data = self._fixed[entries] + friction[self._node[entries]] * self._slopes[entries]
+        data[self._last[entries]] = by_alpha[which]
+        return _taken(data, pattern.indices[entries], counts, pattern.shape[1])
+
 
 @final
 class DenseGradients:
@@ -121,6 +138,11 @@ class DenseGradients:
         rows[1::3, :-1] -= bound
         rows[2::3, :-1] += bound
         rows[:, -1] = by_alpha
+        return rows
+
+    def some(self, which: Indices, friction: Array, by_alpha: Array) -> Matrix:
+        """Return only some of these rows."""
+        rows: Matrix = self.at(friction, by_alpha)[which]
         return rows
 
 

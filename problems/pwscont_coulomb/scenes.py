@@ -16,7 +16,8 @@ from pwscont import Panel, ParameterPath, Scene
 from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
-from pwscont_coulomb.load import AffineLoad, CoulombLoad
+from pwscont_coulomb.load import CoulombLoad
+from pwscont_coulomb.load_paths import AffineLoad, HarmonicLoad
 from pwscont_coulomb.modes import word
 
 
@@ -37,24 +38,17 @@ def two_nodes() -> ContactBody:
     return ContactBody(A, N=picks[[0, 2]], T=picks[[1, 3]])
 
 
-def circular_path(alpha: float) -> Array:
+def circular_path() -> HarmonicLoad:
     """Return the load of Figs. 10 to 12, once around a circle for alpha in [0, 1]."""
-    angle = 2.0 * np.pi * alpha - 0.45
-    return np.array([0.9 * np.cos(angle) + 1.0, 0.9 * np.sin(angle) - 1.0])
+    return HarmonicLoad([1.0, -1.0], [0.9, 0.0], [0.0, 0.9], w=2.0 * np.pi, phase=-0.45)
 
 
-def periodic_path(phi: float) -> Array:
+def periodic_path() -> HarmonicLoad:
     """Return the load of Example 2 on the hypersphere, with psi = theta = 0."""
     R, phi0, psi0, theta0 = 2.5729, 3.9615, 1.4147, 0.9395
+    middle = [R * np.cos(psi0), R * np.cos(theta0) * np.sin(psi0), 0.0, 0.0]
     around = R * np.sin(theta0) * np.sin(psi0)
-    return np.array(
-        [
-            R * np.cos(psi0),
-            R * np.cos(theta0) * np.sin(psi0),
-            around * np.cos(phi + phi0),
-            around * np.sin(phi + phi0),
-        ]
-    )
+    return HarmonicLoad(middle, [0.0, 0.0, around, 0.0], [0.0, 0.0, 0.0, around], phase=phi0)
 
 
 def _panels(body: ContactBody) -> tuple[Panel, ...]:
@@ -137,7 +131,7 @@ def fig7() -> Scene:
 
 def _circle(name: str, friction: float) -> Scene:
     title = f"one node, circular load path, F = {friction:g}"
-    return _along_load(name, title, one_node(), circular_path, friction, (0.0, 1.0))
+    return _along_load(name, title, one_node(), circular_path(), friction, (0.0, 1.0))
 
 
 def fig10() -> Scene:
@@ -188,7 +182,7 @@ def example2() -> Scene:
         "example2",
         "two nodes, periodic load path on a sphere, F = 4",
         two_nodes(),
-        periodic_path,
+        periodic_path(),
         4.0,
         (0.0, 2.0 * np.pi),
         parameter="phi",

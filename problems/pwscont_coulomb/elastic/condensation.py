@@ -18,7 +18,7 @@ from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.elimination import Elimination
 from pwscont_coulomb.elastic.multifrontal import Multifrontal
 from pwscont_coulomb.elastic.problem import ElasticProblem
-from pwscont_coulomb.load import AffineLoad
+from pwscont_coulomb.load_paths import AffineLoad
 
 
 @final

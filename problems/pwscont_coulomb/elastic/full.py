@@ -11,7 +11,7 @@ from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.problem import ElasticProblem
-from pwscont_coulomb.load import AffineLoad
+from pwscont_coulomb.load_paths import AffineLoad
 
 
 @final

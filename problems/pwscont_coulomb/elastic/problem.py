@@ -13,7 +13,8 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.elastic.arguments import check_number
 from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.friction import CoulombFriction
-from pwscont_coulomb.load import AffineLoad, CoulombLoad
+from pwscont_coulomb.load import CoulombLoad
+from pwscont_coulomb.load_paths import AffineLoad
 
 
 class ElasticProblem(ABC):

@@ -1,0 +1,69 @@
+"""Paths that a load may take, with their derivatives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, final
+
+from pwscont.extending import Array, finite_array, named
+
+
+@final
+class AffineLoad:
+    """The load path f(alpha) = f0 + alpha f1.
+
+    Parameters
+    ----------
+    f0, f1 : array_like, shape (n,)
+        Load at alpha = 0 and load per unit of alpha.
+    """
+
+    def __init__(self, f0: Any, f1: Any) -> None:
+        self.f0 = finite_array("f0", f0)
+        self.f1 = finite_array("f1", f1, self.f0.shape)
+
+    def __repr__(self) -> str:
+        return named(self, f"f0 + alpha f1, n = {len(self.f0)}")
+
+    def __call__(self, alpha: float) -> Array:
+        """Return f(alpha), shape (n,)."""
+        return self.f0 + alpha * self.f1
+
+    def derivative(self, alpha: float) -> Array:
+        """Return df/dalpha, shape (n,)."""
+        return self.f1
+
+
+@final
+class HarmonicLoad:
+    """The cyclic load path f(alpha) = f0 + cos(w alpha + phase) fc + sin(w alpha + phase) fs.
+
+    Parameters
+    ----------
+    f0, fc, fs : array_like, shape (n,)
+        Load in the middle, and the amplitudes of cosine and sine.
+    w : float, optional
+        Angle per unit of alpha; default 1.
+    phase : float, optional
+        Angle at alpha = 0; default 0.
+    """
+
+    def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
+        self.f0 = finite_array("f0", f0)
+        self.fc = finite_array("fc", fc, self.f0.shape)
+        self.fs = finite_array("fs", fs, self.f0.shape)
+        self.w = float(finite_array("w", w, ()))
+        self.phase = float(finite_array("phase", phase, ()))
+
+    def __repr__(self) -> str:
+        return named(self, f"angle {self.w:g} alpha + {self.phase:g}, n = {len(self.f0)}")
+
+    def __call__(self, alpha: float) -> Array:
+        """Return f(alpha), shape (n,)."""
+        angle = self.w * alpha + self.phase
+        return self.f0 + math.cos(angle) * self.fc + math.sin(angle) * self.fs
+
+    def derivative(self, alpha: float) -> Array:
+        """Return df/dalpha, shape (n,)."""
+        angle = self.w * alpha + self.phase
+        return self.w * (math.cos(angle) * self.fs - math.sin(angle) * self.fc)
