@@ -163,18 +163,17 @@ class Displacements(RowMatrix):
         """Return the whole matrix in Fortran order."""
         a = self._algebra
         # A is symmetric, and each row of the matrix a column of its transpose
-        columns = np.take(a.by_rows, a.partner, axis=1)
-        columns *= self._key
-        np.subtract(a.by_rows, columns, out=columns)
-        columns *= a.D[:, np.newaxis]
-        columns *= a.D * a.weights(self.keys)
-        columns[:, self.unit] = 0.0
+        columns = a.by_rows * a.D[:, np.newaxis]
+        columns[:, a.tangential] -= self._key[a.tangential] * columns[:, a.normal]
+        columns *= np.where(self.unit, 0.0, a.D * a.weights(self.keys))
         columns[self.unit, self.unit] = 1.0
         return columns.T
 
     def product(self, x: Array, force: Array) -> Array:
         """Return M x for x and A D x, shape (..., n)."""
-        product = self.scale * (force - self._key * force[..., self._algebra.partner])
+        a, product = self._algebra, force.copy()
+        product[..., a.tangential] -= self._key[a.tangential] * force[..., a.normal]
+        product *= self.scale
         return np.where(self.unit, x, product)
 
 
@@ -190,7 +189,8 @@ def picked(rows: Any) -> Indices:
 
 
 def _span(numbers: Indices) -> Indices | slice:
-    """Return consecutive numbers as a slice, of which numpy makes no copy."""
+    """Return numbers that rise in equal steps as a slice, of which numpy makes no copy."""
     first, last = (int(numbers[0]), int(numbers[-1])) if len(numbers) else (0, -1)
-    is_span = np.array_equal(numbers, np.arange(first, last + 1))
-    return slice(first, last + 1) if is_span else numbers
+    step = int(numbers[1]) - first if len(numbers) > 1 else 1
+    rises = step > 0 and np.array_equal(numbers, np.arange(first, last + 1, step))
+    return slice(first, last + 1, step) if rises else numbers

@@ -62,8 +62,8 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     factorisation that it has; another one is made where these do not shrink.
     """
     settled = again(curve, border, root)
+    error = uncertainty(settled)  # that of a few corrections more differs by rounding
     for _ in range(MOST_CHORDS):
-        error = uncertainty(settled)
         if is_within(settled, error) and curve.metric.admits(settled.x):
             return settled, error
         settled = again(curve, border, settled)

@@ -152,11 +152,12 @@ def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
         return None
     there = _Beyond(selection.jacobian(x), -gradient_of(selection, x, test), state)
     some, rest = metric.scale * generic(len(x)), joined(selection.residual(x), 0.0)
-    same, defect = there.solve_all(np.stack([there @ some, rest]))
+    asked = np.stack([there @ some, rest, there.excess(there.before)])
+    same, defect, change = there.solve_all(asked)
     agree = metric.norm(same - some) <= STALLED * metric.norm(some)
     if not (agree and metric.norm(defect) <= metric.slack(x, DISAGREE)):
         return None
-    outwards = there.direction(metric)
+    outwards = there.direction(there.before - change, metric)
     if outwards is None:
         return None
     onwards = metric.normalised(-outwards)
@@ -169,13 +170,18 @@ class _Beyond:
 
     With c = J' w, where J w = 0 and g.w = 1, it is [[I, c], [0, 1]] [J; g], if the selections agree
     along the interface. Determinants are the same.
+
+    Attributes
+    ----------
+    before : ndarray, shape (n + 1,)
+        w.
     """
 
     def __init__(self, jacobian: Matrix, row: Array, state: State) -> None:
         assert state.located_by is not None, "the factorisation that located the state"
         self._jacobian, self._row, self._factor = jacobian, row, state.located_by
-        self._before = state.tangent / float(row.dot(state.tangent))
-        self._c = jacobian @ self._before
+        self.before = state.tangent / float(row.dot(state.tangent))
+        self._c = jacobian @ self.before
 
     def __matmul__(self, x: Array) -> Array:
         return joined(self._jacobian @ x, float(self._row.dot(x)))
@@ -185,14 +191,18 @@ class _Beyond:
         rhs[:, :-1] -= np.outer(rhs[:, -1], self._c)
         return self._factor.solve_all(rhs)
 
-    def direction(self, metric: Metric) -> Array | None:
+    def excess(self, along: Array) -> Array:
+        """Return by how much a direction misses the one in which the test rises by one."""
+        return self @ along - last_unit(len(along))
+
+    def direction(self, along: Array, metric: Metric) -> Array | None:
         """Return the direction in which the test rises, None where corrections do not converge.
 
         It is right to rounding: a piece on which alpha does not change at all is known by it.
         """
-        along, before = self._before, math.inf
+        before = math.inf
         for _ in range(MOST_CORRECTIONS):
-            (change,) = self.solve_all((self @ along - last_unit(len(along)))[np.newaxis])
+            (change,) = self.solve_all(self.excess(along)[np.newaxis])
             along, size = along - change, metric.norm(change) / metric.norm(along)
             if size <= GUARD * EPS or STALLED * before < size < CONVERGED:
                 return np.asarray(along)
