@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import PiecewiseLinearSystem, explore, trace
+from pwscont import PiecewiseLinearSystem, check_system, explore, trace
 
 
 class Switches(PiecewiseLinearSystem):
@@ -99,3 +99,67 @@ def test_a_singular_cell_by_differences_has_no_solution_far_away():
     for alpha in (1.2, 1.5, 2.0):
         (solution,) = graph.solutions(alpha)
         assert solution.z[0] == pytest.approx(1.9 * alpha - 0.15)
+
+
+class Ties(Switches):
+    """A z - C1 |z - k| = a + alpha b, with whole numbers: tests vanish together at corners."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        n = 1 + seed % 3
+        A = 3.0 * np.eye(n) + rng.integers(-1, 2, (n, n))
+        C = np.diag(rng.integers(-1, 2, n)).astype(float)
+        super().__init__(A, C, np.zeros(n), np.zeros(n), rng.integers(-2, 3, n).astype(float))
+
+
+class BufferedTies(Ties, Buffered):
+    """The same with buffers."""
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_corners_with_buffers(seed):
+    true, found = (explore(kind(seed), (-1.0, 1.0)) for kind in (Ties, BufferedTies))
+    assert true.guarantee == found.guarantee
+    assert marks(found) == marks(true)
+    assert found.multiplicity() == true.multiplicity()
+
+
+def test_corner_along_an_interface_with_buffers():
+    """z = 0 solves the equation for alpha <= -1; both Jacobians are needed at one corner."""
+
+    class Rides(Buffered):
+        size = 1
+
+        def __init__(self):
+            pass
+
+        def test_functions(self, z, alpha):
+            tests = np.array([alpha + 1.0 - z[0], alpha - z[0], z[0], -alpha - 1.0])
+            return self.given("tests", tests)
+
+        def residual(self, z, alpha, character):
+            g = np.where(character.array, 1.0, -1.0)
+            row = -3.0 * z[0] - alpha - 1.0 - g[0] * (alpha + 1.0 - z[0]) - g[2] * z[0]
+            return self.given("residual", np.array([row]))
+
+        def jacobian(self, z, alpha, character):
+            g = np.where(character.array, 1.0, -1.0)
+            return self.given("jacobian", np.array([[g[0] - g[2] - 3.0, -1.0 - g[0]]]))
+
+        test_jacobian = PiecewiseLinearSystem.test_jacobian
+
+    graph = explore(Rides(), (-1.5, -0.5))
+    assert graph.guarantee == "complete"
+    for alpha in (-1.3, -1.1, -0.9, -0.6):
+        (solution,) = graph.solutions(alpha)
+        assert solution.z[0] == pytest.approx(min(0.0, -2.0 * (alpha + 1.0)), abs=1e-14)
+
+
+def test_check_system_sees_jumps_with_buffers():
+    class Jumps(Buffered):
+        def residual(self, z, alpha, character):
+            whole = Switches.residual(self, z, alpha, character) + 0.5 * character.array[0]
+            return self.given("residual", whole)
+
+    system = Jumps(*given(2, 0))
+    assert "H jumps" in str(check_system(system, [(system.k + [0.1, 0.2], 0.3)]))

@@ -30,7 +30,7 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
-from pwscont.system.contract import residual_at
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
 #: Magnitudes that differ by less than this factor are alike.
@@ -113,7 +113,7 @@ def _sees(system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, 
     """Tell whether difference steps of one give the same Jacobian as steps of the sizes found."""
     finer = system.within(*interval, np.where(sizes > 0.0, sizes, 1.0))
     character = system.character(x[:-1], float(x[-1]))
-    J, K = (dense(s.jacobian(x[:-1], float(x[-1]), character)) for s in (system, finer))
+    J, K = (dense(jacobian_at(s, x[:-1], float(x[-1]), character)) for s in (system, finer))
     return bool((np.abs(J - K) <= DIFFERENT * np.abs(K).max()).all())
 
 

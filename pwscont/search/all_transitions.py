@@ -26,6 +26,7 @@ from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
 from pwscont.system.blocks import Block
 from pwscont.system.box import Box
+from pwscont.system.contract import jacobian_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.rays import vanishing
 
@@ -68,7 +69,7 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     """Tell whether z may move in a direction that neither H nor a test sees, in every cell."""
     differences = system.differences(0.0)
     z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
-    jacobian = dense(system.jacobian(z, alpha, system.character(z, alpha)))
+    jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
     rows = rows * differences.scale[:-1]
     sizes = np.abs(rows).max(axis=1, initial=0.0)
@@ -197,7 +198,7 @@ class _OnInterface(SlicewiseLinearSystem):
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian."""
         state, parameter = self._split(z)
-        rows = dense(self._system.jacobian(state, parameter, character))
+        rows = dense(jacobian_at(self._system, state, parameter, character))
         kappa = dense(self._system.test_jacobian(state, parameter))[self._test]
         return _with_zero_column(np.vstack([rows, kappa]))
 

@@ -21,7 +21,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, own_dense
+from pwscont.basics.arrays import Array, Indices, Signs, dense, own_dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.generic import generic
 from pwscont.basics.outcome import Failure
@@ -223,7 +223,7 @@ def _test_of(selection: Selection, test: int) -> Border:
 
 def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
     """Return the Jacobian of a selection and its value at x; it must be affine up to x + dx."""
-    jacobian = own_dense(selection.jacobian(x))
+    jacobian = dense(selection.jacobian(x))
     residual = selection.residual(x)
     refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
     return jacobian, residual

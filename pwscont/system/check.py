@@ -17,7 +17,14 @@ from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities
 from pwscont.system.box import Box
-from pwscont.system.contract import check_attributes, check_contract, check_names, checked_scale
+from pwscont.system.contract import (
+    check_attributes,
+    check_contract,
+    check_names,
+    checked_scale,
+    jacobian_at,
+    residual_at,
+)
 from pwscont.system.ending import end_of
 from pwscont.system.hidden import completed_point, shown_size
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
@@ -201,12 +208,12 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
         return
     if any(end_of(system, side, frozenset({test})) for side in sides):
         return  # nothing is promised beyond
-    one, other = (system.residual(z, alpha, side) for side in sides)
+    one, other = (residual_at(system, z, alpha, side) for side in sides)
     if not (jump := relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
         yield Defect(
             f"H jumps across test function {test} ({_names(system, sides)})", z, alpha, jump
         )
-    J, K = (dense(system.jacobian(z, alpha, side)) for side in sides)
+    J, K = (dense(jacobian_at(system, z, alpha, side)) for side in sides)
     gradient = dense(system.test_jacobian(z, alpha))[test]
     c = (K - J) @ gradient / (gradient @ gradient)
     if not (rest := relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
@@ -220,7 +227,7 @@ def _wrong_bounds(
     """Compare both sides of a test that bounds neither, off its zero set: one selection is due."""
     scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
     z = x[:-1] + scale[:-1] * generic(len(x) - 1)
-    one, other = (system.residual(z, alpha, side).copy() for side in sides)
+    one, other = (residual_at(system, z, alpha, side) for side in sides)
     if not (size := relative(one - other, np.append(np.abs(one), EPS))) <= TOLERANCE:
         what = f"bounding_tests leaves out {system.test_name(test)}, whose sign changes H"
         yield Defect(f"{what} ({_names(system, sides)})", z, alpha, size)

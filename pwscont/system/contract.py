@@ -16,7 +16,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
-from pwscont.system.shapes import expect, own_array
+from pwscont.system.shapes import expect, own_array, own_matrix
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
@@ -159,7 +159,7 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
-    """Return dH_chi / d(z, alpha), shape (n, n + 1).
+    """Return dH_chi / d(z, alpha), shape (n, n + 1); dense or sparse, a matrix of its own.
 
     Raises
     ------
@@ -168,4 +168,4 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     """
     jacobian = system.jacobian(z, alpha, character)
     expect(system, "jacobian", jacobian, (system.size, system.size + 1))
-    return jacobian
+    return own_matrix(jacobian)

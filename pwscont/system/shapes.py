@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.errors import InvalidSystemError
 
 #: Kinds of numbers that are real: floats, integers, booleans.
@@ -31,6 +32,13 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
             "ones are expected"
         )
     return np.array(value, dtype=float)
+
+
+def own_matrix(matrix: Matrix) -> Matrix:
+    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
+    if isinstance(matrix, np.ndarray):
+        return np.array(matrix, dtype=float)
+    return matrix.copy() if sp.issparse(matrix) else matrix
 
 
 def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:

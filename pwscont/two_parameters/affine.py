@@ -23,13 +23,13 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense
+from pwscont.basics.arrays import Array, dense, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.rounding import EPS
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
 from pwscont.system.box import Box
-from pwscont.system.contract import residual_at
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import (
     BENT,
     check_blocks,
@@ -239,7 +239,7 @@ def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
     def at(mu: float) -> Form:
         own = coefficients.family.at(mu)
         value = residual_at(own, x[:-1], float(x[-1]), character)
-        jacobian = dense(own.jacobian(x[:-1], float(x[-1]), character))
+        jacobian = dense(jacobian_at(own, x[:-1], float(x[-1]), character))
         refuse_bent(own, character, x, coefficients.dx, value, jacobian)
         return jacobian, value
 
@@ -248,7 +248,7 @@ def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
 
 def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
     A, b = _checked(system).necessary(alpha)
-    return dense(A), np.asarray(b, dtype=float)
+    return own_dense(A), np.array(b, dtype=float)
 
 
 def _differ(one: Array, other: Array, dx: Array) -> bool:

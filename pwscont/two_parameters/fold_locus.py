@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, finite_array
+from pwscont.basics.arrays import Array, Matrix, dense, finite_array
 from pwscont.basics.character import Character
+from pwscont.system.contract import jacobian_at
 from pwscont.system.ending import Ending
 from pwscont.system.hidden import all_names
 from pwscont.system.system import PiecewiseSystem
@@ -76,7 +76,7 @@ class FoldLocus(PiecewiseSystem, Ending):
         """
         z = finite_array("z of a fold", z, (self._n,))
         system = self.at(mu)
-        matrix = _dense(system.jacobian(z, alpha, system.character(z, alpha)))[:, :-1]
+        matrix = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))[:, :-1]
         # the right singular vector of the smallest singular value, in scaled unknowns
         scale = self._weight**-0.5
         v = scale * np.linalg.svd(matrix * scale)[2][-1]
@@ -96,7 +96,7 @@ class FoldLocus(PiecewiseSystem, Ending):
     def test_jacobian(self, y: Array, mu: float) -> Matrix:
         """Return the gradients of the tests by (z, v, alpha, mu)."""
         z, _, alpha = self._split(y)
-        rows = _dense(self.at(mu).test_jacobian(z, alpha))
+        rows = dense(self.at(mu).test_jacobian(z, alpha))
         column = self.differences(mu).by_parameter(
             lambda other: self.at(other).test_functions(z, alpha), mu
         )
@@ -123,7 +123,7 @@ class FoldLocus(PiecewiseSystem, Ending):
         z, v, alpha = self._split(y)
         n, system, selection = self._n, self.at(mu), self._original(character)
         x = np.append(z, alpha)
-        rows = _dense(system.jacobian(z, alpha, selection))
+        rows = dense(jacobian_at(system, z, alpha, selection))
         bent = system.differences(alpha).jacobian(lambda x: _along(system, x, v, selection), x)
         by_mu = self.differences(mu).by_parameter(
             lambda other: self._equations(self.at(other), x, v, selection), mu
@@ -172,12 +172,8 @@ class FoldLocus(PiecewiseSystem, Ending):
         return (*names, *(f"v[{name}]" for name in names), "alpha")
 
 
-def _dense(matrix: Matrix) -> Array:
-    return matrix.toarray() if sp.issparse(matrix) else np.asarray(matrix)
-
-
 def _along(system: PiecewiseSystem, x: Array, v: Array, selection: Character) -> Array:
     """Return (dH/dz) v, shape (n,)."""
-    jacobian = system.jacobian(x[:-1], float(x[-1]), selection)
-    product: Array = _dense(jacobian)[:, :-1] @ v
+    jacobian = jacobian_at(system, x[:-1], float(x[-1]), selection)
+    product: Array = dense(jacobian)[:, :-1] @ v
     return product

@@ -25,6 +25,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.system.contract import jacobian_at
 from pwscont.system.ending import Ending
 from pwscont.system.hidden import all_names
 from pwscont.system.system import PiecewiseSystem
@@ -139,7 +140,7 @@ class TransitionLocus(PiecewiseSystem, Ending):
         """Return the Jacobian by (z, alpha, mu); the last column by differences."""
         z, alpha, selection = y[:-1], float(y[-1]), self._selection(character)
         system = self.at(mu)
-        rows = system.jacobian(z, alpha, selection)
+        rows = jacobian_at(system, z, alpha, selection)
         row = system.test_jacobian(z, alpha)[[self.test]]
         column = self.differences(mu).by_parameter(
             lambda other: self._equations(self.at(other), y, selection), mu

@@ -20,6 +20,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
 from pwscont.system.blocks import Block, number_of_cells
+from pwscont.system.contract import jacobian_at
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.simple import MANY_TESTS, Admits, all_cells, names_its_cells
 
@@ -101,7 +102,7 @@ class Linearised(SlicewiseLinearSystem):
             if len(self._known) == FEW_KNOWN:
                 self._known.clear()
             z, alpha = self._x[:-1], float(self._x[-1])
-            self._known[character] = self._system.jacobian(z, alpha, character)
+            self._known[character] = jacobian_at(self._system, z, alpha, character)
         return self._known[character]
 
     def bounding_tests(self, character: Character) -> list[int]:
