@@ -162,4 +162,4 @@ def test_check_system_sees_jumps_with_buffers():
             return self.given("residual", whole)
 
     system = Jumps(*given(2, 0))
-    assert "H jumps" in str(check_system(system, [(system.k + [0.1, 0.2], 0.3)]))
+    assert "H jumps" in str(check_system(system, [(system.k + np.array([0.1, 0.2]), 0.3)]))
