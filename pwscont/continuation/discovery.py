@@ -6,11 +6,10 @@ opposite direction. So loops close, and no piece is followed twice.
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 from typing import final
 
 import numpy as np
@@ -28,6 +27,7 @@ from pwscont.continuation.arrival import (
 from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.joints import Edge, Node
+from pwscont.continuation.known_rays import KnownRay, KnownRays
 from pwscont.continuation.membership import lies_on
 from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, names
 from pwscont.curve.error_samples import magnitude
@@ -61,7 +61,7 @@ class Discovery:
         self._report = report
         self._budget = budget
         self._queue: deque[tuple[int, int]] = deque()
-        self._by_cell: dict[bytes, list[tuple[int, int]]] = defaultdict(list)
+        self._known_rays = KnownRays()
         self._past = Past()
         self._next = 0
         self.nodes: dict[int, Node] = {}
@@ -84,7 +84,7 @@ class Discovery:
             return
         start = self._new(arrival, place, keys)
         if not interior:
-            self._register(start, keys)
+            self._known_rays.add(start, keys)
         dissolve = partial(self._dissolve, start, rays) if interior else None
         self._follow_all(after_first=dissolve)
 
@@ -96,7 +96,7 @@ class Discovery:
         if standing.other is None:
             return False
         cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
-        one, other = ({node for node, _ in self._by_cell.get(cell, ())} for cell in cells)
+        one, other = map(self._known_rays.nodes_in, cells)
         metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
         nodes = (self.nodes[node] for node in one & other)
         return any(
@@ -157,7 +157,8 @@ class Discovery:
             return
         key, end = self.nodes[node].keys[index], place_of_arrival(walk.arrival)
         track = Track(key.place, walk.points[1:-1].copy(), end)
-        reached = self._reach(walk, end, keys_at_end(walk, ray, key, end), node)
+        begun = KnownRay(node, index, key)
+        reached = self._reach(walk, end, keys_at_end(walk, ray, key, end), begun)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
@@ -194,33 +195,40 @@ class Discovery:
             arrival = replace(arrival, kind=Kind.END, message=message)
         return replace(walk, arrival=arrival)
 
-    def _reach(self, walk: FollowedPiece, place: Place, keys: Sequence[RayKey], begin: int) -> int:
+    def _reach(
+        self, walk: FollowedPiece, place: Place, keys: Sequence[RayKey], begun: KnownRay
+    ) -> int:
         """Return the node at which a walk arrived, and remove its ray that leads back.
 
         A walk that stops so close to its beginning that both ends seem one node is no loop.
         """
-        rays = walk.arrival.rays
+        rays, left = walk.arrival.rays, None
         node = self._known(walk.arrival, keys)
+        if node == begun.node and _has_stayed(walk, begun.key):
+            left, node = begun, self._known(walk.arrival, keys, left=begun)
         if node is None:
             node = self._new(walk.arrival, place, keys)
-            self._register(node, keys)
+            self._known_rays.add(node, keys)
             self.nodes[node].rays[0] = None
             return node
-        self._absorb(node, walk.arrival, keys)
-        if node == begin and walk.arrival.kind == Kind.STOPPED:
+        self._absorb(node, walk.arrival, keys, left)
+        if node == begun.node and walk.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(walk.arrival.message)
-        back = self._match(rays[0], keys[0])
-        if back is not None:
-            self.nodes[back[0]].rays[back[1]] = None
+        if back := self._known_rays.match(rays[0], keys[0], left):
+            self.nodes[back.node].rays[back.number] = None
         return node
 
-    def _known(self, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> int | None:
+    def _known(
+        self, arrival: SpecialPointFound, keys: Sequence[RayKey], left: KnownRay | None = None
+    ) -> int | None:
         """Return the node that a special point is, if one of its rays is known.
 
         Curves that end at one place on purpose share a node, though none goes on as another.
         """
-        found = next(filter(None, map(self._match, arrival.rays, keys)), None)
-        return found[0] if found else self._end_at(arrival)
+        both = zip(arrival.rays, keys, strict=True)
+        matches = (self._known_rays.match(ray, key, left) for ray, key in both)
+        found = next(filter(None, matches), None)
+        return found.node if found else self._end_at(arrival)
 
     def _end_at(self, arrival: SpecialPointFound) -> int | None:
         """Return the node at which other curves end on purpose, at the place of such an end."""
@@ -229,14 +237,20 @@ class Discovery:
         alike = (n for n, node in self.nodes.items() if node.kind == arrival.kind)
         return next((n for n in alike if self.nodes[n].keys[0].is_where(arrival.rays[0])), None)
 
-    def _absorb(self, node: int, arrival: SpecialPointFound, keys: Sequence[RayKey]) -> None:
+    def _absorb(
+        self,
+        node: int,
+        arrival: SpecialPointFound,
+        keys: Sequence[RayKey],
+        left: KnownRay | None = None,
+    ) -> None:
         """Add to a node the rays that only this arrival shows.
 
         Transitions apart by no more than rounding may look like one corner from one side and like
         two special points from the other; the rays found from both sides are joined.
         """
         both = zip(arrival.rays, keys, strict=True)
-        news = [(ray, key) for ray, key in both if self._match(ray, key) is None]
+        news = [(ray, key) for ray, key in both if not self._known_rays.match(ray, key, left)]
         if not news:
             return
         here, (rays, unknown) = self.nodes[node], zip(*news, strict=True)
@@ -244,20 +258,7 @@ class Discovery:
         here.add(rays, unknown)
         here.kind, here.message = arrival.kind, arrival.message
         self._queue.extend((node, first + i) for i in range(len(news)))
-        self._register(node, unknown, first)
-
-    def _match(self, ray: Ray, key: RayKey) -> tuple[int, int] | None:
-        """Return the node and ray that ``ray`` is, if it is known.
-
-        At a branch point several rays of one cell leave one place: the best aligned one is it.
-        """
-        best, found = 0.0, None
-        candidates = chain.from_iterable(self._by_cell.get(cell, ()) for cell in key.names)
-        for node, index in candidates:
-            cosine = self.nodes[node].keys[index].alignment(ray, key)
-            if cosine > best:
-                best, found = cosine, (node, index)
-        return found
+        self._known_rays.add(node, unknown, first)
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
@@ -297,12 +298,6 @@ class Discovery:
         self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
 
-    def _register(self, node: int, keys: Iterable[RayKey], first: int = 0) -> None:
-        """Let walks arrive at a node, by these keys of its rays, numbered from ``first`` on."""
-        for index, key in enumerate(keys, start=first):
-            for cell in key.names:
-                self._by_cell[cell].append((node, index))
-
     def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:
         """Join the two halves of the piece in whose middle tracing began."""
         halves = [edge for edge in self.edges if edge.start == start]
@@ -312,7 +307,7 @@ class Discovery:
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
             self.nodes[start].message = f"fold on {rays[0].curve.selection.label}"
-            self._register(start, self.nodes[start].keys)
+            self._known_rays.add(start, self.nodes[start].keys)
             return
         straight = not len(forth.track.inner) and not len(back.track.inner)
         middle = forth.track.points[0 if not straight else 1 : -1]
@@ -321,6 +316,12 @@ class Discovery:
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
+
+
+def _has_stayed(walk: FollowedPiece, key: RayKey) -> bool:
+    """Tell whether a walk never was clearly anywhere else than where it began."""
+    end = walk.arrival.rays[0]
+    return all(key.is_at(end.curve.metric, x, end.state.size) for x in walk.points)
 
 
 def _is_near(z: Array, other: Array) -> bool:

@@ -199,8 +199,9 @@ class Plan:
         """
         bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
         watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
+        foreign = [each for each in self.added if not isinstance(each, Events)]
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, self.added), self.interval, bounds, _alone(watched)
+            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
         )
         if journal is not None:
             self._check(journal)

@@ -74,10 +74,13 @@ class RayKey:
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is this place."""
-        apart = metric.difference(self.place.x, x)
-        if metric.norm(apart) <= metric.slack(x, JOIN):
-            return True
-        return bool((np.abs(apart) <= CONFIDENCE * (self.place.error + size)).all())
+        near = metric.norm(metric.difference(self.place.x, x)) <= metric.slack(x, JOIN)
+        return near or self.is_within(metric, x, size)
+
+    def is_within(self, metric: Metric, x: Array, size: Array) -> bool:
+        """Tell whether the errors of both alone explain how far a point is from this place."""
+        apart = np.abs(metric.difference(self.place.x, x))
+        return bool((apart <= CONFIDENCE * (self.place.error + size)).all())
 
 
 def _direction(ray: Ray) -> Array:

@@ -30,6 +30,7 @@ from pwscont.transitions.rays import (
     ray_beyond,
     vanishing,
 )
+from pwscont.transitions.touching import touching
 
 #: Tests smaller than this part of the largest, or of the largest slope times the length of the
 #: interval, are looked at more closely.
@@ -97,13 +98,15 @@ class BoundingTests(TransitionDetector):
         return locate_zero(segment, self.border(segment.curve, index), bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Cross the interface; where several meet, take every way on."""
+        """Cross the interface, unless it is only touched; where several meet, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
+        if len(zero) == 1 and (touched := touching(curve, state, test)):
+            return touched
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
             met = corner(curve, x, state.error, zero, back)

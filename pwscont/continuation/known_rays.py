@@ -1,0 +1,74 @@
+"""The rays that leave known nodes, by the cells in which they may be met.
+
+Failure modes and answers
+-------------------------
+- At a branch point several rays of one cell leave one place: the best aligned one is it.
+- Special points are closer than places are told apart by digits: of several, and of the one that a
+  walk has just left, only errors tell that they are this place.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from itertools import chain
+from typing import NamedTuple, final
+
+from pwscont.continuation.ray_keys import RayKey
+from pwscont.transitions.rays import Ray
+
+
+class KnownRay(NamedTuple):
+    """A ray of a node: the numbers of both, and its key."""
+
+    node: int
+    number: int
+    key: RayKey
+
+
+@final
+class KnownRays:
+    """All rays on which walks may arrive."""
+
+    def __init__(self) -> None:
+        self._by_cell: dict[bytes, list[KnownRay]] = defaultdict(list)
+
+    def add(self, node: int, keys: Iterable[RayKey], first: int = 0) -> None:
+        """Let walks arrive at a node, by these keys of its rays, numbered from ``first`` on."""
+        for number, key in enumerate(keys, start=first):
+            for cell in key.names:
+                self._by_cell[cell].append(KnownRay(node, number, key))
+
+    def nodes_in(self, cell: bytes) -> set[int]:
+        """Return the nodes that rays in a cell leave."""
+        return {known.node for known in self._by_cell.get(cell, ())}
+
+    def match(self, ray: Ray, key: RayKey, left: KnownRay | None = None) -> KnownRay | None:
+        """Return the known ray that a ray is, None if it is a new one.
+
+        Parameters
+        ----------
+        ray : Ray
+        key : RayKey
+            Its key.
+        left : KnownRay or None
+            The ray that a walk has followed without ever being clearly away from its node; it is
+            not the one that goes on where the walk arrives.
+        """
+        candidates = chain.from_iterable(self._by_cell.get(cell, ()) for cell in key.names)
+        found = [(known.key.alignment(ray, key), known) for known in candidates]
+        if left:
+            found = [one for one in found if one[1].key is not left.key]
+        if found := [one for one in found if one[0] > 0.0]:
+            return _best(found, ray, left)
+        return None  # nearly always
+
+
+def _best(found: list[tuple[float, KnownRay]], ray: Ray, left: KnownRay | None) -> KnownRay | None:
+    """Return the best aligned ray of those with the same cell and, by digits, the same place."""
+    nodes, just_left = {known.node for _, known in found}, left.node if left else None
+    if len(nodes) > 1 or just_left in nodes:
+        here = ray.curve.metric, ray.state.x, ray.state.size
+        surely = [one for one in found if one[1].key.is_within(*here)]
+        found = surely or [one for one in found if one[1].node != just_left]
+    return max(found, key=lambda one: one[0])[1] if found else None
