@@ -17,6 +17,7 @@ FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
 #: No more signs than these are stored as they are.
 FEW = 64
 #: The signs as they name a cell that all of them bound.
+ONE = np.uint8(1)
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
@@ -63,7 +64,8 @@ class Character:
     @property
     def array(self) -> Signs:
         """The signs as an array of bool, shape (m,), not to be written to."""
-        return np.frombuffer(self._signs, dtype=np.bool_)
+        stored, packed = self._stored
+        return np.frombuffer(self._signs if packed else stored, np.bool_)
 
     @classmethod
     def of(cls, tests: Array) -> Character:
@@ -77,8 +79,8 @@ class Character:
 
     @classmethod
     def _of_bytes(cls, signs: bytes) -> Character:
-        character = object.__new__(cls)
-        character._store(signs)
+        character: Character = object.__new__(cls)
+        object.__setattr__(character, "_stored", (signs, 0))
         return character
 
     def flip(self, i: int) -> Character:
@@ -100,11 +102,11 @@ class Character:
 
     def among(self, tests: Indices) -> bytes:
         """Return the signs of some tests: one byte each, 1 or 2, and 0 for every other test."""
-        if len(tests) == self.array.size:
+        signs = self.array
+        if len(tests) == len(signs):
             return self._signs.translate(ONE_OR_TWO)
-        signs = self.array.view(np.uint8) + np.uint8(1)
-        some = np.zeros_like(signs)
-        some[tests] = signs[tests]
+        some = np.zeros(len(signs), np.uint8)
+        some[tests] = signs[tests] + ONE
         return some.tobytes()
 
     def __bytes__(self) -> bytes:
@@ -115,7 +117,10 @@ class Character:
         raise AttributeError(f"{name}: a Character does not change; use flip or with_sign")
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Character) and self._signs == other._signs
+        if not isinstance(other, Character):
+            return False
+        (signs, packed), (others, packed_too) = self._stored, other._stored
+        return signs == others if packed == packed_too else self._signs == other._signs
 
     def __hash__(self) -> int:
         return hash(self._signs)

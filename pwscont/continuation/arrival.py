@@ -40,10 +40,11 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
 
 def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
     """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
-    back, *others = walk.arrival.rays
+    keys, back = [], walk.arrival.rays[0]
     is_straight = len(walk.points) == 2 and back.curve is ray.curve
-    first = key.reversed(end) if is_straight else RayKey.of(back, end)
-    return [first, *(RayKey.of(other, end) for other in others)]
+    keys.append(key.reversed(end) if is_straight else RayKey.of(back, end))
+    keys += [RayKey.of(other, end) for other in walk.arrival.rays[1:]]
+    return keys
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:

@@ -71,7 +71,7 @@ class Discovery:
         """Start from a special point, and follow everything that can be reached from it."""
         rays = self._staying(arrival.rays)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
-        arrival, place = replace(arrival, rays=rays), place_of_arrival(arrival)
+        arrival, place = arrival.leading(rays), place_of_arrival(arrival)
         keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
         if known is not None:
@@ -138,7 +138,7 @@ class Discovery:
                 node.kind = Kind.STOPPED
         for number, node in self.nodes.items():
             if node.kind == Kind.STOPPED:
-                node.message += self._past.accumulation(number, is_special=node.lost > 0)
+                node.said = node.message + self._past.accumulation(number, is_special=node.lost > 0)
 
     def _follow(self, node: int, index: int) -> None:
         ray = self.nodes[node].rays[index]
@@ -188,11 +188,11 @@ class Discovery:
         inside = self._staying(others)
         if len(inside) == len(others):
             return walk
-        arrival = replace(walk.arrival, rays=(back, *inside))
+        arrival = walk.arrival.leading((back, *inside))
         if not inside:
             bounds = filter(None, map(self._follower.bounds.left_by, others))
             message = next(bounds, "end of the interval")
-            arrival = replace(arrival, kind=Kind.END, message=message)
+            arrival = SpecialPointFound(Kind.END, arrival.x, message, arrival.rays)
         return replace(walk, arrival=arrival)
 
     def _reach(
@@ -256,7 +256,7 @@ class Discovery:
         here, (rays, unknown) = self.nodes[node], zip(*news, strict=True)
         first = len(here.rays)
         here.add(rays, unknown)
-        here.kind, here.message = arrival.kind, arrival.message
+        here.kind, here.said = arrival.kind, arrival.said
         self._queue.extend((node, first + i) for i in range(len(news)))
         self._known_rays.add(node, unknown, first)
 
@@ -293,7 +293,7 @@ class Discovery:
     def _new(self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey]) -> int:
         """Add a node whose rays will be followed."""
         node, self._next = self._next, self._next + 1
-        self.nodes[node] = Node(arrival.kind, place, arrival.message)
+        self.nodes[node] = Node(arrival.kind, place, arrival.said)
         self.nodes[node].add(arrival.rays, keys)
         self._queue.extend((node, index) for index in range(len(arrival.rays)))
         return node
@@ -306,7 +306,7 @@ class Discovery:
         forth, back = halves
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
-            self.nodes[start].message = f"fold on {rays[0].curve.selection.label}"
+            self.nodes[start].said = f"fold on {rays[0].curve.selection.label}"
             self._known_rays.add(start, self.nodes[start].keys)
             return
         straight = not len(forth.track.inner) and not len(back.track.inner)

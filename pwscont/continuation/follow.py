@@ -40,7 +40,7 @@ SHORTENED = 0.75
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class FollowedPiece:
     """A piece: its points, shape (k, n + 1), and where it arrived.
 
@@ -64,7 +64,7 @@ class FollowedPiece:
             for r in self.arrival.rays[:along]
         ]
         rays += self.arrival.rays[along:]
-        return replace(self, arrival=replace(self.arrival, rays=tuple(rays)))
+        return replace(self, arrival=self.arrival.leading(tuple(rays)))
 
 
 class Follower(ABC):
@@ -176,7 +176,7 @@ class PieceFollower(Follower):
         """Return the special point that an event makes, with the ways on that are allowed."""
         arrival = self.watch.ended(event.arrive(curve))
         final = ended(arrival)
-        return arrival if final is arrival else replace(final, rays=final.rays[:1])
+        return arrival if final is arrival else final.leading(final.rays[:1])
 
     def _first_event(
         self, segment: Segment, reading: Joined

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import final
+from typing import NamedTuple, final
 
 from pwscont.basics.kind import Kind
 from pwscont.continuation.ray_keys import FollowedRay, RayKey
 from pwscont.graph.place import Place
 from pwscont.graph.records import Track
+from pwscont.transitions.detector import Said
 from pwscont.transitions.rays import Ray
 
 
@@ -23,7 +24,7 @@ class Node:
 
     kind: Kind | str
     place: Place
-    message: str
+    said: Said
     rays: list[Ray | None] = field(default_factory=list)
     keys: list[RayKey] = field(default_factory=list)
     lost: int = 0
@@ -39,12 +40,16 @@ class Node:
             self.kind = Kind.STOPPED
         self.lost += rays
         if message not in self.message:  # said already, of another ray
-            self.message = f"{self.message}; {message}"
+            self.said = f"{self.message}; {message}"
+
+    @property
+    def message(self) -> str:
+        """What is said of the point."""
+        return self.said if isinstance(self.said, str) else self.said()
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(NamedTuple):
     """A piece under discovery, from the node where it was begun to the node it reached.
 
     ``begun_at`` is the point in its middle where tracing began, if it began there.

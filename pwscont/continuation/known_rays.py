@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from itertools import chain
 from typing import NamedTuple, final
 
 from pwscont.continuation.ray_keys import RayKey
@@ -55,13 +54,14 @@ class KnownRays:
             The ray that a walk has followed without ever being clearly away from its node; it is
             not the one that goes on where the walk arrives.
         """
-        candidates = chain.from_iterable(self._by_cell.get(cell, ()) for cell in key.names)
-        found = [(known.key.alignment(ray, key), known) for known in candidates]
-        if left:
-            found = [one for one in found if one[1].key is not left.key]
-        if found := [one for one in found if one[0] > 0.0]:
-            return _best(found, ray, left)
-        return None  # nearly always
+        avoided = left and left.key
+        found = [
+            (cosine, known)
+            for cell in key.names
+            for known in self._by_cell.get(cell, ())
+            if known.key is not avoided and (cosine := known.key.alignment(ray, key)) > 0.0
+        ]
+        return _best(found, ray, left) if found else None  # nearly always
 
 
 def _best(found: list[tuple[float, KnownRay]], ray: Ray, left: KnownRay | None) -> KnownRay | None:

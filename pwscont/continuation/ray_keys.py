@@ -1,17 +1,14 @@
 """Keys of rays: enough to recognise a ray that was followed or arrived on.
 
 A ray is recognised by its cells, its place and its direction. Directions are compared by the cosine
-between them, for which a few projections do as well as all components: the projections of equal
-directions agree, those of clearly different directions do not.
+between their sketches, see :meth:`~pwscont.curve.metric.Metric.sketch`.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import lru_cache
 from hashlib import blake2b
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -24,20 +21,16 @@ from pwscont.graph.place import Place
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import Ray
 
-#: Up to this many unknowns directions are kept whole.
-WHOLE = 64
-#: Projections that are kept of longer directions.
-PROJECTIONS = 16
 #: Bytes of the digest that replaces a longer name of a cell.
 DIGEST = 20
+LONG = 64
 #: Places closer than this times their size are one, if the rays there agree as well.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
 JOIN = EPS**0.5
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class RayKey:
+class RayKey(NamedTuple):
     """A ray as a node remembers it.
 
     Attributes
@@ -57,7 +50,7 @@ class RayKey:
     @classmethod
     def of(cls, ray: Ray, place: Place) -> RayKey:
         """Return the key of a ray that leaves a place."""
-        return cls(place, names(ray), _direction(ray))
+        return cls(place, names(ray), ray.curve.metric.sketch(ray.state.tangent))
 
     def reversed(self, place: Place) -> RayKey:
         """Return the key of the ray that leads back from the end of a straight piece."""
@@ -65,7 +58,7 @@ class RayKey:
 
     def alignment(self, ray: Ray, key: RayKey) -> float:
         """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
-        cosine = float(self.direction.dot(key.direction))
+        cosine = self.direction.dot(key.direction)
         return cosine if cosine > 0.0 and self.is_where(ray) else 0.0
 
     def is_where(self, ray: Ray) -> bool:
@@ -83,20 +76,6 @@ class RayKey:
         return bool((apart <= CONFIDENCE * (self.place.error + size)).all())
 
 
-def _direction(ray: Ray) -> Array:
-    """Return the direction of a ray, or projections of it, of length one."""
-    scaled = ray.state.tangent / ray.curve.metric.scale
-    seen = scaled if len(scaled) <= WHOLE else _projections(len(scaled)) @ scaled
-    unit: Array = seen / math.sqrt(seen.dot(seen))
-    return unit
-
-
-@lru_cache(maxsize=2)
-def _projections(size: int) -> Array:
-    """Return fixed random rows, so that two runs are identical."""
-    return np.random.default_rng(size).normal(size=(PROJECTIONS, size))
-
-
 def names(ray: Ray) -> tuple[bytes, ...]:
     """Return short names of the cells in which a ray may be met again."""
     return tuple(map(name_of, ray.cells))
@@ -104,11 +83,11 @@ def names(ray: Ray) -> tuple[bytes, ...]:
 
 def name_of(cell: bytes) -> bytes:
     """Return the short name of a cell."""
-    return cell if len(cell) <= WHOLE else blake2b(cell, digest_size=DIGEST).digest()
+    return cell if len(cell) <= LONG else blake2b(cell, digest_size=DIGEST).digest()
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class FollowedRay:
     """The data of a followed ray that its edge keeps.
 

@@ -15,7 +15,7 @@ from pwscont.system.selection import Selection
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Curve:
     """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric."""
 

@@ -35,16 +35,21 @@ def magnitude(x: Array, error: Array) -> Array:
     error : ndarray, shape (k, n + 1)
         Independent contributions, as from :func:`uncertainty`.
     """
-    estimate: Array = np.maximum(EPS * np.abs(x), _root_of_squares(error))
+    return magnitude_beside(np.abs(x), error)
+
+
+def magnitude_beside(sizes: Array, error: Array) -> Array:
+    """Return the same from the magnitudes of ``x``, shape (n + 1,)."""
+    estimate: Array = np.maximum(EPS * sizes, _root_of_squares(error))
     return estimate
 
 
 def _root_of_squares(error: Array) -> Array:
-    """Return the root of the sum of squares of each column; ``hypot`` takes ten times as long.
+    """Return the root of the sum of squares of each column; ``hypot`` takes many times as long.
 
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
     """
-    spread: Array = np.sqrt(np.einsum("ki,ki->i", error, error))
+    spread: Array = np.sqrt(np.add.reduce(np.square(error)))
     if np.minimum.reduce(spread) < UNDERFLOW:
         lost = spread < UNDERFLOW
         spread[lost] = np.hypot.reduce(error[:, lost], axis=0)

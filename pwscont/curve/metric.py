@@ -21,6 +21,8 @@ from pwscont.system.system import PiecewiseSystem
 LARGEST = 1e120
 #: What of the size of alpha counts where a correction is compared with CONVERGED.
 ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
+#: Up to this many unknowns directions are sketched whole, longer ones by so many projections.
+WHOLE, PROJECTIONS = 64, 16
 EVERYWHERE = (-math.inf, math.inf)
 _NONE = np.zeros(0, dtype=np.intp)
 
@@ -134,6 +136,23 @@ class Metric:
         size[-1] *= ROUNDING_OF_ALPHA
         size += self.scale
         return float(np.maximum.reduce(np.abs(dx) / size))
+
+    def sketch(self, t: Array) -> Array:
+        """Return a direction of length one, of a long one a few projections.
+
+        Projections of equal directions agree, those of clearly different directions do not.
+        """
+        seen = self._sketching * t if self._sketching.ndim == 1 else self._sketching @ t
+        unit: Array = seen / math.sqrt(seen.dot(seen))
+        return unit
+
+    @cached_property
+    def _sketching(self) -> Array:
+        """What a direction is multiplied by: fixed random rows, so that two runs are identical."""
+        size = len(self.scale)
+        if size <= WHOLE:
+            return 1.0 / self.scale
+        return np.random.default_rng(size).normal(size=(PROJECTIONS, size)) / self.scale
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.

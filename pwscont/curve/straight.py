@@ -22,11 +22,12 @@ from __future__ import annotations
 from typing import NamedTuple, final
 
 import numpy as np
+from scipy.linalg import blas
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import magnitude, samples
+from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
@@ -36,7 +37,9 @@ from pwscont.linear.structured import StructuredJacobian
 from pwscont.system.box import Box
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
-SMALL, AUDIT = 64, 16
+TINY, AUDIT = 16, 16
+#: Of systems of fewer unknowns Jacobians are asked for at every transition: two residuals cost more.
+SMALL = 64
 #: A residual is corrected from this part on of what the stated error of the point covers.
 COVERED = 0.75
 #: Errors are estimated afresh where the point has grown by more than this.
@@ -89,7 +92,8 @@ class StraightCell:
         self._solver = solver
         self._jacobian: Matrix | None = None
         #: The direction of the piece, and samples of the error of its points.
-        self._lines = along[np.newaxis]
+        self._lines = along[np.newaxis].copy()
+        self._wide = np.zeros(len(along))
         self._slopes = np.empty(0)  # of the last test crossed, along all of these
         self._bound = np.empty(0)
         self._size, self._since = 0.0, AUDIT
@@ -145,7 +149,7 @@ class StraightCell:
     def _settled(self, x: Array, gradient: Array, value: float, size: float) -> Settled | None:
         """Correct a point, and everything else now and then; the size is that of x."""
         residual, aside = self.curve.selection.residual(x), None
-        if len(residual) < SMALL or self._since >= AUDIT or size > GROWN * self._size:
+        if len(residual) < TINY or self._since >= AUDIT or size > GROWN * self._size:
             aside = self._audited(x, residual, size)
             if aside is None:
                 return None
@@ -164,7 +168,8 @@ class StraightCell:
         if pivot == 0.0:
             return False
         self._slopes = (self._lines @ gradient) / pivot
-        self._lines[:, :-1] -= self._slopes[:, np.newaxis] * w
+        self._wide[:-1] = w  # alpha of the lines does not change
+        blas.dger(-1.0, self._wide, self._slopes, a=self._lines.T, overwrite_a=1)
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self._is_tame()
@@ -174,17 +179,15 @@ class StraightCell:
     ) -> Settled | None:
         """Return the point of an interface, None where the correction is more than rounding."""
         metric, sizes = self.curve.metric, np.abs(x)
-        beside = float(gradient[:-1].dot(aside)) if aside is not None else 0.0
-        along = (value - beside) / float(self._slopes[0])
-        dx = along * self.along
+        along = (value - (0.0 if aside is None else gradient[:-1].dot(aside))) / self._slopes[0]
+        dx = along * self._lines[0]
         if aside is not None:
             dx[:-1] += aside
-        error = self._bordered(EPS * float(np.abs(gradient).dot(sizes)))
-        size = magnitude(x, error)
+        error = self._bordered(EPS * np.abs(gradient).dot(sizes))
+        size = magnitude_beside(sizes, error)
         extent = metric.largest(sizes), metric.largest(size)
         found = Settled(x - dx, error, size, extent, along, aside)
-        inside = metric.admits(found.x)
-        return found if inside and self._is_rounding(dx, found) else None
+        return found if metric.admits(found.x) and self._is_rounding(dx, found) else None
 
     def _has_room(self, x: Array) -> bool:
         """Tell whether one more change can be taken up, after factorising afresh now and then."""
@@ -226,7 +229,7 @@ class StraightCell:
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian @ along
-        now = np.abs(x) if n < SMALL else GROWN * _largest_alike(x, metric)
+        now = np.abs(x) if n < TINY else GROWN * _largest_alike(x, metric)
         terms, typical = magnitudes @ (now + CONVERGED * metric.scale), magnitudes @ metric.scale
         if not (np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical).all():
             return None
@@ -242,9 +245,10 @@ class StraightCell:
 
     def _bordered(self, rounding: float) -> Array:
         """Return samples of the error of a point that a test of this rounding locates."""
-        last = rounding * samples(self._lines.shape[1])[:, -1] - self._slopes[1:]
-        beside: Array = (last / self._slopes[0])[:, np.newaxis] * self.along
-        beside += self._lines[1:]
+        lines, slopes = self._lines, self._slopes
+        last = rounding * samples(lines.shape[1])[:, -1] - slopes[1:]
+        beside: Array = (last / slopes[0])[:, np.newaxis] * lines[0]
+        beside += lines[1:]
         return beside
 
 

@@ -35,11 +35,14 @@ def place(
     """
     essential = system.essential(character) if isinstance(system, Compact) else None
     if essential is None:
-        return Stored(x, reduce(np.maximum, errors))
+        return Stored(x, _largest(errors))
     assert isinstance(system, Compact)
     kept = np.append(essential, len(x) - 1)
-    error = reduce(np.maximum, (some[kept] for some in errors))
-    return Packed(system, character, x[kept], error)
+    return Packed(system, character, x[kept], _largest(errors)[kept])
+
+
+def _largest(errors: Sequence[Array]) -> Array:
+    return errors[0] if len(errors) == 1 else reduce(np.maximum, errors)
 
 
 @final

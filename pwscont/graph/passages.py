@@ -27,7 +27,7 @@ class Said:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Change:
     """What changes from one cell to another, put into words when it is asked for.
 

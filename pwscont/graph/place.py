@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array
 
-#: Bits of a double that hold sign, exponent and the first four binary digits.
-KEPT, DROPPED = 16, 48
+#: Bits of a double after sign, exponent and the first four binary digits, and what rounds these up.
+DROPPED = np.uint64(48)
+ROUND_UP = np.uint64(2**48 - 1)
 
 
 class Place(ABC):
@@ -102,9 +103,9 @@ class WorkedOut(Place):
 def first_digits(error: Array) -> npt.NDArray[np.uint16]:
     """Return estimates of errors, not negative, in two bytes each; rounded up by up to 6 %."""
     bits = np.ascontiguousarray(error, dtype=float).view(np.uint64)
-    return ((bits + np.uint64(2**DROPPED - 1)) >> np.uint64(DROPPED)).astype(np.uint16)
+    return ((bits + ROUND_UP) >> DROPPED).astype(np.uint16)
 
 
 def from_first_digits(digits: npt.NDArray[np.uint16]) -> Array:
     """Return the estimates that :func:`first_digits` stored."""
-    return (digits.astype(np.uint64) << np.uint64(DROPPED)).view(np.float64)
+    return (digits.astype(np.uint64) << DROPPED).view(np.float64)

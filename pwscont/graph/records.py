@@ -140,7 +140,7 @@ def _by_name(record: SpecialPoint | Solution) -> str:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)  # thousands are made, of frozen ones in several times as long
 class Track:
     """The points of a piece: both ends, which it shares with special points, and those between.
 

@@ -276,9 +276,8 @@ class Changes:
 
     def add(self, w: Array, difference: Array) -> float:
         """Add a change and return its pivot, zero where it would lose too many digits."""
-        k, terms = self.count, difference * w
-        pivot = 1.0 + float(np.add.reduce(terms))
-        if not abs(pivot) > SMALL_PIVOT * (1.0 + float(np.add.reduce(np.abs(terms)))):
+        k, pivot = self.count, 1.0 + float(difference.dot(w))
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + _most(difference, w)):
             return 0.0
         self._w[k], self._d[k] = w, difference
         self._lower[k, :k], self._lower[k, k] = self._w[:k] @ difference, pivot
@@ -316,6 +315,11 @@ class Changes:
         lower = self._lower[: self.count, : self.count]
         parts: Array = lapack.dtrtrs(lower, rhs, lower=1, trans=transposed)[0]
         return parts if rhs.ndim > 1 else parts.reshape(-1)
+
+
+def _most(a: Array, b: Array) -> float:
+    """Return the sum of the magnitudes of the terms of a scalar product."""
+    return float(np.abs(a).dot(np.abs(b)))
 
 
 def _product(inverse: Array, rhs: Array) -> Array:

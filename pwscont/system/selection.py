@@ -46,6 +46,7 @@ class Selection:
             tests, inside = (np.concatenate(parts) for parts in zip(*every, strict=True))
             first = np.sort(np.unique(tests, return_index=True)[1])
             tests, inside = tests[first], inside[first]
+        self._cell: bytes | None = None
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, by which it is positive inside.
         self.side: Array = np.where(inside, 1.0, -1.0)
@@ -53,12 +54,14 @@ class Selection:
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
 
-    @cached_property
+    @property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
-            return self.system.cell(self.character)
-        return self.character.among(self.bounding)
+        if self._cell is None:
+            own = self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell
+            named = self.system.cell(self.character) if own else None
+            self._cell = self.character.among(self.bounding) if named is None else named
+        return self._cell
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:

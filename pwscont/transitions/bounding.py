@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -128,7 +129,7 @@ def next_to_zero(values: Array, slopes: Array) -> Indices:
 def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     """Return the special point at which a curve leaves one cell for another."""
     before, after = back.curve.selection, forth.curve.selection
-    message = before.system.describe_transition(before.character, after.character)
+    message = partial(before.system.describe_transition, before.character, after.character)
     kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
     return SpecialPointFound(kind, x, message, (back, forth))
 

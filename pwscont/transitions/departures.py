@@ -16,14 +16,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factorise import last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.fold_at_end import fold_at_end
-from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, vanishing
+from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, zeros
 from pwscont.transitions.standing import regular_border
 
 
@@ -67,8 +67,9 @@ class Standing:
             )
         curve = Curve(Selection(system, Character.of(tests)), metric)
         error = np.atleast_2d(error)  # searches may give one sample as a vector
-        zero = vanishing(system, x, error, metric.scale)
-        if not zero & _bounds_near(system, x, zero):
+        gradients = system.test_jacobian(x[:-1], float(x[-1]))
+        zero = zeros(gradients, tests, x, error, metric.scale)
+        if not zero or not zero & _bounds_near(system, x, zero):
             return cls(x, error, frozenset(), curve, None)
         other = None
         if len(zero) == 1:
@@ -96,17 +97,16 @@ def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
-    fixed = regular_border(curve, x)
-    if fixed is None:
+    held = regular_border(curve, x)
+    if held is None:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
-    row, factor = fixed
-    jacobian, tangent = curve.selection.jacobian(x), factor.solve(last_unit(len(x)))
-    tangent = curve.metric.normalised(tangent)
+    jacobian, row, factor = held
+    tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.abs(error).max(axis=0)
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
-    oriented = bordered(jacobian, curve.metric.covector(tangent), curve.metric.binary)
-    state = State(x, tangent, error, oriented.sign)
+    # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: one sign
+    state = State(x, tangent, error, factor.sign)
     forth = Ray(curve, fold_at_end(curve, state) or state)
     return SpecialPointFound(
         Kind.START, forth.state.x, f"start in {curve.selection.label}", (forth, forth.reversed())

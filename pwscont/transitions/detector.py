@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
@@ -20,6 +21,8 @@ from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
 FARTHEST = 0.1 / EPS**0.75
+#: A message, or what returns it: thousands of messages are never read.
+Said = str | Callable[[], str]
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
@@ -59,25 +62,33 @@ class Reading:
 
 
 @final
-@dataclass(frozen=True, slots=True)
 class SpecialPointFound:
     """A special point reached, and the ways on from it.
 
-    Attributes
+    Parameters
     ----------
     kind : Kind or str
         A word of the detector's own, where none of :class:`Kind` fits.
     x : ndarray, shape (n + 1,)
-    message : str
-        What happens there, for the user.
+    message : str or callable
+        What happens there, for the user; a function without arguments returns it when it is asked.
     rays : tuple of Ray
         Every piece that is known to end here, first the one that was followed, pointing back.
     """
 
-    kind: Kind | str
-    x: Array
-    message: str
-    rays: tuple[Ray, ...]
+    __slots__ = ("kind", "rays", "said", "x")
+
+    def __init__(self, kind: Kind | str, x: Array, message: Said, rays: tuple[Ray, ...]) -> None:
+        self.kind, self.x, self.said, self.rays = kind, x, message, rays
+
+    @property
+    def message(self) -> str:
+        """What happens there."""
+        return self.said if isinstance(self.said, str) else self.said()
+
+    def leading(self, rays: tuple[Ray, ...]) -> SpecialPointFound:
+        """Return the same special point with other ways on."""
+        return SpecialPointFound(self.kind, self.x, self.said, rays)
 
     def __repr__(self) -> str:
         return named(

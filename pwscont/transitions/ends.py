@@ -11,8 +11,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from pwscont.basics.kind import Kind
 from pwscont.system.ending import Ending, end_of
 from pwscont.transitions.detector import SpecialPointFound
@@ -25,7 +23,7 @@ def ended(arrival: SpecialPointFound) -> SpecialPointFound:
     Systems that are not :class:`~pwscont.extending.Ending` end none.
     """
     why = _reason(arrival)
-    return replace(arrival, kind=Kind.END, message=why) if why else arrival
+    return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
 
 
 def _reason(arrival: SpecialPointFound) -> str | None:

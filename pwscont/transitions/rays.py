@@ -47,7 +47,7 @@ DISAGREE = EPS**0.5
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)  # see State
 class Ray:
     """A piece leaving a point: the curve it lies on and the state it starts from.
 
@@ -98,7 +98,14 @@ def vanishing(
     """
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
-    return frozenset(np.flatnonzero(is_zero(gradients, values, x, error, scale)).tolist())
+    return zeros(gradients, values, x, error, scale)
+
+
+def zeros(
+    gradients: Matrix, values: Array, x: Array, error: Array, scale: Array | None = None
+) -> frozenset[int]:
+    """Return the indices of the tests with these gradients and values that are zero at ``x``."""
+    return frozenset(is_zero(gradients, values, x, error, scale).nonzero()[0].tolist())
 
 
 def is_zero(

@@ -9,9 +9,11 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.curve import Curve
@@ -36,9 +38,9 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     x, _ = found
     curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
     held = regular_border(curve, x)
-    if held is None or held[0][-1]:
+    if held is None or held.row[-1]:
         return found
-    row, _ = held
+    row = held.row
     root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
     if isinstance(root, Failure):
         return None
@@ -46,8 +48,16 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
 
 
-def regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
-    """Return the unit row e_j that borders J to a regular matrix, and its factorisation.
+class Held(NamedTuple):
+    """A Jacobian, the unit row that borders it to a regular matrix, and the factorisation."""
+
+    jacobian: Matrix
+    row: Array
+    factor: Factor
+
+
+def regular_border(curve: Curve, x: Array) -> Held | None:
+    """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
 
     It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
     """
@@ -57,5 +67,5 @@ def regular_border(curve: Curve, x: Array) -> tuple[Array, Factor] | None:
         row[j] = 1.0
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
-            return row, factor
+            return Held(jacobian, row, factor)
     return None

@@ -27,10 +27,10 @@ from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.detector import (
+    FARTHEST,
     Reading,
     SpecialPointFound,
     TransitionDetector,
-    ratio_test,
 )
 from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
@@ -68,12 +68,16 @@ class Crossed(NamedTuple):
         No other test is zero where an interface was crossed, so that the piece runs along none.
         The distance is infinite where no test falls.
         """
-        selection, pace = self.ray.curve.selection, float(self.ray.state.tangent[-1])
-        values = selection.side * self.tests[selection.bounding]
-        slopes = selection.side * self.rates[selection.bounding]
-        distances = ratio_test(values, pace * slopes)
+        selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
+        slopes = (pace * selection.side) * self.rates[selection.bounding]
+        falling = (slopes < 0.0).nonzero()[0]
+        if not len(falling):
+            return 0, np.inf
+        values = selection.side[falling] * self.tests[selection.bounding[falling]]
+        distances = np.maximum(values, 0.0) / -slopes[falling]
         first = int(distances.argmin())
-        return first, float(distances[first])
+        nearest = float(distances[first])
+        return int(falling[first]), nearest if nearest <= FARTHEST else np.inf
 
 
 @final
@@ -248,8 +252,8 @@ class Gradients:
         magnitudes, makes them are not looked at.
         """
         reach = GUARD * EPS * (1.0 + found.extent[0]) + 2.0 * CONFIDENCE * found.extent[1]
-        near = np.flatnonzero(np.abs(tests) <= reach * self._typical)
-        near = near[near != but]
+        near = (np.abs(tests) <= reach * self._typical).nonzero()[0]
+        near = near[near != but] if len(near) else near
         if not len(near):
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
