@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from copy import copy
+from itertools import chain
 from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve, lapack
+from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
@@ -98,7 +100,7 @@ class ContactBody:
         body.numbers = tuple(self.numbers[i] for i in kept)
         return body
 
-    def reach(self, energies: Array) -> Array:
+    def reach(self, loads: Array) -> Array:
         """Return how far each contact node can move towards the obstacle, shape (p,).
 
         Contact forces do no positive work: with lam_nu (N u) = lam_nu gap <= 0 and
@@ -107,22 +109,25 @@ class ContactBody:
 
         Parameters
         ----------
-        energies : ndarray
-            f.A^-1 f of all loads that may occur, or of loads whose convex hull holds them all.
+        loads : ndarray, shape (n, k)
+            All loads that may occur, or loads whose convex hull holds them all.
         """
-        reach: Array = np.sqrt(self._flexibility() * energies.max())
+        parts = (_dense(self.N[first : first + PART]).T for first in range(0, self.p, PART))
+        *flexibility, energies = self._energies(chain(parts, [loads]))
+        reach: Array = np.sqrt(np.concatenate(flexibility) * energies.max())
         return reach
 
-    def _flexibility(self) -> Array:
-        """Return the diagonal of N A^-1 N^T, computed some columns at a time."""
-        if self.is_sparse or self.p <= PART:
-            return _diagonal(self.N @ self.solve(_dense(self.N).T))
-        factor, flexibility = cho_factor(self.A), np.empty(self.p)
-        for first in range(0, self.p, PART):
-            rows = _dense(self.N[first : first + PART])
-            solved = cho_solve(factor, rows.T)
-            flexibility[first : first + PART] = np.einsum("ij,ji->i", rows, solved)
-        return flexibility
+    def _energies(self, parts: Iterable[Array]) -> Iterator[Array]:
+        """Yield v.A^-1 v of the columns v of each part, by one factorisation."""
+        if self.is_sparse:
+            from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
+
+            lu = splu(self.A.tocsc())
+            yield from ((part * lu.solve(part)).sum(axis=0) for part in parts)
+            return
+        lower = np.asfortranarray(np.linalg.cholesky(self.A))
+        for part in parts:  # |L^-1 v|^2, half of the work
+            yield np.square(lapack.dtrtrs(lower, part, lower=1)[0]).sum(axis=0)
 
     def solve(self, forces: Array) -> Array:
         """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""

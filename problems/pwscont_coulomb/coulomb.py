@@ -168,7 +168,8 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
         stick, too: otherwise points with tension would count as solutions.
         """
-        return np.flatnonzero(self._bounds(character))
+        found: Indices = self._bounds(character).nonzero()[0]
+        return found
 
     def cell(self, character: Character) -> bytes:
         """Return the signs that matter, 0 for a test that does not bound the cell."""
@@ -256,13 +257,11 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Leave out contact nodes that cannot reach the obstacle, by an energy bound."""
-        energies = self._energies(lo, hi)
-        if not self._has_gap or energies is None:
-            return None
-        return without_far_nodes(self.body, energies, self.with_nodes)
+        loads = self._extreme_loads(lo, hi) if self._has_gap else None
+        return None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
 
-    def _energies(self, lo: float, hi: float) -> Array | None:
-        """Return f.A^-1 f of the loads whose convex hull holds all loads, None if unknown."""
+    def _extreme_loads(self, lo: float, hi: float) -> Array | None:
+        """Return loads, shape (n, k), whose convex hull holds all loads, None if unknown."""
         return None
 
     def essential(self, character: Character) -> Indices | None:

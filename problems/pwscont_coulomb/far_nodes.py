@@ -16,19 +16,19 @@ REACH_MARGIN = 1e-6
 
 
 def without_far_nodes(
-    body: ContactBody, energies: Array, with_nodes: Callable[[Indices], PiecewiseSystem]
+    body: ContactBody, loads: Array, with_nodes: Callable[[Indices], PiecewiseSystem]
 ) -> Reduction | None:
     """Return the reduction to the nodes that may touch, None where all may.
 
     Parameters
     ----------
     body : ContactBody
-    energies : ndarray
-        f.A^-1 f of loads whose convex hull holds all loads.
+    loads : ndarray, shape (n, k)
+        Loads whose convex hull holds all loads.
     with_nodes : callable
         Returns the problem with only some of its contact nodes.
     """
-    reach = body.reach(energies)
+    reach = body.reach(loads)
     far = body.gap > reach * (1.0 + REACH_MARGIN)
     far[np.argmin(body.gap - reach)] = False  # at least one node remains
     if not far.any():

@@ -51,9 +51,9 @@ class CoulombFriction(Coulomb):
         """Return F = alpha times the profile, shape (p,)."""
         return alpha * self.profile
 
-    def _energies(self, lo: float, hi: float) -> Array:
-        """Return the energy of the fixed load."""
-        return np.array([self.force @ self.body.solve(self.force)])
+    def _extreme_loads(self, lo: float, hi: float) -> Array:
+        """Return the fixed load."""
+        return self.force[:, np.newaxis]
 
     def along_friction(self, alpha: float) -> Coulomb:
         """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""

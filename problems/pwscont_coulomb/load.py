@@ -78,12 +78,11 @@ class CoulombLoad(Coulomb):
         """Return F, shape (p,)."""
         return self.friction
 
-    def _energies(self, lo: float, hi: float) -> Array | None:
-        """Return the energies at both ends for an affine load; other loads have no known bound."""
+    def _extreme_loads(self, lo: float, hi: float) -> Array | None:
+        """Return the loads at both ends of an affine path; of other paths they are not known."""
         if not isinstance(self.load, AffineLoad):
             return None
-        loads = np.column_stack([self.load_at(lo), self.load_at(hi)])
-        return np.asarray((loads * self.body.solve(loads)).sum(axis=0))
+        return np.column_stack([self.load_at(lo), self.load_at(hi)])
 
     def along_friction(self, alpha: float) -> Coulomb:
         """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""

@@ -225,10 +225,10 @@ class Discovery:
 
         Curves that end at one place on purpose share a node, though none goes on as another.
         """
-        both = zip(arrival.rays, keys, strict=True)
-        matches = (self._known_rays.match(ray, key, left) for ray, key in both)
-        found = next(filter(None, matches), None)
-        return found.node if found else self._end_at(arrival)
+        for ray, key in zip(arrival.rays, keys, strict=True):
+            if found := self._known_rays.match(ray, key, left):
+                return found.node
+        return self._end_at(arrival)
 
     def _end_at(self, arrival: SpecialPointFound) -> int | None:
         """Return the node at which other curves end on purpose, at the place of such an end."""
@@ -293,9 +293,9 @@ class Discovery:
     def _new(self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey]) -> int:
         """Add a node whose rays will be followed."""
         node, self._next = self._next, self._next + 1
-        self.nodes[node] = Node(arrival.kind, place, arrival.said)
-        self.nodes[node].add(arrival.rays, keys)
-        self._queue.extend((node, index) for index in range(len(arrival.rays)))
+        rays = list(arrival.rays)
+        self.nodes[node] = Node(arrival.kind, place, arrival.said, [*rays], [*keys])
+        self._queue += [(node, index) for index in range(len(rays))]
         return node
 
     def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:

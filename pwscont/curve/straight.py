@@ -38,7 +38,8 @@ from pwscont.system.box import Box
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
 TINY, AUDIT = 16, 16
-#: Of systems of fewer unknowns Jacobians are asked for at every transition: two residuals cost more.
+#: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
+#: more.
 SMALL = 64
 #: A residual is corrected from this part on of what the stated error of the point covers.
 COVERED = 0.75

@@ -59,7 +59,7 @@ class Standing:
         InvalidSystemError
             If a test is not finite there.
         """
-        tests = system.test_functions(x[:-1], float(x[-1]))
+        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if not np.isfinite(tests).all():
             raise InvalidSystemError(
                 f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "

@@ -175,7 +175,7 @@ class StraightTests(TransitionDetector):
         last = self._last if self._last and self._last.ray.state is start else None
         cell = last.cell if last else self._cell_of(curve, start)
         tests = gradients.tests_at(x)
-        other = _other_side(curve, tests, test)
+        other = _other_side(curve, tests, index)
         if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
         if test not in other.selection.bounding:
@@ -261,11 +261,12 @@ class Gradients:
         return bool((turned | is_zero(rows, values, found.x, found.error, self._scale)).any())
 
 
-def _other_side(curve: Curve, tests: Array, test: int) -> Curve:
+def _other_side(curve: Curve, tests: Array, index: int) -> Curve:
     """Return the curve on the other side of an interface, where all other tests are as given."""
-    character = curve.selection.character
-    beyond = Character.of(tests).with_sign(test, not character.array[test])
-    return Curve(Selection(curve.selection.system, beyond), curve.metric)
+    selection = curve.selection
+    test, is_negative = int(selection.bounding[index]), bool(selection.side[index] < 0.0)
+    beyond = Character.of(tests).with_sign(test, is_negative)
+    return Curve(Selection(selection.system, beyond), curve.metric)
 
 
 def _crossed(
