@@ -38,7 +38,7 @@ CROSSED = frozenset({Kind.TRANSITION, Kind.NONSMOOTH_FOLD})
 def assemble(
     discovery: Discovery,
     system: PiecewiseSystem,
-    interval: tuple[float, float],
+    metric: Metric,
     parameter: str,
     searched: SearchScope,
     reduction: Reduction | None,
@@ -49,10 +49,10 @@ def assemble(
 
     Pieces are directed and numbered along the positive orientation of their component. Unknowns
     and signs that a reduction left out are put back. Special points have the names of the events
-    there.
+    there. The metric is that of the system.
     """
+    interval = metric.interval
     width = interval[1] - interval[0]
-    metric = Metric.of(system, interval)
     lift = Lift(system, reduction, metric, Accuracy(shown_points(system, metric.scale)))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))

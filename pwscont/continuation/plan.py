@@ -244,10 +244,11 @@ class Plan:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
             searched = unique(searched)
-        system, interval, reduction = self.system, self.interval, self.reduction
+        system, reduction = self.system, self.reduction
+        metric = Metric.of(system, self.interval) if reduction else self.metric
         events = next((d for d in self.added if isinstance(d, Events)), None)
         parts = (parameter, searched, reduction, record, events)
-        graph = assemble(discovery, system, interval, *parts)
+        graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)
         return graph

@@ -30,11 +30,12 @@ class Usable:
         self._uncertain = 0
 
     def __iter__(self) -> Iterator[Found]:
+        is_bounded = self._box.is_bounded
         for x, given in self._starts:
             error = np.atleast_2d(given)  # searches may give one sample as a vector
             if not has_digits(x, error, self._metric.scale):
                 self._uncertain += 1
-            elif self._box.contains(x[:-1], magnitude(x, error)[:-1]):
+            elif not is_bounded or self._box.contains(x[:-1], magnitude(x, error)[:-1]):
                 yield x, error
 
     def lowered(self, searched: SearchScope) -> SearchScope:

@@ -94,7 +94,7 @@ def semismooth_newton(
                 if solved
                 else Failure(FailureReason.NO_DESCENT)
             )
-        damped = _line_search(_Merit(system, metric, rows, known), x, step)
+        damped = _line_search(_Merit(system, metric, rows, known), x, residual, step)
         if damped is None:
             root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
             found = _as_good_as_it_gets(root, metric, known)
@@ -161,20 +161,28 @@ class _Merit:
     rows: Array
     known: Sequence[Array]
 
-    def __call__(self, x: Array) -> float:
+    def at(self, x: Array) -> float:
+        """Return the merit of a point."""
         z, alpha = x[:-1], float(x[-1])
         character = self.system.character(z, alpha)
-        scaled = residual_at(self.system, z, alpha, character) / self.rows
+        return self.of(residual_at(self.system, z, alpha, character), x)
+
+    def of(self, residual: Array, x: Array) -> float:
+        """Return the merit of a point with this residual."""
+        scaled = residual / self.rows
         with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
             return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
 
 
-def _line_search(merit: _Merit, x: Array, step: Array) -> Array | None:
-    """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
-    before, length = merit(x), 1.0
+def _line_search(merit: _Merit, x: Array, residual: Array, step: Array) -> Array | None:
+    """Return the first of x + step, x + step / 2, ... that reduces the merit enough.
+
+    The residual is that of x.
+    """
+    before, length = merit.of(residual, x), 1.0
     for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
         trial = x + length * step
-        if merit(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
+        if merit.at(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
             return trial
         length *= 0.5
     return None
