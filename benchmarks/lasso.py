@@ -70,6 +70,12 @@ class Lasso(PiecewiseLinearSystem):
         sign = self.sign(character)
         return np.flatnonzero(np.concatenate([sign >= 0.0, sign <= 0.0]))
 
+    def kink(self, before: Character, after: Character, test: int) -> np.ndarray:
+        """Return by how much a coefficient that comes or goes changes the residual."""
+        comes = before.array[test] < after.array[test]
+        column = self.coupling[:, test % self.size]
+        return column if comes == (test < self.size) else -column
+
     def sign(self, character: Character) -> np.ndarray:
         """Return the sign of each coefficient."""
         positive, negative = character.array[: self.size], character.array[self.size :]

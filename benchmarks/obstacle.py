@@ -66,6 +66,12 @@ class String(PiecewiseLinearSystem):
         """Return the gradients of the tests, which are constant."""
         return self.gradients
 
+    def kink(self, before: Character, after: Character, test: int) -> np.ndarray:
+        """Return by how much the row of a node that comes to rest, or leaves, changes."""
+        c = np.zeros(self.size)
+        c[test] = -1.0 if after.array[test] else 1.0
+        return c
+
     def scale(self, lo: float, hi: float) -> np.ndarray:
         """Return how far the string moves."""
         return np.full(self.size, 0.1)

@@ -52,6 +52,8 @@ class SourceSweep(PiecewiseLinearSystem):
         #: The first test of each curve, and one beyond the last.
         self._firsts = np.cumsum([0, *knots])
         self._rows = [self._equations.place[row] for row, _ in stamps.curves]
+        #: For each ramp its row, and the change of slope at its knot.
+        self._ramps = [(self._equations.place[ramp.row], ramp.change) for ramp in stamps.ramps]
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return control voltages less knots, shape (m,)."""
@@ -73,6 +75,13 @@ class SourceSweep(PiecewiseLinearSystem):
         """Return the constant matrix of a cell."""
         on, equations = character.array, self._equations
         return equations.A - equations.R[:, on] @ equations.C[on]
+
+    def kink(self, before: Character, after: Character, test: int) -> Array:
+        """Return c, shape (n,): a ramp begins to be subtracted, or ends."""
+        row, change = self._ramps[test]
+        c = np.zeros(self.size)
+        c[row] = -change if after.array[test] else change
+        return c
 
     def blocks(self) -> tuple[Block, ...]:
         """Return one block for each characteristic: it is on one of its segments."""

@@ -58,7 +58,7 @@ from pwscont_coulomb.rows import (
     by_node,
     rows_of_tests,
 )
-from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates
+from pwscont_coulomb.states import IN_CONTACT, SLIPS, STICKS, DenseStates, SparseStates
 
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
@@ -155,11 +155,17 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
         mode, n, p = contact.modes(character), self.body.n, self.body.p
-        residual: Array = self.state_matrix(mode, self.friction_at(alpha)) @ z
+        push, sliding = IN_CONTACT[mode], self.friction_at(alpha) * SLIPS[mode]
+        if self.algebra is None:
+            kappa1 = self.kappa1(z)
+            residual: Array = self._states.free @ z
+            residual[n : n + p] -= push * kappa1
+            residual[n + p :] += sliding * kappa1 - STICKS[mode] * self._shear(z)
+        else:
+            residual = self.state_matrix(mode, self.friction_at(alpha)) @ z
+            residual[n : n + p] -= push * self._offset
+            residual[n + p :] += sliding * self._offset
         residual[:n] -= self.load_at(alpha)
-        if self._has_gap:
-            residual[n : n + p] -= IN_CONTACT[mode] * self._offset
-            residual[n + p :] += self.friction_at(alpha) * SLIPS[mode] * self._offset
         return residual
 
     def bounding_tests(self, character: Character) -> Indices:

@@ -18,6 +18,7 @@ from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.per_node import not_negative
+from pwscont_coulomb.states import IN_CONTACT, SLIPS, STICKS
 
 
 class CoulombLoad(Coulomb):
@@ -133,3 +134,16 @@ class CoulombLoad(Coulomb):
 @final
 class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
+
+    def kink(self, before: Character, after: Character, test: int) -> Array:
+        """Return c, shape (n + 2 p,): it changes the rows of one node, see :mod:`.states`."""
+        node, which = divmod(test, 3)
+        old, new = (contact.modes(cell)[node] for cell in (before, after))
+        normal = self.body.n + node
+        c = np.zeros(self.size)
+        if which:  # kappa2 and kappa3 are x -+ F kappa1
+            c[normal + self.body.p] = STICKS[old] - STICKS[new]
+        else:
+            c[normal] = IN_CONTACT[old] - IN_CONTACT[new]
+            c[normal + self.body.p] = self.friction[node] * (SLIPS[new] - SLIPS[old])
+        return c

@@ -33,7 +33,8 @@ class DenseStates:
 
     def __init__(self, body: ContactBody, kappa1: Array, x: Array) -> None:
         self._kappa1, self._x = kappa1, x
-        self._free: Array = without_contact(body)
+        #: dH/dz where no node touches.
+        self.free: Array = without_contact(body)
         self._last: tuple[bytes, Array] | None = None
 
     def at(self, mode: Indices, friction: Array) -> Array:
@@ -46,7 +47,7 @@ class DenseStates:
         """Return dH/dz with F = 0; the last one is kept, for F varies along one cell."""
         key = mode.tobytes()
         if self._last is None or self._last[0] != key:
-            matrix, p = self._free.copy(), len(mode)
+            matrix, p = self.free.copy(), len(mode)
             matrix[-2 * p : -p] -= IN_CONTACT[mode][:, np.newaxis] * self._kappa1
             matrix[-p:] -= STICKS[mode][:, np.newaxis] * self._x
             self._last = key, matrix
@@ -59,12 +60,13 @@ class SparseStates:
 
     def __init__(self, body: ContactBody, kappa1: Matrix, x: Matrix) -> None:
         self._kappa1, self._x = kappa1, x
-        self._free = without_contact(body)
-        self._equilibrium = sp.csr_matrix((body.n, self._free.shape[1]))
+        #: dH/dz where no node touches.
+        self.free = without_contact(body)
+        self._equilibrium = sp.csr_matrix((body.n, self.free.shape[1]))
 
     def at(self, mode: Indices, friction: Array) -> Matrix:
         """Return dH/dz, shape (n + 2 p, n + 2 p)."""
         normal = sp.diags(IN_CONTACT[mode]) @ self._kappa1
         slip = sp.diags(SLIPS[mode] * friction) @ self._kappa1
         tangential = sp.diags(STICKS[mode]) @ self._x - slip
-        return (self._free - sp.vstack([self._equilibrium, normal, tangential])).tocsr()
+        return (self.free - sp.vstack([self._equilibrium, normal, tangential])).tocsr()

@@ -92,6 +92,12 @@ class ObstacleProblem(PiecewiseLinearSystem):
         """Return the gradients of the tests, which are constant."""
         return (self._free - self._held).tocsr()
 
+    def kink(self, before: Character, after: Character, test: int) -> Array:
+        """Return c, shape (n,): a node that comes to lie on the obstacle loses its test."""
+        c = np.zeros(self.size)
+        c[test] = -1.0 if after.array[test] else 1.0
+        return c
+
     def blocks(self) -> tuple[Block, ...]:
         """Return the nodes, each above the obstacle or on it."""
         return tuple(Block((i,), (i,), MODES) for i in range(self.size))

@@ -8,6 +8,8 @@ Failure modes and answers
   difference of two residuals far away, where that unknown is so much larger than all others that
   the rounding of their terms is less than the rounding of its column.
 - Residuals far away that mean nothing: not asked of systems whose unknowns have bounds.
+- A system that says what c is may be wrong: the point of the next transition is no solution then,
+  as its residual tells.
 """
 
 from __future__ import annotations

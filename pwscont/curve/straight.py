@@ -12,7 +12,8 @@ Failure modes and answers
 - Rounding adds up from cell to cell: the residual of the system itself is asked for at every
   transition, and the point is corrected where it is more than the stated error covers.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
-  matrices in one array that it writes to: an audit compares the direction with the new Jacobian.
+  matrices in one array that it writes to, or c: an audit compares the direction with the new
+  Jacobian, and the residual of the next point is more than rounding.
 - 1 + g.w is small beside its terms, or the direction is nearly vertical or in the interface: the
   caller is given nothing, and goes the way of :mod:`pwscont.transitions.bounding`.
 """
@@ -35,6 +36,7 @@ from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
 from pwscont.linear.structured import StructuredJacobian
 from pwscont.system.box import Box
+from pwscont.system.system import PiecewiseLinearSystem
 
 #: Systems of fewer unknowns are audited at every transition, others after so many.
 TINY, AUDIT = 16, 16
@@ -91,6 +93,8 @@ class StraightCell:
     def __init__(self, curve: Curve, solver: ProductForm, along: Array) -> None:
         self.curve, self.turn, self.length = curve, 1, curve.metric.norm(along)
         self._solver = solver
+        system = curve.selection.system
+        self._is_told = isinstance(system, PiecewiseLinearSystem) and system.knows_kinks
         self._jacobian: Matrix | None = None
         #: The direction of the piece, and samples of the error of its points.
         self._lines = along[np.newaxis].copy()
@@ -108,8 +112,7 @@ class StraightCell:
             return None
         solver = ProductForm(core, n)
         cell = cls(curve, solver, np.append(-solver.solve(column(jacobian, n)), 1.0))
-        is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
-        if n < SMALL or is_at_hand or Box.of(curve.selection.system).is_bounded:
+        if not cell._is_told and _compares_columns(curve, jacobian):
             cell._jacobian = jacobian
         return cell if cell._is_tame() else None
 
@@ -119,7 +122,9 @@ class StraightCell:
         along: Array = self._lines[0]
         return along
 
-    def cross(self, other: Curve, x: Array, gradient: Array, value: float) -> Settled | None:
+    def cross(
+        self, other: Curve, x: Array, test: int, gradient: Array, value: float
+    ) -> Settled | None:
         """Lead into the cell on the other side of an interface, and return a point there.
 
         Parameters
@@ -128,8 +133,8 @@ class StraightCell:
             Of the selection on the other side.
         x : ndarray, shape (n + 1,)
             A point of the interface, but for rounding.
-        gradient, value
-            Of the test that vanishes there.
+        test, gradient, value
+            The test that vanishes there.
 
         Returns
         -------
@@ -138,7 +143,7 @@ class StraightCell:
             no use then.
         """
         size = self.curve.metric.norm(x)
-        if not self._enter(other, x, gradient, size):
+        if not self._enter(other, x, test, gradient, size):
             return None
         return self._settled(x, gradient, value, size)
 
@@ -159,12 +164,12 @@ class StraightCell:
             aside = self._solver.solve(residual)
         return self._moved(x, gradient, value, aside) if self._slopes[0] else None
 
-    def _enter(self, other: Curve, x: Array, gradient: Array, size: float) -> bool:
+    def _enter(self, other: Curve, x: Array, test: int, gradient: Array, size: float) -> bool:
         """Change to the Jacobian on the other side; False where that loses too many digits."""
-        is_ready, jump = self._has_room(x), self._jump(other, x, gradient, size)
-        if not is_ready or jump is None:
+        is_ready, kink = self._has_room(x), self._kink(other, x, test, gradient, size)
+        if not is_ready or kink is None:
             return False
-        w = self._solver.solve(jump)
+        w = self._solver.solve(kink)
         pivot = self._solver.change(w, gradient[:-1])
         if pivot == 0.0:
             return False
@@ -202,9 +207,13 @@ class StraightCell:
     def _jacobian_at(self, x: Array) -> Matrix:
         return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
 
-    def _jump(self, other: Curve, x: Array, gradient: Array, size: float) -> Array | None:
+    def _kink(
+        self, other: Curve, x: Array, test: int, gradient: Array, size: float
+    ) -> Array | None:
         """Return c of the cell beyond, and take up the curve there."""
         before, jacobian, self.curve = self.curve, self._jacobian, other
+        if self._is_told:
+            return other.selection.kink(before.selection, test)
         if jacobian is None:
             return by_residuals(before, other, x, gradient, size)
         self._jacobian = other.selection.jacobian(x)
@@ -251,6 +260,13 @@ class StraightCell:
         beside: Array = (last / slopes[0])[:, np.newaxis] * lines[0]
         beside += lines[1:]
         return beside
+
+
+def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
+    """Tell whether c is read off Jacobians: where they cost little, or residuals mean nothing."""
+    is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
+    is_small = jacobian.shape[0] < SMALL
+    return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
 
 
 def _largest_alike(x: Array, metric: Metric) -> Array:

@@ -23,12 +23,13 @@ from pwscont.system.contract import (
     check_names,
     checked_scale,
     jacobian_at,
+    kink_at,
     residual_at,
 )
 from pwscont.system.ending import end_of
 from pwscont.system.hidden import completed_point, shown_size
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
@@ -219,6 +220,19 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
     if not (rest := relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
         what = f"F1: the Jacobians across test function {test} ({_names(system, sides)}) differ by"
         yield Defect(f"{what} more than c grad(kappa)^T", z, alpha, rest)
+    elif not (size := _wrong_kink(system, sides, test, c)) <= TOLERANCE:
+        yield Defect(f"kink across test function {test} ({_names(system, sides)})", z, alpha, size)
+
+
+def _wrong_kink(system: PiecewiseSystem, sides: list[Character], test: int, c: Array) -> float:
+    """Return by how much what a system says of a kink, both ways, differs from c."""
+    if not isinstance(system, PiecewiseLinearSystem) or not system.knows_kinks:
+        return 0.0
+    if not all(test in system.bounding_tests(side) for side in sides):
+        return 0.0
+    one, other = sides
+    told = [kink_at(system, one, other, test), -kink_at(system, other, one, test)]
+    return max(relative(known - c, np.append(np.abs(c), EPS)) for known in told)
 
 
 def _wrong_bounds(

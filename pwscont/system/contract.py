@@ -17,12 +17,12 @@ from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
 from pwscont.system.shapes import expect, own_array, own_matrix
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
 METHODS = {
     name: ", ".join(signature(method).parameters)
-    for kind in (PiecewiseSystem, SlicewiseLinearSystem)
+    for kind in (PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem)
     for name, method in vars(kind).items()
     if isfunction(method) and not name.startswith("_")
 }
@@ -156,6 +156,17 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     """
     value = system.residual(z, alpha, character)
     return own_array(system, "residual", value, (system.size,))
+
+
+def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
+    """Return c of H_after - H_before = c kappa_test as a system knows it, shape (n,).
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no vector of that length.
+    """
+    return own_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:

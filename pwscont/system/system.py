@@ -319,6 +319,26 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
         """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
         return self.differences(alpha).exact(lambda x: self.test_functions(x[:-1], float(x[-1])))
 
+    def kink(self, before: Character, after: Character, test: int) -> Array | None:
+        """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).
+
+        It is all that changes from one cell to the next. A system that knows it saves a run two
+        residuals, or a Jacobian, at every transition; default None: it is computed from those.
+
+        Parameters
+        ----------
+        before, after : Character
+            Cells on both sides of the interface where kappa_test vanishes, and nothing else.
+        test : int
+            It bounds both cells.
+        """
+        return None
+
+    @property
+    def knows_kinks(self) -> bool:
+        """Whether :meth:`kink` is the system's own."""
+        return type(self).kink is not PiecewiseLinearSystem.kink
+
 
 def _slots(owner: type) -> Iterator[str]:
     """Yield the names of all slots of a class, that of its ``__dict__`` included."""

@@ -180,7 +180,7 @@ class StraightTests(TransitionDetector):
             return None
         if test not in other.selection.bounding:
             return None
-        settled = cell.cross(other, x, gradient, float(tests[test]))
+        settled = cell.cross(other, x, test, gradient, float(tests[test]))
         if settled is None:
             return None
         rates = gradients.rows.matrix @ cell.along
