@@ -81,8 +81,8 @@ system = ArchOverPad()
 # Derivatives come from differences unless you override ``jacobian`` and ``test_jacobian``. If your
 # formulas are affine in :math:`(z, \alpha)`, derive from
 # :class:`~pwscont.PiecewiseLinearSystem`, and the pieces are followed exactly; if they are affine
-# in :math:`z` alone, from :class:`~pwscont.SlicewiseLinearSystem`. Of linear pieces ``kink`` may say
-# how H changes where a test changes its sign, which makes long paths faster.
+# in :math:`z` alone, from :class:`~pwscont.SlicewiseLinearSystem`. With linear pieces, ``kink`` may
+# say how H changes where a test changes its sign, which makes long paths faster.
 #
 # Check it
 # --------

@@ -21,10 +21,9 @@ from pwscont.extending import (
     row_scale,
 )
 from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
+from pwscont_coulomb.modes import STICKS, TOUCHES
 
-#: For each mode whether a node touches, whether it sticks, and the sign of its slip.
-TOUCHES = np.array([False, True, True, True])
-STICKS = np.array([False, True, False, False])
+#: For each mode the sign of its slip.
 SIDES = np.array([0.0, 0.0, 1.0, -1.0])
 
 

@@ -58,7 +58,7 @@ from pwscont_coulomb.rows import (
     by_node,
     rows_of_tests,
 )
-from pwscont_coulomb.states import IN_CONTACT, SLIPS, STICKS, DenseStates, SparseStates
+from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates, States
 
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
@@ -101,7 +101,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self._scale: tuple[tuple[float, float], Array] | None = None
 
     @cached_property
-    def _states(self) -> SparseStates | DenseStates:
+    def _states(self) -> States:
         kind = SparseStates if self.body.is_sparse else DenseStates
         return kind(self.body, self._kappa1_rows, self._x_rows)
 
@@ -155,17 +155,15 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
         mode, n, p = contact.modes(character), self.body.n, self.body.p
-        push, sliding = IN_CONTACT[mode], self.friction_at(alpha) * SLIPS[mode]
+        friction = self.friction_at(alpha)
         if self.algebra is None:
-            kappa1 = self.kappa1(z)
-            residual: Array = self._states.free @ z
-            residual[n : n + p] -= push * kappa1
-            residual[n + p :] += sliding * kappa1 - STICKS[mode] * self._shear(z)
+            residual: Array = self._states.product(z, mode, friction)
         else:
-            residual = self.state_matrix(mode, self.friction_at(alpha)) @ z
-            residual[n : n + p] -= push * self._offset
-            residual[n + p :] += sliding * self._offset
+            residual = self.state_matrix(mode, friction) @ z
         residual[:n] -= self.load_at(alpha)
+        if self._has_gap:
+            residual[n : n + p] -= IN_CONTACT[mode] * self._offset
+            residual[n + p :] += friction * SLIPS[mode] * self._offset
         return residual
 
     def bounding_tests(self, character: Character) -> Indices:

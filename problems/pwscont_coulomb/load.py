@@ -18,7 +18,7 @@ from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.per_node import not_negative
-from pwscont_coulomb.states import IN_CONTACT, SLIPS, STICKS
+from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 
 
 class CoulombLoad(Coulomb):
@@ -142,7 +142,7 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
         normal = self.body.n + node
         c = np.zeros(self.size)
         if which:  # kappa2 and kappa3 are x -+ F kappa1
-            c[normal + self.body.p] = STICKS[old] - STICKS[new]
+            c[normal + self.body.p] = HELD[old] - HELD[new]
         else:
             c[normal] = IN_CONTACT[old] - IN_CONTACT[new]
             c[normal + self.body.p] = self.friction[node] * (SLIPS[new] - SLIPS[old])

@@ -51,6 +51,10 @@ SIGNS = {
     Mode.SLIP_MINUS: (False, True, True),
 }
 
+#: For each mode whether a node touches, and whether it sticks.
+TOUCHES = np.array([False, True, True, True])
+STICKS = np.array([False, True, False, False])
+
 #: For each mode, which of the three tests of a node bound the cell.
 BOUNDS = np.array(
     [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]

@@ -6,6 +6,7 @@ kappa1 and x. Only rows of nodes that slip depend on friction.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import final
 
 import numpy as np
@@ -13,60 +14,78 @@ import scipy.sparse as sp
 
 from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.modes import STICKS, TOUCHES
 from pwscont_coulomb.rows import without_contact
 
-IN_CONTACT = np.array([0.0, 1.0, 1.0, 1.0])
-STICKS = np.array([0.0, 1.0, 0.0, 0.0])
-SLIPS = np.array([0.0, 0.0, -1.0, 1.0])  # factor of F kappa1 in the tangential row
+#: What of the gradient of kappa1, and of x, the rows of a node lack in each mode.
+IN_CONTACT, HELD = TOUCHES.astype(float), STICKS.astype(float)
+#: How many times F kappa1 is added to the tangential row.
+SLIPS = np.array([0.0, 0.0, -1.0, 1.0])
 
 
-@final
-class DenseStates:
-    """dH/dz of a dense body.
+class States(ABC):
+    """dH/dz of a body.
 
     Parameters
     ----------
     body : ContactBody
-    kappa1, x : ndarray, shape (p, n + 2 p)
+    kappa1, x : ndarray or sparse matrix, shape (p, n + 2 p)
         The gradients by z of kappa1 and x.
     """
 
-    def __init__(self, body: ContactBody, kappa1: Array, x: Array) -> None:
+    def __init__(self, body: ContactBody, kappa1: Matrix, x: Matrix) -> None:
         self._kappa1, self._x = kappa1, x
-        #: dH/dz where no node touches.
-        self.free: Array = without_contact(body)
-        self._last: tuple[bytes, Array] | None = None
+        self._free = without_contact(body)
+        self._push, self._drag = -kappa1[:, : body.n], -x[:, : body.n]
+        self._slides = ~body.guided
+
+    @abstractmethod
+    def at(self, mode: Indices, friction: Array) -> Matrix:
+        """Return dH/dz, shape (n + 2 p, n + 2 p)."""
+
+    def product(self, z: Array, mode: Indices, friction: Array) -> Array:
+        """Return dH/dz z, shape (n + 2 p,), by what each row means: nothing cancels in it."""
+        p = len(mode)
+        u, normal, tangential = np.split(z, [len(z) - 2 * p, len(z) - p])
+        push = self._push @ u
+        product: Array = self._free @ z
+        product[-2 * p : -p] = np.where(TOUCHES[mode], push, normal)
+        sliding = tangential + SLIPS[mode] * friction * (normal - push)
+        product[-p:] = np.where(STICKS[mode] & self._slides, self._drag @ u, sliding)
+        return product
+
+
+@final
+class DenseStates(States):
+    """dH/dz of a dense body; that without friction is kept, for F varies along one cell."""
+
+    _last: tuple[bytes, Array] | None = None
 
     def at(self, mode: Indices, friction: Array) -> Array:
-        """Return dH/dz, shape (n + 2 p, n + 2 p)."""
+        """Return dH/dz."""
         matrix = self._without_friction(mode).copy()
         matrix[-len(mode) :] += (SLIPS[mode] * friction)[:, np.newaxis] * self._kappa1
         return matrix
 
     def _without_friction(self, mode: Indices) -> Array:
-        """Return dH/dz with F = 0; the last one is kept, for F varies along one cell."""
+        """Return dH/dz with F = 0."""
         key = mode.tobytes()
         if self._last is None or self._last[0] != key:
-            matrix, p = self.free.copy(), len(mode)
+            matrix, p = self._free.copy(), len(mode)
             matrix[-2 * p : -p] -= IN_CONTACT[mode][:, np.newaxis] * self._kappa1
-            matrix[-p:] -= STICKS[mode][:, np.newaxis] * self._x
+            matrix[-p:] -= HELD[mode][:, np.newaxis] * self._x
             self._last = key, matrix
         return self._last[1]
 
 
 @final
-class SparseStates:
-    """What :class:`DenseStates` is, of a sparse body."""
-
-    def __init__(self, body: ContactBody, kappa1: Matrix, x: Matrix) -> None:
-        self._kappa1, self._x = kappa1, x
-        #: dH/dz where no node touches.
-        self.free = without_contact(body)
-        self._equilibrium = sp.csr_matrix((body.n, self.free.shape[1]))
+class SparseStates(States):
+    """dH/dz of a sparse body."""
 
     def at(self, mode: Indices, friction: Array) -> Matrix:
-        """Return dH/dz, shape (n + 2 p, n + 2 p)."""
+        """Return dH/dz."""
         normal = sp.diags(IN_CONTACT[mode]) @ self._kappa1
         slip = sp.diags(SLIPS[mode] * friction) @ self._kappa1
-        tangential = sp.diags(STICKS[mode]) @ self._x - slip
-        return (self.free - sp.vstack([self._equilibrium, normal, tangential])).tocsr()
+        tangential = sp.diags(HELD[mode]) @ self._x - slip
+        none = sp.csr_matrix((self._free.shape[0] - 2 * len(mode), self._free.shape[1]))
+        return (self._free - sp.vstack([none, normal, tangential])).tocsr()

@@ -42,9 +42,7 @@ def by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> 
     return jump
 
 
-def by_residuals(
-    before: Curve, after: Curve, x: Array, gradient: Array, size: float
-) -> Array | None:
+def by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
     """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
 
     Parameters
@@ -55,14 +53,12 @@ def by_residuals(
         A point of the interface, but for rounding.
     gradient : ndarray, shape (n + 1,)
         g, of the test that vanishes on the interface.
-    size : float
-        Of x in the metric.
     """
     scale = after.metric.scale
     weights = np.abs(gradient * scale)[:-1]
     steepest = int(weights.argmax())
     far = x.copy()
-    far[steepest] += FAR * max(1.0, size) * scale[steepest]
+    far[steepest] += FAR * max(1.0, after.metric.norm(x)) * scale[steepest]
     test = gradient[steepest] * (far[steepest] - x[steepest])
     if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR or not math.isfinite(test):
         return None

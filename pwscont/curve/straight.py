@@ -45,7 +45,7 @@ TINY, AUDIT = 16, 16
 SMALL = 64
 #: A residual is corrected from this part on of what the stated error of the point covers.
 COVERED = 0.75
-#: Errors are estimated afresh where the point has grown by more than this.
+#: Errors are estimated afresh where an unknown is larger than this times all of its kind were.
 GROWN = 2.0
 #: A direction is on its selection where its residual is below this part of its terms.
 ASTRAY = EPS**0.5
@@ -101,7 +101,7 @@ class StraightCell:
         self._wide = np.zeros(len(along))
         self._slopes = np.empty(0)  # of the last test crossed, along all of these
         self._bound = np.empty(0)
-        self._size, self._since = 0.0, AUDIT
+        self._most, self._since = np.empty(0), AUDIT
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
@@ -142,31 +142,36 @@ class StraightCell:
             None where the correction is more than rounding, or cannot be computed: the cell is of
             no use then.
         """
-        size = self.curve.metric.norm(x)
-        if not self._enter(other, x, test, gradient, size):
+        if not self._enter(other, x, test, gradient):
             return None
-        return self._settled(x, gradient, value, size)
+        return self._settled(x, gradient, value)
 
     def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
         """Return a point of the piece where a function vanishes, as :meth:`cross` does."""
         self._slopes = self._lines @ gradient
-        return self._settled(x, gradient, value, self.curve.metric.norm(x))
+        return self._settled(x, gradient, value)
 
-    def _settled(self, x: Array, gradient: Array, value: float, size: float) -> Settled | None:
-        """Correct a point, and everything else now and then; the size is that of x."""
-        residual, aside = self.curve.selection.residual(x), None
-        if len(residual) < TINY or self._since >= AUDIT or size > GROWN * self._size:
-            aside = self._audited(x, residual, size)
+    def _settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
+        """Correct a point, and everything else now and then."""
+        residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
+        if self._is_due(sizes):
+            aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
             self._slopes = self._lines @ gradient
         elif not np.logical_and.reduce(np.abs(residual) <= self._bound):
             aside = self._solver.solve(residual)
-        return self._moved(x, gradient, value, aside) if self._slopes[0] else None
+        return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 
-    def _enter(self, other: Curve, x: Array, test: int, gradient: Array, size: float) -> bool:
+    def _is_due(self, sizes: Array) -> bool:
+        """Tell whether an audit is due at a point with unknowns as large as these."""
+        if self._since >= AUDIT or len(sizes) <= TINY:
+            return True
+        return bool(np.logical_or.reduce(sizes > self._most))
+
+    def _enter(self, other: Curve, x: Array, test: int, gradient: Array) -> bool:
         """Change to the Jacobian on the other side; False where that loses too many digits."""
-        is_ready, kink = self._has_room(x), self._kink(other, x, test, gradient, size)
+        is_ready, kink = self._has_room(x), self._kink(other, x, test, gradient)
         if not is_ready or kink is None:
             return False
         w = self._solver.solve(kink)
@@ -181,10 +186,10 @@ class StraightCell:
         return self._is_tame()
 
     def _moved(
-        self, x: Array, gradient: Array, value: float, aside: Array | None
+        self, x: Array, sizes: Array, gradient: Array, value: float, aside: Array | None
     ) -> Settled | None:
         """Return the point of an interface, None where the correction is more than rounding."""
-        metric, sizes = self.curve.metric, np.abs(x)
+        metric = self.curve.metric
         along = (value - (0.0 if aside is None else gradient[:-1].dot(aside))) / self._slopes[0]
         dx = along * self._lines[0]
         if aside is not None:
@@ -207,15 +212,13 @@ class StraightCell:
     def _jacobian_at(self, x: Array) -> Matrix:
         return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
 
-    def _kink(
-        self, other: Curve, x: Array, test: int, gradient: Array, size: float
-    ) -> Array | None:
+    def _kink(self, other: Curve, x: Array, test: int, gradient: Array) -> Array | None:
         """Return c of the cell beyond, and take up the curve there."""
         before, jacobian, self.curve = self.curve, self._jacobian, other
         if self._is_told:
             return other.selection.kink(before.selection, test)
         if jacobian is None:
-            return by_residuals(before, other, x, gradient, size)
+            return by_residuals(before, other, x, gradient)
         self._jacobian = other.selection.jacobian(x)
         return by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
@@ -231,7 +234,7 @@ class StraightCell:
         """Tell whether the direction is finite, and far from vertical."""
         return self.length * float(self.curve.metric.scale[-1]) < GROWTH
 
-    def _audited(self, x: Array, residual: Array, size: float) -> Array | None:
+    def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction of the point.
 
         None where the direction is not one of this selection.
@@ -239,8 +242,9 @@ class StraightCell:
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian @ along
-        now = np.abs(x) if n < TINY else GROWN * _largest_alike(x, metric)
-        terms, typical = magnitudes @ (now + CONVERGED * metric.scale), magnitudes @ metric.scale
+        self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
+        terms = magnitudes @ (self._most + CONVERGED * metric.scale)
+        typical = magnitudes @ metric.scale
         if not (np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical).all():
             return None
         rounding = EPS * terms * samples(n + 1)[:, :n]
@@ -249,7 +253,7 @@ class StraightCell:
         self._lines = np.zeros((len(solved) - 1, n + 1))
         self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
         self._lines[1:, :-1] = solved[2:]
-        self.length, self._size, self._since = metric.norm(self.along), size, 0
+        self.length, self._since = metric.norm(self.along), 0
         correction: Array = solved[0]
         return correction
 
@@ -269,13 +273,13 @@ def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
     return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
 
 
-def _largest_alike(x: Array, metric: Metric) -> Array:
+def _largest_alike(sizes: Array, metric: Metric) -> Array:
     """Return the largest magnitude of the unknowns with the same typical one, for each unknown.
 
     Until the next audit each may become as large as others of its kind are now; all of a kind may
     be far smaller than is typical, as displacements of a soft body are that its contact holds.
     """
-    largest = np.zeros(len(x))
-    np.maximum.at(largest, metric.kinds, np.abs(x))
+    largest = np.zeros(len(sizes))
+    np.maximum.at(largest, metric.kinds, sizes)
     alike: Array = largest[metric.kinds]
     return alike
