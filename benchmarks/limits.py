@@ -23,7 +23,7 @@ from enumeration import random_problem
 from figures import store
 from lasso import is_installed
 from pwscont_coulomb import CoulombLoad
-from pwscont_coulomb.elastic.scenes import block_body
+from pwscont_coulomb.elastic.scenes import block_body, wedge, wedge_body
 from pwscont_coulomb.scenes import fig7
 from scale import INTERVAL, memory, run
 from small import drawn, imported, least, per_point
@@ -95,12 +95,21 @@ def ratios() -> Iterator[Row]:
         yield Row(f"{path}, {size:,}, to {words}", times["trace"] / times[yardstick], limit, " ×")
 
 
+def folded() -> float:
+    """Return the microseconds for each piece of a path with two folds."""
+    system, interval = wedge_body(7).condensed().along_load(), wedge().interval
+    ends = explore(system, interval).solutions(interval[0])
+    follow = partial(trace, system, (ends[0].z, interval[0]), interval)
+    return 1e3 * least(follow, 20) / len(follow().pieces)
+
+
 def small() -> Iterator[Row]:
     """Yield what small problems cost."""
     system, interval = fig7().system, fig7().interval
     start = np.zeros(system.size), interval[0]
     yield Row("fig7, trace", least(lambda: trace(system, start, interval), 20), 1.0, " ms")
     yield Row("fig7, explore", least(lambda: explore(system, interval), 20), 2.5, " ms")
+    yield Row("wedge, 14 nodes, a piece", folded(), 12e3 / 53, " µs")
     yield Row("one point of a curve, fig10", 1e3 * per_point(20), 60.0, " µs")
     yield Row("import, above numpy and scipy", imported(), 100.0, " ms")
     body = CoulombLoad(*strip(14), 0.3)

@@ -46,7 +46,7 @@ class States(ABC):
     def product(self, z: Array, mode: Indices, friction: Array) -> Array:
         """Return dH/dz z, shape (n + 2 p,), by what each row means: nothing cancels in it."""
         p = len(mode)
-        u, normal, tangential = np.split(z, [len(z) - 2 * p, len(z) - p])
+        u, normal, tangential = z[: -2 * p], z[-2 * p : -p], z[-p:]
         push = self._push @ u
         product: Array = self._free @ z
         product[-2 * p : -p] = np.where(TOUCHES[mode], push, normal)

@@ -115,6 +115,11 @@ class SpecialPoint:
         """The message when passed in negative orientation."""
         return self.passed(-1)
 
+    def asking(self, quantities: Quantities) -> SpecialPoint:
+        """Return the same point, whose state is asked by these names."""
+        what = self.id, self.kind, self.place, self.passed, self.piece, self.accuracy, self.lost
+        return SpecialPoint(*what, quantities, self.events)
+
     @property
     def name(self) -> str:
         """The names of the events here; empty where there is none."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import chain, combinations
@@ -197,7 +196,7 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     kept = point.quantities.record
     if kept:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
-    return replace(point, quantities=quantities)
+    return point.asking(quantities)
 
 
 def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
