@@ -8,7 +8,6 @@ import numpy as np
 
 from pwscont import Character, Search
 from pwscont.extending import Array, Indices, Matrix, finite_array
-from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.frictionless import FromFrictionless
@@ -70,7 +69,7 @@ class CoulombFriction(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
-        mode = contact.modes(character)
+        mode = self.modes(character)
         column = np.zeros(self.size)
         column[-self.body.p :] = SLIPS[mode] * self.profile * self.kappa1(z)
         return self.with_alpha_column(self.state_matrix(mode, self.friction_at(alpha)), column)
