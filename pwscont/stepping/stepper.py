@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
@@ -113,9 +114,9 @@ class CurvedSegment(Segment):
     def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:
         """Return the segment between two states."""
         difference = end.x - start.x
-        length = curve.metric.norm(difference)
-        chord = difference / length
-        row = curve.metric.covector(chord)
+        row = curve.metric.covector(difference)
+        length = math.sqrt(row.dot(difference))
+        chord, row = difference / length, row / length
         leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 

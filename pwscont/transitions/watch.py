@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure
 from pwscont.curve.curve import Curve, State
@@ -150,10 +150,11 @@ class Watch:
         soonest = None
         for i, detector in self._aimed_at:
             values, slopes = reading.parts[i].values, reading.parts[i].slopes
-            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
-            index = int(rates.argmin()) if len(rates) else 0
-            if len(rates) and rates[index] < 0.0:
-                found = -1.0 / float(rates[index]), detector, index
+            if not len(values) or smallest(slopes) >= 0.0:
+                continue
+            rates = np.where(values > 0.0, slopes, 0.0) / np.where(values > 0.0, values, 1.0)
+            if (fastest := smallest(rates)) < 0.0:
+                found = -1.0 / fastest, detector, int(rates.argmin())
                 soonest = min(soonest or found, found, key=lambda found: found[0])
         return soonest
 
@@ -197,7 +198,7 @@ class Joined:
     @classmethod
     def of(cls, parts: Sequence[Reading]) -> Joined:
         """Join readings."""
-        both = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        both = np.concatenate([*(part.values for part in parts), *(part.slopes for part in parts)])
         half = len(both) // 2
         return cls(parts, both[:half], both[half:])
 
