@@ -70,9 +70,13 @@ class PseudoArclength(Stepper):
         distance: float,
         border: Border,
     ) -> CurvedSegment | None:
-        """Predict the zero like any other point; land on it where it is about a step away."""
+        """Predict the zero like any other point; land on it where it is about a step away.
+
+        At the beginning of a piece, of which nothing is known but its tangent, a step may be any
+        length: where the zero is no farther than the longest, a short step first costs as much.
+        """
         previous, length = self._proposed(before)
-        if distance > STRETCH * length:
+        if distance > (STRETCH * length if previous else self.step_size.largest):
             return None
         predicted, _ = self.predictor.predict(curve, previous, state, distance)
         return land_on_zero(curve, state, predicted, border, self.step_size)
