@@ -53,8 +53,8 @@ class DenseFactor(Factor):
 
     def __init__(self, matrix: Array, scale: Array) -> None:
         matrix *= scale
-        self._columns, self._rows = scale, _row_factors(matrix)
-        matrix *= self._rows[:, np.newaxis]
+        self._columns, self._rows = scale, _row_scale(matrix)
+        matrix /= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
         self.failed = info > 0
@@ -70,7 +70,7 @@ class DenseFactor(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, self._rows * rhs)[0]
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows)[0]
         return self._columns * scaled
 
     def is_singular(self) -> bool:
@@ -81,13 +81,13 @@ class DenseFactor(Factor):
         return bool(rcond < len(self._lu) * EPS)
 
 
-def _row_factors(matrix: Array) -> Array:
-    """Return powers of two by which the rows are multiplied; one for a row of zeros."""
+def _row_scale(matrix: Array) -> Array:
+    """Return powers of two by which the rows are divided; one for a row of zeros."""
     factors, *_, has_zeros = lapack.dgeequb(matrix)
     if has_zeros:
-        return 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
-    scaled: Array = factors
-    return scaled
+        return power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+    rows: Array = np.reciprocal(factors)
+    return rows
 
 
 @final

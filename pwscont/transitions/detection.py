@@ -103,9 +103,10 @@ def _before(reading: Joined) -> Joined:
 def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
     turned, soon = before.slopes * after.slopes, before.values + (RISES * length) * before.slopes
-    crossed = (after.values <= 0.0) & (np.maximum(before.values, soon) > 0.0)
-    if not (crossed[crossed.argmax()] or smallest(turned) < 0.0):
+    above, below = np.maximum(before.values, soon), np.negative(after.values)
+    if largest(np.minimum(above, below)) < 0.0 <= smallest(turned):
         return []  # nearly every step
+    crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
     # where both tangent lines meet; a convex function stays above that point
     run = after.slopes - before.slopes

@@ -152,7 +152,10 @@ class Watch:
             values, slopes = reading.parts[i].values, reading.parts[i].slopes
             if not len(values) or smallest(slopes) >= 0.0:
                 continue
-            rates = np.where(values > 0.0, slopes, 0.0) / np.where(values > 0.0, values, 1.0)
+            if smallest(values) > 0.0:  # nearly always
+                rates = slopes / values
+            else:
+                rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             if (fastest := smallest(rates)) < 0.0:
                 found = -1.0 / fastest, detector, int(rates.argmin())
                 soonest = min(soonest or found, found, key=lambda found: found[0])
@@ -198,7 +201,7 @@ class Joined:
     @classmethod
     def of(cls, parts: Sequence[Reading]) -> Joined:
         """Join readings."""
-        both = np.concatenate([*(part.values for part in parts), *(part.slopes for part in parts)])
+        both = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
         half = len(both) // 2
         return cls(parts, both[:half], both[half:])
 
