@@ -155,14 +155,18 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
-        mode, friction = self.modes(character), self.friction_at(alpha)
-        residual: Array = self.state_matrix(mode, friction).dot(z)
+        residual: Array = self._matrix_at(character, alpha).dot(z)
         residual[: self.body.n] -= self.load_at(alpha)
         if self._has_gap:
+            mode, friction = self.modes(character), self.friction_at(alpha)
             normal, tangential = residual[self.body.n :].reshape(2, -1)
             normal -= IN_CONTACT[mode] * self._offset
             tangential += friction * SLIPS[mode] * self._offset
         return residual
+
+    def _matrix_at(self, character: Character, alpha: float) -> Matrix:
+        """Return dH/dz in a cell, not to be written to."""
+        return self.state_matrix(self.modes(character), self.friction_at(alpha))
 
     def modes(self, character: Character) -> Indices:
         """Return the mode of each node, shape (p,), not to be written to; the last are kept."""

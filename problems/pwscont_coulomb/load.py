@@ -60,6 +60,8 @@ class CoulombLoad(Coulomb):
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
+        #: The last cell, and what is constant in it.
+        self._last: tuple[Character, Matrix, Array | None] | None = None
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -99,10 +101,27 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
+        rate, at_rest = self._load_rate(alpha), self._of_cell(character)[2]
+        if at_rest is not None:
+            jacobian = at_rest.copy()
+            jacobian[: self.body.n, -1] = -rate
+            return jacobian
         column = np.zeros(self.size)
-        column[: self.body.n] = -self._load_rate(alpha)
-        matrix = self.state_matrix(self.modes(character), self.friction)
-        return self.with_alpha_column(matrix, column)
+        column[: self.body.n] = -rate
+        return self.with_alpha_column(self._matrix_at(character, alpha), column)
+
+    def _matrix_at(self, character: Character, alpha: float) -> Matrix:
+        return self._of_cell(character)[1]
+
+    def _of_cell(self, character: Character) -> tuple[Character, Matrix, Array | None]:
+        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; the last ones are kept."""
+        last = self._last
+        if last is None or last[0] is not character:
+            matrix = super()._matrix_at(character, 0.0)
+            is_dense = isinstance(matrix, np.ndarray)
+            at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
+            self._last = last = character, matrix, at_rest
+        return last
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
