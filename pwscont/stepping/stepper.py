@@ -136,8 +136,8 @@ class CurvedSegment(Segment):
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
-        first, last = (float(t[-1]) * factor for t, factor in (self.leaving, self.arriving))
-        return first, float(self.chord[-1]), last
+        (leaving, by), (arriving, to) = self.leaving, self.arriving
+        return float(leaving[-1]) * by, float(self.chord[-1]), float(arriving[-1]) * to
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""

@@ -157,8 +157,9 @@ class Watch:
             else:
                 rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             if (fastest := smallest(rates)) < 0.0:
-                found = -1.0 / fastest, detector, int(rates.argmin())
-                soonest = min(soonest or found, found, key=lambda found: found[0])
+                distance = -1.0 / fastest
+                if soonest is None or distance < soonest[0]:
+                    soonest = distance, detector, int(rates.argmin())
         return soonest
 
     def falls(self, segment: Segment, start: Joined) -> Array:
