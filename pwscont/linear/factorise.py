@@ -70,7 +70,8 @@ class DenseFactor(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows)[0]
+        # in place of the quotient, which nobody else has; not transposed
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows, 0, 1)[0]
         return self._columns * scaled
 
     def is_singular(self) -> bool:
