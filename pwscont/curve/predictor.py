@@ -71,16 +71,16 @@ class Hermite(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the cubic; of the tangent on the first step."""
+        straight = state.x + length * state.tangent
         if previous is None:
-            return state.x + length * state.tangent, state.tangent
+            return straight, state.tangent
         behind = state.x - previous.x
         step = curve.metric.norm(behind)
         if step < CONVERGED:
-            return state.x + length * state.tangent, state.tangent
+            return straight, state.tangent
         u = length / step
         bend, turn = length * u * (1.0 + u), length * u
-        point: Array = (length + turn + bend) * state.tangent
+        point: Array = straight + (turn + bend) * state.tangent
         point += bend * previous.tangent
         point -= ((turn + 2.0 * bend) / step) * behind
-        point += state.x
         return point, state.tangent
