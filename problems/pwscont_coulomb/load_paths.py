@@ -53,14 +53,31 @@ class HarmonicLoad:
     def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
         f0 = finite_array("f0", f0)
         fc, fs = finite_array("fc", fc, f0.shape), finite_array("fs", fs, f0.shape)
-        #: Side by side, so that a load is one product.
+        #: Side by side, shape (n, 3), so that a load is one product.
         self._parts = np.stack([f0, fc, fs], axis=-1)
-        self.f0, self.fc, self.fs = (self._parts[..., k] for k in range(3))
         self.w = float(finite_array("w", w, ()))
         self.phase = float(finite_array("phase", phase, ()))
 
     def __repr__(self) -> str:
         return named(self, f"angle {self.w:g} alpha + {self.phase:g}, n = {len(self.f0)}")
+
+    @property
+    def f0(self) -> Array:
+        """Load in the middle, shape (n,)."""
+        f0: Array = self._parts.T[0]
+        return f0
+
+    @property
+    def fc(self) -> Array:
+        """Amplitude of the cosine, shape (n,)."""
+        fc: Array = self._parts.T[1]
+        return fc
+
+    @property
+    def fs(self) -> Array:
+        """Amplitude of the sine, shape (n,)."""
+        fs: Array = self._parts.T[2]
+        return fs
 
     def __call__(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""

@@ -118,7 +118,7 @@ class PieceFollower(Follower):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
                 return reached.stopped(str(blocked or segment))
-            if not isinstance(segment, CurvedSegment | Segment):
+            if not isinstance(segment, Segment):
                 raise self._broken("step", "a Segment or a Failure", segment)
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
