@@ -35,7 +35,7 @@ INTERVAL = (0.0, 1.0)
 MANY = 1000  # transitions of the target
 STAGES = {
     "solves": (ContactMatrix, "solve"),
-    "products": (ContactMatrix, "__matmul__"),
+    "products": (ContactMatrix, "dot"),
     "updates": (Updating, "_update"),
     "factorisations": (Updating, "_factorise"),
 }

@@ -56,7 +56,7 @@ class ContactMatrix(Core):
         keys[self.algebra.tangential] = np.where(self.sticks, np.inf, self.slip)
         return Displacements(self.algebra, keys)
 
-    def __matmul__(self, z: Array) -> Array:
+    def dot(self, z: Array) -> Array:
         """Return the product with a vector: the terms of H that are linear in z."""
         return self._product(z, self.algebra.elastic(z[: self.algebra.n]))
 
@@ -202,7 +202,7 @@ class ContactJacobian(StructuredJacobian):
         self._interior: tuple[Array, Array, Interior] | None = None
 
     def __matmul__(self, x: Array) -> Array:
-        product: Array = self.matrix @ x[:-1] + x[-1] * self.column
+        product: Array = self.matrix.dot(x[:-1]) + x[-1] * self.column
         return product
 
     def __rmatmul__(self, y: Array) -> Array:
@@ -214,7 +214,7 @@ class ContactJacobian(StructuredJacobian):
     def toarray(self) -> Array:
         """Return the same matrix as a dense one, column by column."""
         size = len(self.column)
-        columns = [self.matrix @ unit for unit in np.eye(size)]
+        columns = [self.matrix.dot(unit) for unit in np.eye(size)]
         return np.column_stack([*columns, self.column])
 
     def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:

@@ -95,7 +95,8 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         #: How dH/dz is factorised where there are many contact nodes; None for a general LU.
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
-        self._known: tuple[Any, Matrix] | None = None
+        self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
+        self._modes_of: tuple[Character, Indices] | None = None
         self._bounded: tuple[Character, contact.Flags] | None = None
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
@@ -154,17 +155,30 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
-        mode, n, p = contact.modes(character), self.body.n, self.body.p
-        friction = self.friction_at(alpha)
-        if self.algebra is None:
-            residual: Array = self._states.product(z, mode, friction)
-        else:
-            residual = self.state_matrix(mode, friction) @ z
-        residual[:n] -= self.load_at(alpha)
+        residual: Array = self._linear_terms(z, alpha, character)
+        residual[: self.body.n] -= self.load_at(alpha)
         if self._has_gap:
-            residual[n : n + p] -= IN_CONTACT[mode] * self._offset
-            residual[n + p :] += friction * SLIPS[mode] * self._offset
+            mode, friction = self.modes(character), self.friction_at(alpha)
+            normal, tangential = residual[self.body.n :].reshape(2, -1)
+            normal -= IN_CONTACT[mode] * self._offset
+            tangential += friction * SLIPS[mode] * self._offset
         return residual
+
+    def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the terms of H that are linear in z, in an array of their own."""
+        terms: Array = self._matrix_at(character, alpha).dot(z)
+        return terms
+
+    def _matrix_at(self, character: Character, alpha: float) -> Matrix:
+        """Return dH/dz in a cell, not to be written to."""
+        return self.state_matrix(self.modes(character), self.friction_at(alpha))
+
+    def modes(self, character: Character) -> Indices:
+        """Return the mode of each node, shape (p,), not to be written to; the last are kept."""
+        last = self._modes_of
+        if last is None or last[0] is not character:
+            self._modes_of = last = character, contact.modes(character)
+        return last[1]
 
     def bounding_tests(self, character: Character) -> Indices:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
@@ -183,14 +197,14 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _bounds(self, character: Character) -> contact.Flags:
         """Tell which tests bound the cell, shape (3 p,); the last answer is kept."""
         if self._bounded is None or self._bounded[0] is not character:
-            mode = contact.modes(character)
+            mode = self.modes(character)
             found = contact.bounds(mode, self._without_friction, self.body.guided)
             self._bounded = character, found
         return self._bounded[1]
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""
-        for combination in product(*self._modes()):
+        for combination in product(*self._modes_of_nodes()):
             yield Character(tuple(sign for signs in combination for sign in signs))
 
     def blocks(self) -> tuple[Block, ...]:
@@ -198,10 +212,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         n, p = self.body.n, self.body.p
         return tuple(
             Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), modes)
-            for i, modes in enumerate(self._modes())
+            for i, modes in enumerate(self._modes_of_nodes())
         )
 
-    def _modes(self) -> list[tuple[tuple[bool, ...], ...]]:
+    def _modes_of_nodes(self) -> list[tuple[tuple[bool, ...], ...]]:
         """Return the signs of the modes that each node may be in."""
         return [GUIDED_MODES if guided else MODES for guided in self.body.guided]
 
@@ -272,13 +286,13 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return n unknowns: lam_nu for u_nu in contact, lam_t for u_t in stick, all other u."""
         if self.algebra is None:
             return None
-        return self._free_unknowns.of(contact.modes(character))
+        return self._free_unknowns.of(self.modes(character))
 
     def completed(self, values: Array, alpha: float, character: Character) -> Array:
         """Return z from its essential unknowns in this cell."""
         if self.algebra is None:
             return values
-        mode = contact.modes(character)
+        mode = self.modes(character)
         ratio = -SLIPS[mode] * self.friction_at(alpha)
         return self._free_unknowns.completed(values, mode, ratio)
 
@@ -304,10 +318,10 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         tangential row is the gradient of lam_t, in stick of lam_t - x, in slip+ and slip- of
         lam_t - F kappa1 and lam_t + F kappa1.
         """
-        key = (mode.tobytes(), friction.tobytes())
-        if self._known is None or self._known[0] != key:
-            self._known = (key, self._state_matrix(mode, friction))
-        return self._known[1]
+        key, last = (mode.tobytes(), friction.tobytes()), self._known
+        if last is None or last[0] != key:
+            self._known = last = key, self._state_matrix(mode, friction)
+        return last[1]
 
     def _state_matrix(self, mode: Indices, friction: Array) -> Matrix:
         if self.algebra is not None:
@@ -316,13 +330,13 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def with_alpha_column(self, matrix: Matrix, column: Array) -> Matrix:
         """Return [matrix | column], dense, sparse or structured as the matrix is."""
+        if type(matrix) is np.ndarray:
+            jacobian = np.empty((self.size, self.size + 1))
+            jacobian[:, :-1], jacobian[:, -1] = matrix, column
+            return jacobian
         if isinstance(matrix, ContactMatrix):
             return self._contact_jacobian(matrix, column)
-        if self.body.is_sparse:
-            return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
-        jacobian = np.empty((self.size, self.size + 1))
-        jacobian[:, :-1], jacobian[:, -1] = matrix, column
-        return jacobian
+        return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
 
     def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
         """Return [dH/dz | column]; the last one is kept, with its factorisations.

@@ -8,7 +8,6 @@ import numpy as np
 
 from pwscont import Character, Search
 from pwscont.extending import Array, Indices, Matrix, finite_array
-from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.frictionless import FromFrictionless
@@ -70,10 +69,9 @@ class CoulombFriction(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
-        mode = contact.modes(character)
         column = np.zeros(self.size)
-        column[-self.body.p :] = SLIPS[mode] * self.profile * self.kappa1(z)
-        return self.with_alpha_column(self.state_matrix(mode, self.friction_at(alpha)), column)
+        column[-self.body.p :] = SLIPS[self.modes(character)] * self.profile * self.kappa1(z)
+        return self.with_alpha_column(self._matrix_at(character, alpha), column)
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of the tests; kappa2 and kappa3 depend on F."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
 from pwscont.extending import Array, Indices, Matrix
-from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.friction import CoulombFriction
@@ -62,6 +61,8 @@ class CoulombLoad(Coulomb):
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
+        #: The last cell, and what is constant in it.
+        self._last: tuple[Character, Matrix, Array | None] | None = None
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -70,7 +71,7 @@ class CoulombLoad(Coulomb):
         f = np.asarray(self.load(alpha), dtype=float)
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
-        if not isfinite(np.add.reduce(f)):
+        if not (isfinite(f.item(f.argmin()) + f.item(f.argmax())) or np.isfinite(f).all()):
             raise InvalidInputError(f"load({alpha}) is not finite: {f}")
         self.body.refuse_guided_load(f)
         return f
@@ -100,16 +101,33 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
+        rate, at_rest = self._load_rate(alpha), self._of_cell(character)[2]
+        if at_rest is not None:
+            jacobian = at_rest.copy()
+            jacobian[: self.body.n, -1] = -rate
+            return jacobian
         column = np.zeros(self.size)
-        column[: self.body.n] = -self._load_rate(alpha)
-        matrix = self.state_matrix(contact.modes(character), self.friction)
-        return self.with_alpha_column(matrix, column)
+        column[: self.body.n] = -rate
+        return self.with_alpha_column(self._matrix_at(character, alpha), column)
+
+    def _matrix_at(self, character: Character, alpha: float) -> Matrix:
+        return self._of_cell(character)[1]
+
+    def _of_cell(self, character: Character) -> tuple[Character, Matrix, Array | None]:
+        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; the last ones are kept."""
+        last = self._last
+        if last is None or last[0] is not character:
+            matrix = super()._matrix_at(character, 0.0)
+            is_dense = isinstance(matrix, np.ndarray)
+            at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
+            self._last = last = character, matrix, at_rest
+        return last
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
-        if self._has_sparse_tests:
+        if self._tests_by_z is None:
             return super().test_functions(z, alpha)
-        tests: Array = self._test_gradients[:, :-1] @ z + self._tests_at_rest
+        tests: Array = self._tests_by_z.dot(z) + self._tests_at_rest
         return tests
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
@@ -127,6 +145,13 @@ class CoulombLoad(Coulomb):
         return super().test_functions(np.zeros(self.size), 0.0)
 
     @cached_property
+    def _tests_by_z(self) -> Array | None:
+        """The gradients of the tests by z, shape (3 p, n + 2 p); None where they are sparse."""
+        if self._has_sparse_tests:
+            return None
+        return np.ascontiguousarray(self._test_gradients[:, :-1])
+
+    @cached_property
     def _test_gradients(self) -> Matrix:
         return self._gradients.at(self.friction, np.zeros(3 * self.body.p))
 
@@ -135,10 +160,16 @@ class CoulombLoad(Coulomb):
 class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
 
+    def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return them row by row: a straight path asks too seldom in a cell to make its matrix."""
+        if self.algebra is not None:
+            return super()._linear_terms(z, alpha, character)
+        return self._states.product(z, self.modes(character), self.friction)
+
     def kink(self, before: Character, after: Character, test: int) -> Array:
         """Return c, shape (n + 2 p,): it changes the rows of one node, see :mod:`.states`."""
         node, which = divmod(test, 3)
-        old, new = (contact.modes(cell)[node] for cell in (before, after))
+        old, new = contact.modes(before)[node], self.modes(after)[node]
         normal = self.body.n + node
         c = np.zeros(self.size)
         if which:  # kappa2 and kappa3 are x -+ F kappa1

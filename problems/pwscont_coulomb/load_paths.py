@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, final
 
+import numpy as np
+
 from pwscont.extending import Array, finite_array, named
 
 
@@ -49,21 +51,43 @@ class HarmonicLoad:
     """
 
     def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
-        self.f0 = finite_array("f0", f0)
-        self.fc = finite_array("fc", fc, self.f0.shape)
-        self.fs = finite_array("fs", fs, self.f0.shape)
+        f0 = finite_array("f0", f0)
+        fc, fs = finite_array("fc", fc, f0.shape), finite_array("fs", fs, f0.shape)
+        #: Side by side, shape (n, 3), so that a load is one product.
+        self._parts = np.stack([f0, fc, fs], axis=-1)
         self.w = float(finite_array("w", w, ()))
         self.phase = float(finite_array("phase", phase, ()))
 
     def __repr__(self) -> str:
         return named(self, f"angle {self.w:g} alpha + {self.phase:g}, n = {len(self.f0)}")
 
+    @property
+    def f0(self) -> Array:
+        """Load in the middle, shape (n,)."""
+        f0: Array = self._parts.T[0]
+        return f0
+
+    @property
+    def fc(self) -> Array:
+        """Amplitude of the cosine, shape (n,)."""
+        fc: Array = self._parts.T[1]
+        return fc
+
+    @property
+    def fs(self) -> Array:
+        """Amplitude of the sine, shape (n,)."""
+        fs: Array = self._parts.T[2]
+        return fs
+
     def __call__(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""
         angle = self.w * alpha + self.phase
-        return self.f0 + math.cos(angle) * self.fc + math.sin(angle) * self.fs
+        load: Array = self._parts.dot(np.array((1.0, math.cos(angle), math.sin(angle))))
+        return load
 
     def derivative(self, alpha: float) -> Array:
         """Return df/dalpha, shape (n,)."""
         angle = self.w * alpha + self.phase
-        return self.w * (math.cos(angle) * self.fs - math.sin(angle) * self.fc)
+        rate = np.array((0.0, -self.w * math.sin(angle), self.w * math.cos(angle)))
+        change: Array = self._parts.dot(rate)
+        return change

@@ -72,7 +72,7 @@ class BorderedNewton(Corrector):
         factor, along = direction(curve, root)
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
-        state = State(root.x, curve.metric.normalised(along), root.error[np.newaxis], factor.sign)
+        state = State(root.x, along, root.error[np.newaxis], factor.sign)
         return Corrected(state, root.iterations, factor, root.contraction)
 
 

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, largest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
@@ -119,7 +119,7 @@ class Metric:
 
     def largest(self, sizes: Array) -> float:
         """Return the largest of some magnitudes, each relative to the typical one."""
-        return float(np.maximum.reduce(sizes / self.scale))
+        return largest(sizes / self.scale)
 
     @cached_property
     def kinds(self) -> Indices:
@@ -132,10 +132,14 @@ class Metric:
 
         Alpha is relative to the interval, wherever that lies; rounding of alpha is converged.
         """
-        size = np.abs(x)
-        size[-1] *= ROUNDING_OF_ALPHA
-        size += self.scale
-        return float(np.maximum.reduce(np.abs(dx) / size))
+        return largest(np.abs(dx) / self.sizes(x))
+
+    def sizes(self, x: Array) -> Array:
+        """Return what the components of a correction of ``x`` are relative to, shape (n + 1,)."""
+        sizes = np.abs(x)
+        sizes[-1] *= ROUNDING_OF_ALPHA
+        sizes += self.scale
+        return sizes
 
     def sketch(self, t: Array) -> Array:
         """Return a direction of length one, of a long one a few projections.

@@ -30,7 +30,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, largest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve
@@ -91,12 +91,12 @@ def _chords(
 
     Returns the point and the last correction; appends the relative sizes of all.
     """
-    dx = x
+    dx, relative_to = x, curve.metric.sizes(x)  # x hardly changes any more
     for _ in range(MOST_CHORDS):
         if sizes[-1] > CONVERGED and curve.metric.admits(x):
             dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
             x = x - dx
-            sizes.append(curve.metric.relative(dx, x))
+            sizes.append(largest(np.abs(dx) / relative_to))
     return x, dx
 
 
@@ -135,20 +135,21 @@ def again(curve: Curve, border: Border, root: Root) -> Root:
 
 
 def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
-    """Return the direction of the curve at a root, and a factorisation that is new enough.
+    """Return the direction of the curve at a root, of length one, along which the border grows.
 
-    The border grows along it.
+    And a factorisation that is new enough.
     """
-    unit = last_unit(len(root.x))
+    metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
     if not root.stale:
-        return root.factor, along
+        return root.factor, metric.normalised(along)
     jacobian = curve.selection.jacobian(root.x)
     for _ in range(MOST_CHORDS):
-        excess = (root.row @ along).item() - 1.0
-        correction = root.factor.solve(joined(jacobian @ along, excess))
+        excess = root.row.dot(along).item() - 1.0
+        correction = root.factor.solve(joined(jacobian.dot(along), excess))
         along = along - correction
-        if curve.metric.norm(correction) <= TURNED * curve.metric.norm(along):
-            return root.factor, along
-    factor = bordered(jacobian, root.row, curve.metric.binary)
-    return factor, along if factor.failed else factor.solve(unit)
+        length = metric.norm(along)
+        if metric.norm(correction) <= TURNED * length:
+            return root.factor, along / length
+    factor = bordered(jacobian, root.row, metric.binary)
+    return factor, along if factor.failed else metric.normalised(factor.solve(unit))

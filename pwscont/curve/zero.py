@@ -50,8 +50,7 @@ def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
     factor, rising = direction(curve, root)
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
-    tangent = curve.metric.normalised(-rising)
-    state = State(root.x, tangent, error, -factor.sign, located_by=factor)
+    state = State(root.x, -rising, error, -factor.sign, located_by=factor)
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

@@ -17,10 +17,11 @@ from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import sign_of_superlu, superlu
 from pwscont.linear.factor import Factor, power_of_two
@@ -52,8 +53,7 @@ class DenseFactor(Factor):
 
     def __init__(self, matrix: Array, scale: Array) -> None:
         matrix *= scale
-        self._columns = scale
-        self._rows = power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+        self._columns, self._rows = scale, _row_scale(matrix)
         matrix /= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
@@ -64,13 +64,14 @@ class DenseFactor(Factor):
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
-        negative = np.count_nonzero(self._lu.diagonal() < 0.0)
-        exchanged = np.count_nonzero(self._pivots != in_order(len(self._pivots)))
-        return -1 if (negative + exchanged) % 2 else 1
+        negative = np.signbit(self._lu.diagonal())
+        exchanged = self._pivots != in_order(len(self._lu))
+        return -1 if np.count_nonzero(negative != exchanged) % 2 else 1
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows)[0]
+        # in place of the quotient, which nobody else has; not transposed
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows, 0, 1)[0]
         return self._columns * scaled
 
     def is_singular(self) -> bool:
@@ -79,6 +80,15 @@ class DenseFactor(Factor):
             return True
         rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
         return bool(rcond < len(self._lu) * EPS)
+
+
+def _row_scale(matrix: Array) -> Array:
+    """Return powers of two by which the rows are divided; one for a row of zeros."""
+    factors, *_, has_zeros = lapack.dgeequb(matrix)
+    if has_zeros:
+        return power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+    rows: Array = np.reciprocal(factors)
+    return rows
 
 
 @final
@@ -121,24 +131,24 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
 
     A right-hand side that will be solved for next may be given ``beside``.
     """
-    row = row.toarray().ravel() if sp.issparse(row) else row
+    row = row if isinstance(row, np.ndarray) else dense(row).ravel()
+    if isinstance(jacobian, np.ndarray):
+        n = len(jacobian)
+        matrix = np.empty((n + 1, n + 1), order="F")
+        matrix[:n] = jacobian
+        matrix[n] = row
+        return DenseFactor(matrix, scale)
     if isinstance(jacobian, StructuredJacobian):
         structured = jacobian.bordered(row, scale, beside)
         return structured or DenseFactor(np.vstack([jacobian, row]), scale)
-    if sp.issparse(jacobian):
-        found = bordered_sparse(jacobian, row, scale)
-        return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
-    n = len(jacobian)
-    matrix = np.empty((n + 1, n + 1))
-    matrix[:n] = jacobian
-    matrix[n] = row
-    return DenseFactor(matrix, scale)
+    found = bordered_sparse(jacobian, row, scale)
+    return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
 
 
 @lru_cache(maxsize=8)
-def in_order(size: int) -> Indices:
-    """Return 0, 1, ..., size - 1, not to be written to."""
-    order = np.arange(size)
+def in_order(size: int) -> npt.NDArray[np.intc]:
+    """Return 0, 1, ..., size - 1 in the integers of LAPACK, not to be written to."""
+    order = np.arange(size, dtype=np.intc)
     order.flags.writeable = False
     return order
 

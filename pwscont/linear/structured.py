@@ -35,6 +35,10 @@ class StructuredJacobian(ABC):
     def __matmul__(self, x: Array) -> Array:
         """Return J x, shape (n,)."""
 
+    def dot(self, x: Array) -> Array:
+        """Return J x, by the name that arrays and sparse matrices have for it, too."""
+        return self @ x
+
     @abstractmethod
     def __rmatmul__(self, y: Array) -> Array:
         """Return y J, shape (n + 1,)."""

@@ -16,6 +16,8 @@ from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import STRETCH, land_on_end, land_on_zero
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 
+NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureReason.OUTSIDE)
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -53,8 +55,7 @@ class PseudoArclength(Stepper):
     ) -> Segment | Failure:
         """Halve the step until the corrector converges and the curve turns little."""
         previous, length = self._proposed(before)
-        length = min(length, longest)
-        failure = Failure(FailureReason.NOT_CONVERGED)
+        length, failure = min(length, longest), NOT_CONVERGED
         while length >= self.step_size.smallest:
             segment = self._try(curve, interval, previous, state, length)
             if not isinstance(segment, Failure):
@@ -70,9 +71,13 @@ class PseudoArclength(Stepper):
         distance: float,
         border: Border,
     ) -> CurvedSegment | None:
-        """Predict the zero like any other point; land on it where it is about a step away."""
+        """Predict the zero like any other point; land on it where it is about a step away.
+
+        At the beginning of a piece, of which nothing is known but its tangent, a step may be any
+        length: where the zero is no farther than the longest, a short step first costs as much.
+        """
         previous, length = self._proposed(before)
-        if distance > STRETCH * length:
+        if distance > (STRETCH * length if previous else self.step_size.largest):
             return None
         predicted, _ = self.predictor.predict(curve, previous, state, distance)
         return land_on_zero(curve, state, predicted, border, self.step_size)
@@ -94,7 +99,7 @@ class PseudoArclength(Stepper):
         """Return a step, to the end of the interval where it would overshoot it."""
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
-        corrected: Corrected | Failure = Failure(FailureReason.OUTSIDE)
+        corrected: Corrected | Failure = OUTSIDE
         if lo < predicted[-1] < hi:
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
@@ -113,9 +114,9 @@ class CurvedSegment(Segment):
     def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:
         """Return the segment between two states."""
         difference = end.x - start.x
-        length = curve.metric.norm(difference)
-        chord = difference / length
-        row = curve.metric.covector(chord)
+        row = curve.metric.covector(difference)
+        length = math.sqrt(row.dot(difference))
+        chord, row = difference / length, row / length
         leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
@@ -135,8 +136,8 @@ class CurvedSegment(Segment):
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
-        first, last = (float(t[-1]) * factor for t, factor in (self.leaving, self.arriving))
-        return first, float(self.chord[-1]), last
+        (leaving, by), (arriving, to) = self.leaving, self.arriving
+        return float(leaving[-1]) * by, float(self.chord[-1]), float(arriving[-1]) * to
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""

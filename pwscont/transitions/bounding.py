@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, largest, smallest
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import FILL, Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -60,7 +60,7 @@ class BoundingTests(TransitionDetector):
         if not len(selection.bounding):  # a smooth system
             return Reading(np.zeros(0), np.zeros(0))
         rows = selection.unsigned_gradients(state.x)
-        values, slopes = selection.tests(state.x), selection.side * (rows @ state.tangent)
+        values, slopes = selection.tests(state.x), selection.side * rows.dot(state.tangent)
         riding = next_to_zero(values, slopes)
         if len(riding):
             scale = curve.metric.scale
@@ -81,7 +81,7 @@ class BoundingTests(TransitionDetector):
             return None
         for x in _looked_at(segment):
             values = segment.curve.selection.tests(x)
-            if np.minimum.reduce(values) < 0.0 and _is_dip(values, start, end):
+            if smallest(values) < 0.0 and _is_dip(values, start, end):
                 return Failure(FailureReason.THIN_CELL)
         return None
 
@@ -120,8 +120,8 @@ class BoundingTests(TransitionDetector):
 def next_to_zero(values: Array, slopes: Array) -> Indices:
     """Return the tests that are so small that they may be zero all along a piece."""
     sizes = np.abs(values)
-    near = NEAR * max(np.maximum.reduce(sizes), np.maximum.reduce(np.abs(slopes)))
-    if np.minimum.reduce(sizes) > near:
+    near = NEAR * max(largest(sizes), largest(np.abs(slopes)))
+    if smallest(sizes) > near:
         return NONE  # nearly always
     return np.flatnonzero(sizes <= near)
 

@@ -38,6 +38,8 @@ SLACK = 0.1
 MOST_HALVINGS = 10
 #: Distance at which the sign of det[J; t^T] is read off, where no walk has brought it along.
 NEARBY = EPS**0.25
+#: What is read, by the sign: not to be written to.
+_READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
 
 @final
@@ -47,8 +49,7 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the sign and its negative."""
-        sign = float(state.orientation)
-        return Reading(np.array([sign, -sign]), UNKNOWN)
+        return _READINGS[state.orientation]
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""

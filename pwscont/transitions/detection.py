@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from pwscont.basics.arrays import largest, smallest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import State
 from pwscont.stepping.stepper import CurvedSegment, Segment
@@ -67,7 +68,7 @@ def first_on_curve(
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)
-    if math.isnan(np.add.reduce(end.values)):  # nan alone, or opposite infinities
+    if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
         watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
     end = _before(end) if first else end
@@ -101,12 +102,11 @@ def _before(reading: Joined) -> Joined:
 
 def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
-    turned, crossed = before.slopes * after.slopes, after.values <= 0.0
-    if np.count_nonzero(crossed):
-        soon = before.values + (RISES * length) * before.slopes
-        crossed &= np.maximum(before.values, soon) > 0.0
-    if not (np.count_nonzero(crossed) or np.minimum.reduce(turned) < 0.0):
+    turned, soon = before.slopes * after.slopes, before.values + (RISES * length) * before.slopes
+    above, below = np.maximum(before.values, soon), np.negative(after.values)
+    if largest(np.minimum(above, below)) < 0.0 <= smallest(turned):
         return []  # nearly every step
+    crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
     # where both tangent lines meet; a convex function stays above that point
     run = after.slopes - before.slopes

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure
 from pwscont.curve.curve import Curve, State
@@ -150,11 +150,16 @@ class Watch:
         soonest = None
         for i, detector in self._aimed_at:
             values, slopes = reading.parts[i].values, reading.parts[i].slopes
-            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
-            index = int(rates.argmin()) if len(rates) else 0
-            if len(rates) and rates[index] < 0.0:
-                found = -1.0 / float(rates[index]), detector, index
-                soonest = min(soonest or found, found, key=lambda found: found[0])
+            if not len(values) or smallest(slopes) >= 0.0:
+                continue
+            if smallest(values) > 0.0:  # nearly always
+                rates = slopes / values
+            else:
+                rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            if (fastest := smallest(rates)) < 0.0:
+                distance = -1.0 / fastest
+                if soonest is None or distance < soonest[0]:
+                    soonest = distance, detector, int(rates.argmin())
         return soonest
 
     def falls(self, segment: Segment, start: Joined) -> Array:
