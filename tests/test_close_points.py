@@ -141,3 +141,41 @@ def test_a_curve_that_touches_an_interface_stays_on_its_side(seed):
     for point in graph.special_points("corner"):
         assert "touches the interface" in point.message
         assert abs(point.alpha - p) <= 10.0 * point.error[-1]
+
+
+class FoldOfTwoLines(PiecewiseLinearSystem):
+    """alpha = 3 max(z, 0) - z: falls to the fold at z = 0, and rises beyond."""
+
+    size = 1
+
+    def scale(self, lo, hi):
+        return np.ones(1)
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return alpha + (z - 3.0 * z if character.signs[0] else z)
+
+
+@pytest.mark.parametrize("begin", [0.25, -0.5])
+@pytest.mark.parametrize("gaps", [(1e-9, 3e-9), (-1e-9, -3e-9), (1e-9, -2e-9), (4e-9, 5e-9)])
+@pytest.mark.parametrize("events_see", ["z", "alpha"])
+def test_several_events_beside_a_fold_lose_no_branch(events_see, gaps, begin):
+    """All are the same place by digits: what a walk left, and what it has passed before."""
+
+    def seen(z, alpha):
+        return z[0] if events_see == "z" else alpha
+
+    events = {
+        "one": lambda z, alpha: seen(z, alpha) - gaps[0],
+        "other": lambda z, alpha: seen(z, alpha) - gaps[1],
+    }
+    alpha = max(2.0 * begin, -begin)
+    graph = trace(FoldOfTwoLines(), ([begin], alpha), (-1.0, 1.0), events=events)
+    assert [graph.count(alpha) for alpha in (-0.5, 0.01, 0.7)] == [0, 2, 2]
+    assert graph.is_balanced()
+    kinds = [str(point.kind) for point in graph.special_points()]
+    met = sum(1 if events_see == "z" else 2 * (gap > 0.0) for gap in gaps)
+    assert kinds.count("nonsmooth fold") == 1
+    assert kinds.count("event") == met
