@@ -168,9 +168,16 @@ def _bracket_of_dip(
     lowest = locate_sign_change(segment, slope, (0.0, segment.length))
     if isinstance(lowest, Failure):
         return lowest
-    if detector.read(segment.curve, lowest).values[index] > 0.0:
+    if not _value(detector, segment, lowest, index) < 0.0:
         return None
     return 0.0, segment.position(lowest.x)
+
+
+def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
+    """Return the value of a function, also where a reading takes it to be level at zero."""
+    if border := detector.border(segment.curve, index):
+        return float(border(state.x)[0])
+    return float(detector.read(segment.curve, state).values[index])
 
 
 def _bracket_of_return(
