@@ -179,3 +179,46 @@ def test_several_events_beside_a_fold_lose_no_branch(events_see, gaps, begin):
     met = sum(1 if events_see == "z" else 2 * (gap > 0.0) for gap in gaps)
     assert kinds.count("nonsmooth fold") == 1
     assert kinds.count("event") == met
+
+
+class CutCircle(PiecewiseSystem):
+    """z^2 + alpha^2 = 1 in all cells, cut by chords between pairs of angles."""
+
+    size = 1
+
+    def __init__(self, *pairs):
+        ends = np.array(pairs)
+        middle, half = 0.5 * ends.sum(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+        self.normals = np.column_stack([np.cos(middle), np.sin(middle)])
+        self.offsets = np.cos(half)
+
+    def test_functions(self, z, alpha):
+        return self.normals @ np.array([alpha, z[0]]) - self.offsets
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0
+
+
+#: A fold of alpha at pi, at or between seams, and where one of several seams is touched.
+CHORDS = [
+    *([(np.pi - gap, 0.229)] for gap in (1e-12, -1.1e-12, 1e-10, -1e-10, 1e-8, 0.0)),
+    [(np.pi - 4e-11, 1.3), (np.pi + 1.6e-10, 2.2)],
+    [(np.pi + 1.6e-10, 1.1), (np.pi, 2.2), (np.pi - 4.5e-11, np.pi + 7.7e-8)],
+]
+
+
+@pytest.mark.parametrize("chords", CHORDS)
+@pytest.mark.parametrize("begin", [0.5, 2.57, 5.5])
+def test_seams_beside_a_fold_are_met(chords, begin):
+    """Every piece lies in its own cell, and none is followed twice."""
+    system = CutCircle(*chords)
+    graph = trace(system, ([np.sin(begin)], np.cos(begin)), (-1.5, 1.5))
+    assert not graph.special_points("stopped")
+    for alpha in (-0.9, -0.3, 0.4, 0.9):
+        found = graph.solutions(alpha)
+        true = (1.0 - alpha**2) ** 0.5
+        np.testing.assert_allclose(sorted(s.z[0] for s in found), [-true, true], rtol=1e-12)
+        for solution in found:
+            tests = system.test_functions(solution.z, alpha)
+            clear = np.abs(tests) > 1e-9
+            np.testing.assert_array_equal((tests >= 0.0)[clear], solution.character.array[clear])

@@ -212,7 +212,7 @@ class Discovery:
             self._known_rays.add(node, keys)
             self.nodes[node].rays[0] = None
             return node
-        self._absorb(node, walk.arrival, keys, left)
+        self._absorb(node, walk.arrival, keys, left if node == begun.node else None)
         if node == begun.node and walk.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(walk.arrival.message)
         if back := self._known_rays.match(rays[0], keys[0], left):

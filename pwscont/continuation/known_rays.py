@@ -68,7 +68,16 @@ def _best(found: list[tuple[float, KnownRay]], ray: Ray, left: KnownRay | None) 
     if left or len({known.node for _, known in found}) > 1:
         surely = [one for one in found if _is_surely(one[1].key, ray)]
         found = [one for one in surely if one[1].key is not left.key] if left else surely or found
+    if len({known.node for _, known in found}) > 1:
+        nearest = min((known for _, known in found), key=lambda known: _distance(known.key, ray))
+        found = [one for one in found if one[1].node == nearest.node]
     return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _distance(key: RayKey, ray: Ray) -> float:
+    """Return how far a ray starts from the place of a key."""
+    metric = ray.curve.metric
+    return metric.norm(metric.difference(key.place.x, ray.state.x))
 
 
 def _is_surely(key: RayKey, ray: Ray) -> bool:
