@@ -141,3 +141,84 @@ def test_a_curve_that_touches_an_interface_stays_on_its_side(seed):
     for point in graph.special_points("corner"):
         assert "touches the interface" in point.message
         assert abs(point.alpha - p) <= 10.0 * point.error[-1]
+
+
+class FoldOfTwoLines(PiecewiseLinearSystem):
+    """alpha = 3 max(z, 0) - z: falls to the fold at z = 0, and rises beyond."""
+
+    size = 1
+
+    def scale(self, lo, hi):
+        return np.ones(1)
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return alpha + (z - 3.0 * z if character.signs[0] else z)
+
+
+@pytest.mark.parametrize("begin", [0.25, -0.5])
+@pytest.mark.parametrize("gaps", [(1e-9, 3e-9), (-1e-9, -3e-9), (1e-9, -2e-9), (4e-9, 5e-9)])
+@pytest.mark.parametrize("events_see", ["z", "alpha"])
+def test_several_events_beside_a_fold_lose_no_branch(events_see, gaps, begin):
+    """All are the same place by digits: what a walk left, and what it has passed before."""
+
+    def seen(z, alpha):
+        return z[0] if events_see == "z" else alpha
+
+    events = {
+        "one": lambda z, alpha: seen(z, alpha) - gaps[0],
+        "other": lambda z, alpha: seen(z, alpha) - gaps[1],
+    }
+    alpha = max(2.0 * begin, -begin)
+    graph = trace(FoldOfTwoLines(), ([begin], alpha), (-1.0, 1.0), events=events)
+    assert [graph.count(alpha) for alpha in (-0.5, 0.01, 0.7)] == [0, 2, 2]
+    assert graph.is_balanced()
+    kinds = [str(point.kind) for point in graph.special_points()]
+    met = sum(1 if events_see == "z" else 2 * (gap > 0.0) for gap in gaps)
+    assert kinds.count("nonsmooth fold") == 1
+    assert kinds.count("event") == met
+
+
+class CutCircle(PiecewiseSystem):
+    """z^2 + alpha^2 = 1 in all cells, cut by chords between pairs of angles."""
+
+    size = 1
+
+    def __init__(self, *pairs):
+        ends = np.array(pairs)
+        middle, half = 0.5 * ends.sum(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+        self.normals = np.column_stack([np.cos(middle), np.sin(middle)])
+        self.offsets = np.cos(half)
+
+    def test_functions(self, z, alpha):
+        return self.normals @ np.array([alpha, z[0]]) - self.offsets
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0
+
+
+#: A fold of alpha at pi, at or between seams, and where one of several seams is touched.
+CHORDS = [
+    *([(np.pi - gap, 0.229)] for gap in (1e-12, -1.1e-12, 1e-10, -1e-10, 1e-8, 0.0)),
+    [(np.pi - 4e-11, 1.3), (np.pi + 1.6e-10, 2.2)],
+    [(np.pi + 1.6e-10, 1.1), (np.pi, 2.2), (np.pi - 4.5e-11, np.pi + 7.7e-8)],
+]
+
+
+@pytest.mark.parametrize("chords", CHORDS)
+@pytest.mark.parametrize("begin", [0.5, 2.57, 5.5])
+def test_seams_beside_a_fold_are_met(chords, begin):
+    """Every piece lies in its own cell, and none is followed twice."""
+    system = CutCircle(*chords)
+    graph = trace(system, ([np.sin(begin)], np.cos(begin)), (-1.5, 1.5))
+    assert not graph.special_points("stopped")
+    for alpha in (-0.9, -0.3, 0.4, 0.9):
+        found = graph.solutions(alpha)
+        true = (1.0 - alpha**2) ** 0.5
+        np.testing.assert_allclose(sorted(s.z[0] for s in found), [-true, true], rtol=1e-12)
+        for solution in found:
+            tests = system.test_functions(solution.z, alpha)
+            clear = np.abs(tests) > 1e-9
+            np.testing.assert_array_equal((tests >= 0.0)[clear], solution.character.array[clear])

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from random_bodies import contact_body, random_body
 from rational import SwitchedFamily
 
 from pwscont import (
@@ -238,3 +239,44 @@ def test_a_vertical_piece_whose_ends_differ_by_rounding_is_vertical(B, c, d, low
 def test_a_direction_along_an_interface_of_a_singular_cell_is_said():
     graph = explore(SwitchedFamily(np.random.default_rng([6, 69])).system(0.0), (-2.0, 3.0))
     assert "stopped" in graph.guarantee
+
+
+class AlongInterface(PiecewiseSystem):
+    """Of t = z1 - z2 sin(alpha) / 3, t or 2 t is zero, and z2 = 3 + cos(alpha).
+
+    The tests are t, and z2 - 5 if there is a second one, in any units.
+    """
+
+    size = 2
+
+    def __init__(self, *units):
+        self.units = np.array(units)
+
+    def test_functions(self, z, alpha):
+        tests = np.array([z[0] - z[1] * np.sin(alpha) / 3.0, z[1] - 5.0])
+        return self.units * tests[: len(self.units)]
+
+    def residual(self, z, alpha, character):
+        t = self.test_functions(z, alpha)[0] / self.units[0]
+        return np.array([t if character.signs[0] else 2.0 * t, z[1] - 3.0 - np.cos(alpha)])
+
+
+@pytest.mark.parametrize("units", [(1.0,), (1e-6,), (1.0, 1.0), (1e6, 1e-6), (1e-6, 1e6)])
+@pytest.mark.parametrize("lo", [0.0, 0.1])
+def test_a_curved_path_along_an_interface_in_any_units(units, lo):
+    z2 = 3.0 + np.cos(lo)
+    graph = trace(AlongInterface(*units), ([z2 * np.sin(lo) / 3.0, z2], lo), (lo, 2.0))
+    assert not graph.special_points("stopped")
+    assert [count for _, _, count in graph.multiplicity()] == [1]
+    (solution,) = graph.solutions(1.0)
+    np.testing.assert_allclose(solution.z[1], 3.0 + np.cos(1.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("p", [1, 2])
+def test_no_load_with_friction_as_parameter(p, seed):
+    """All tests vanish all along z = 0, and every number there is rounding."""
+    body = random_body(p, seed, inner=0)
+    graph = explore(CoulombFriction(contact_body(body), np.zeros(body.n)), (0.0, 2.0))
+    assert graph.guarantee == "complete but for closed loops"
+    assert [count for _, _, count in graph.multiplicity()] == [1]

@@ -6,7 +6,7 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
-from pwscont import explore
+from pwscont import PiecewiseLinearSystem, explore
 from pwscont.bench.calls import counted
 from pwscont.curve.metric import Metric
 from pwscont.search import all_transitions
@@ -113,3 +113,35 @@ def test_transitions_that_are_known_are_not_left_once_more(seed, monkeypatch):
     assert len(graph.special_points("transition")) + len(graph.special_points("nonsmooth fold")) > 2
     starts_and_ends = len(graph.special_points("start")) + len(graph.special_points("end"))
     assert len(left) <= starts_and_ends
+
+
+class IllConditionedBelow(PiecewiseLinearSystem):
+    """A z + a alpha + a0 + C |K z + k alpha + k0| = 0: singular cells meet the lower end.
+
+    But for 1e-11, z is (7 / 6 - 11 alpha / 8, 13 / 8 - 2 alpha) from alpha = -6 / 17 to 8 / 39.
+    Rounding does not tell whether a singular cell has a solution at the lower end, of which nothing
+    is known then.
+    """
+
+    size = 2
+    A, a, a0 = np.array([[5.0, 5.0], [1.0, -1.0]]), np.array([3.0, 4.0]), np.array([-2.0, -4.0])
+    C = np.array([[4.0, -5.0, -3.0, -4.0], [4.0, -3.0, 1.0, 0.0]])
+    K = np.array([[4.0, -5.0], [-2.0, 1.0], [-3.0, 2.0], [3.0, -4.0]])
+    k, k0 = np.array([0.0, 3.0, 2.0, 1.0]), np.array([-1.0, -4.0, 1.00000000002, 2.0])
+
+    def test_functions(self, z, alpha):
+        return self.K @ z + self.k * alpha + self.k0
+
+    def residual(self, z, alpha, character):
+        signs = np.where(character.array, 1.0, -1.0)
+        kinks = self.C @ (signs * self.test_functions(z, alpha))
+        return self.A @ z + self.a * alpha + self.a0 + kinks
+
+
+def test_a_start_of_which_nothing_is_known_hides_no_others():
+    graph = explore(IllConditionedBelow(), (-2.99999999998, 3.00000000001))
+    for alpha in (-0.3, -0.1, 0.1):
+        (solution,) = graph.solutions(alpha)
+        true = 7.0 / 6.0 - 1.375 * alpha, 1.625 - 2.0 * alpha
+        np.testing.assert_allclose(solution.z, true, rtol=1e-10)
+    assert "complete" not in graph.guarantee

@@ -91,6 +91,29 @@ def test_a_wrong_jacobian_of_a_linear_system():
         explore(system, (0.5, 2.0))
 
 
+class Cancelling(PiecewiseLinearSystem):
+    """3 z - alpha + 2 = 3 |3 z - 3 alpha + 1| + 3 |2 z - alpha + 2|.
+
+    At alpha = -1, H is 0 in one cell, as the rounded sum of terms that are not.
+    """
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.array([3.0 * (alpha - z[0]) - 1.0, 2.0 * z[0] - alpha + 2.0])
+
+    def residual(self, z, alpha, character):
+        signs = np.where(character.array, 1.0, -1.0)
+        return 3.0 * z - alpha + 2.0 - 3.0 * (signs @ self.test_functions(z, alpha))
+
+
+def test_terms_that_cancel_in_one_cell_are_not_curved():
+    """With 3 z + 3 = 3 |3 z + 4| + 3 |2 z + 3|: no solution, for one kink is 1 where it is 0."""
+    solutions = enumerate_solutions(Cancelling(), -1.0)
+    assert len(solutions) == 0
+    assert "complete" in solutions.guarantee
+
+
 # -- continuity ----------------------------------------------------------------------------------
 
 JUMPS = [1e-3, 1e-5, 1e-9, -1e-12]

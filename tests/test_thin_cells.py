@@ -150,3 +150,30 @@ def test_a_row_of_kinks_within_one_step(stepper):
     found = [node.alpha for node in graph.special_points("transition")]
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     assert all(a.end == b.start for a, b in pairwise(graph.pieces))
+
+
+class DipInOtherUnits(PiecewiseSystem):
+    """z = alpha outside a dip of the first test, and z = alpha + 1.3 exp(-s^2) - 1 in it.
+
+    s = (alpha - centre) / 0.04. The second test vanishes nowhere.
+    """
+
+    size = 1
+
+    def __init__(self, centre, units):
+        self.centre, self.units = centre, np.array(units)
+
+    def test_functions(self, z, alpha):
+        dip = 1.0 - 1.3 * np.exp(-(((alpha - self.centre) / 0.04) ** 2))
+        return self.units * np.array([dip + 0.01 * (z[0] - alpha), z[0] + 5.0])
+
+    def residual(self, z, alpha, character):
+        first = self.test_functions(z, alpha)[0] / self.units[0]
+        return z - alpha - (0.0 if character.signs[0] else first)
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0), (1e-6, 1e6), (1e6, 1e-6)])
+def test_a_dip_is_seen_whatever_the_units_of_other_tests(units):
+    for centre in np.linspace(-0.8, 0.8, 30):
+        graph = trace(DipInOtherUnits(centre, units), ([-1.0], -1.0), (-1.0, 1.0))
+        assert len(graph.special_points("transition")) == 2

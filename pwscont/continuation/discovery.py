@@ -200,18 +200,19 @@ class Discovery:
     ) -> int:
         """Return the node at which a walk arrived, and remove its ray that leads back.
 
-        A walk that stops so close to its beginning that both ends seem one node is no loop.
+        A walk that stops so close to its beginning that both ends seem one node is no loop, and may
+        have come from another node as close by.
         """
         rays, left = walk.arrival.rays, None
         node = self._known(walk.arrival, keys)
-        if node == begun.node and _has_stayed(walk, begun.key):
+        if node is not None and _has_stayed(walk, begun.key):
             left, node = begun, self._known(walk.arrival, keys, left=begun)
         if node is None:
             node = self._new(walk.arrival, place, keys)
             self._known_rays.add(node, keys)
             self.nodes[node].rays[0] = None
             return node
-        self._absorb(node, walk.arrival, keys, left)
+        self._absorb(node, walk.arrival, keys, left if node == begun.node else None)
         if node == begun.node and walk.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(walk.arrival.message)
         if back := self._known_rays.match(rays[0], keys[0], left):
@@ -321,7 +322,7 @@ class Discovery:
 def _has_stayed(walk: FollowedPiece, key: RayKey) -> bool:
     """Tell whether a walk never was clearly anywhere else than where it began."""
     end = walk.arrival.rays[0]
-    return all(key.is_at(end.curve.metric, x, end.state.size) for x in walk.points)
+    return all(key.is_at(end.curve.metric, x, end.state.size) for x in walk.points[::-1])
 
 
 def _is_near(z: Array, other: Array) -> bool:

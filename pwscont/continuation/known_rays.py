@@ -3,8 +3,9 @@
 Failure modes and answers
 -------------------------
 - At a branch point several rays of one cell leave one place: the best aligned one is it.
-- Special points are closer than places are told apart by digits: of several, and of the one that a
-  walk has just left, only errors tell that they are this place.
+- Special points are closer than places are told apart by digits: of several, only errors tell that
+  they are this place. A walk that has never left that distance may have passed some of them: only
+  errors tell whether it has come back to any.
 """
 
 from __future__ import annotations
@@ -52,23 +53,34 @@ class KnownRays:
             Its key.
         left : KnownRay or None
             The ray that a walk has followed without ever being clearly away from its node; it is
-            not the one that goes on where the walk arrives.
+            not the one that goes on where the walk arrives, and digits tell nothing then.
         """
-        avoided = left and left.key
         found = [
             (cosine, known)
             for cell in key.names
             for known in self._by_cell.get(cell, ())
-            if known.key is not avoided and (cosine := known.key.alignment(ray, key)) > 0.0
+            if (cosine := known.key.alignment(ray, key)) > 0.0
         ]
         return _best(found, ray, left) if found else None  # nearly always
 
 
 def _best(found: list[tuple[float, KnownRay]], ray: Ray, left: KnownRay | None) -> KnownRay | None:
     """Return the best aligned ray of those with the same cell and, by digits, the same place."""
-    nodes, just_left = {known.node for _, known in found}, left.node if left else None
-    if len(nodes) > 1 or just_left in nodes:
-        here = ray.curve.metric, ray.state.x, ray.state.size
-        surely = [one for one in found if one[1].key.is_within(*here)]
-        found = surely or [one for one in found if one[1].node != just_left]
+    if left or len({known.node for _, known in found}) > 1:
+        surely = [one for one in found if _is_surely(one[1].key, ray)]
+        found = [one for one in surely if one[1].key is not left.key] if left else surely or found
+    if len({known.node for _, known in found}) > 1:
+        nearest = min((known for _, known in found), key=lambda known: _distance(known.key, ray))
+        found = [one for one in found if one[1].node == nearest.node]
     return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _distance(key: RayKey, ray: Ray) -> float:
+    """Return how far a ray starts from the place of a key."""
+    metric = ray.curve.metric
+    return metric.norm(metric.difference(key.place.x, ray.state.x))
+
+
+def _is_surely(key: RayKey, ray: Ray) -> bool:
+    """Tell whether a ray starts at the place of a key by the errors of both, not by digits."""
+    return key.is_within(ray.curve.metric, ray.state.x, ray.state.size)

@@ -18,7 +18,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.error_samples import is_same, magnitude
+from pwscont.curve.error_samples import has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.search.enumeration import Found, starts_at, starts_of
@@ -86,14 +86,14 @@ class _Corners:
         self._known: list[tuple[Found, frozenset[int]]] = []
 
     def add(self, found: Found) -> None:
-        """Remember a solution, unless its error is infinite."""
-        if not np.isfinite(found[1]).all():
+        """Remember a solution, unless no digit of it is certain: all others would be the same."""
+        if not has_digits(*found, self._metric.scale):
             return
         self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
 
     def has(self, test: int, found: Found) -> bool:
         """Tell whether a solution where a test vanishes is already remembered."""
-        if not np.isfinite(found[1]).all():
+        if not has_digits(*found, self._metric.scale):
             return False
         return any(test in zero and is_same(self._metric, found, old) for old, zero in self._known)
 

@@ -33,8 +33,8 @@ from pwscont.transitions.rays import (
 )
 from pwscont.transitions.touching import touching
 
-#: Tests smaller than this part of the largest, or of the largest slope times the length of the
-#: interval, are looked at more closely.
+#: Tests smaller than this part of their own terms are looked at more closely; on straight pieces,
+#: than this part of the largest, or of the largest slope times the length of the interval.
 NEAR = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG = 0.05
@@ -61,9 +61,9 @@ class BoundingTests(TransitionDetector):
             return Reading(np.zeros(0), np.zeros(0))
         rows = selection.unsigned_gradients(state.x)
         values, slopes = selection.tests(state.x), selection.side * rows.dot(state.tangent)
-        riding = next_to_zero(values, slopes)
+        scale = curve.metric.scale
+        riding = _next_to_zero(values, _terms(rows, state.x, scale))
         if len(riding):
-            scale = curve.metric.scale
             riding = riding[
                 is_zero_along(rows[riding], values[riding], slopes[riding], state, scale)
             ]
@@ -75,13 +75,17 @@ class BoundingTests(TransitionDetector):
     ) -> Failure | None:
         """Say that a test that is positive at both ends is negative inside.
 
-        A dip that is rounding of the largest test is none; affine tests have none.
+        A dip that is rounding of the test is none; affine tests have none.
         """
-        if segment.curve.selection.is_straight or not len(start.values):
+        selection = segment.curve.selection
+        if selection.is_straight or not len(start.values):
             return None
         for x in _looked_at(segment):
-            values = segment.curve.selection.tests(x)
-            if smallest(values) < 0.0 and _is_dip(values, start, end):
+            values = selection.tests(x)
+            if not smallest(values) < 0.0:
+                continue  # nearly always
+            terms = _terms(selection.unsigned_gradients(x), x, segment.curve.metric.scale)
+            if _is_dip(values, terms, start, end):
                 return Failure(FailureReason.THIN_CELL)
         return None
 
@@ -118,12 +122,27 @@ class BoundingTests(TransitionDetector):
 
 
 def next_to_zero(values: Array, slopes: Array) -> Indices:
-    """Return the tests that are so small that they may be zero all along a piece."""
+    """Return the tests that are so small that they may be zero all along a straight piece."""
     sizes = np.abs(values)
     near = NEAR * max(largest(sizes), largest(np.abs(slopes)))
     if smallest(sizes) > near:
         return NONE  # nearly always
     return np.flatnonzero(sizes <= near)
+
+
+def _next_to_zero(values: Array, terms: Array) -> Indices:
+    """Return the tests that are so small beside their terms that they may be zero along a piece.
+
+    Each is measured in its own unit: all others may be zero as well, or far larger.
+    """
+    near = np.abs(values) <= NEAR * terms
+    return np.flatnonzero(near) if np.count_nonzero(near) else NONE  # nearly always
+
+
+def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
+    """Return the size of the terms of tests with these gradients, shape (l,)."""
+    terms: Array = abs(rows) @ (np.abs(x) + scale)
+    return terms
 
 
 def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
@@ -143,14 +162,15 @@ def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
     return tuple(filter(segment.curve.metric.admits, points))
 
 
-def _is_dip(inside: Array, start: Reading, end: Reading) -> bool:
+def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
     """Tell whether a test is negative inside a step and positive at both ends.
 
     A test that is zero all along, which has no slope at either end, does not count.
     """
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
     rides = (start.slopes == 0.0) & (end.slopes == 0.0)
-    deep = inside < -NEAR * np.abs(end.values).max()
+    sizes = np.maximum(np.abs(start.values), np.abs(end.values))
+    deep = inside < -NEAR * np.maximum(terms, sizes)
     return bool((deep & positive & ~rides).any())
 
 

@@ -8,6 +8,8 @@ Failure modes and answers
   sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
   that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
   step, at one point of a short one.
+- A fold is at an interface but for rounding: of events that only errors tell apart the one that was
+  located first counts. A piece that begins with a test below zero never meets it again.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
   says that the step is inside, and a bracket starts where the value of the test is positive.
 """
@@ -20,6 +22,7 @@ import numpy as np
 
 from pwscont.basics.arrays import largest, smallest
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import State
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
@@ -91,7 +94,10 @@ def first_on_curve(
 
 
 def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
-    return event.state is segment.end or event.position >= segment.length
+    """Tell whether an event is at the end of a segment, or before it by no more than its error."""
+    state = event.state
+    error = CONFIDENCE * segment.curve.metric.norm(state.size)
+    return state is segment.end or event.position >= segment.length - error
 
 
 def _before(reading: Joined) -> Joined:
@@ -168,9 +174,16 @@ def _bracket_of_dip(
     lowest = locate_sign_change(segment, slope, (0.0, segment.length))
     if isinstance(lowest, Failure):
         return lowest
-    if detector.read(segment.curve, lowest).values[index] > 0.0:
+    if not _value(detector, segment, lowest, index) < 0.0:
         return None
     return 0.0, segment.position(lowest.x)
+
+
+def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
+    """Return the value of a function, also where a reading takes it to be level at zero."""
+    if border := detector.border(segment.curve, index):
+        return float(border(state.x)[0])
+    return float(detector.read(segment.curve, state).values[index])
 
 
 def _bracket_of_return(

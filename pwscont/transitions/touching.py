@@ -12,6 +12,8 @@ Failure modes and answers
   typical: values, not estimates, tell whether the test is negative between its zeros.
 - The curvature from differences is that of another part of the curve: both places are a millionth
   of the interval apart, and a zero that is farther from the lowest point is a crossing.
+- Another interface is met before the place where the piece would go on: that piece would begin
+  outside of its cell, and never meet this interface.
 - From the zero the test falls again: the piece goes on beyond the lowest point, as far as the zero
   is before it.
 """
@@ -63,6 +65,8 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     *between, rising = (place for place in places if place is not None)
     if len(between) < len(BETWEEN) or _dips(curve, between, index, slope * lowest):
         return None
+    if _leaves(curve, rising, index):
+        return None
     return _touched(curve, state, rising, test)
 
 
@@ -72,6 +76,11 @@ def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
     parts = np.array(BETWEEN)
     parabola = twice * (0.5 * parts**2 - parts)
     return bool((np.abs(values - parabola) <= 0.5 * OFF * twice).all())
+
+
+def _leaves(curve: Curve, rising: State, index: int) -> bool:
+    """Tell whether another interface lies between the zero and where the piece would go on."""
+    return bool((np.delete(curve.selection.tests(rising.x), index) < 0.0).any())
 
 
 def _slope(curve: Curve, state: State, index: int) -> float:
