@@ -18,7 +18,8 @@ from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeede
 from pwscont.basics.kind import Kind
 from pwscont.graph.passages import Said
 from pwscont.graph.place import Stored
-from pwscont.graph.records import Piece, SpecialPoint, Track
+from pwscont.graph.records import Piece, SpecialPoint
+from pwscont.graph.track import Track
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 

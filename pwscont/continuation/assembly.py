@@ -23,7 +23,7 @@ from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.packing import Lifted, WithoutHidden
 from pwscont.graph.passages import Change, Passage, Said
 from pwscont.graph.place import Place, Stored
-from pwscont.graph.records import Track
+from pwscont.graph.track import Track
 from pwscont.system.box import Box
 from pwscont.system.ending import Ending
 from pwscont.system.hidden import HidesUnknowns, shown_points

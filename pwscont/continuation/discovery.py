@@ -32,7 +32,7 @@ from pwscont.continuation.membership import lies_on
 from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, names
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.place import Place
-from pwscont.graph.records import Track
+from pwscont.graph.track import Track
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray

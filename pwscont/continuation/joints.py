@@ -9,7 +9,7 @@ from typing import NamedTuple, final
 from pwscont.basics.kind import Kind
 from pwscont.continuation.ray_keys import FollowedRay, RayKey
 from pwscont.graph.place import Place
-from pwscont.graph.records import Track
+from pwscont.graph.track import Track
 from pwscont.transitions.detector import Said
 from pwscont.transitions.rays import Ray
 

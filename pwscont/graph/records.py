@@ -17,7 +17,8 @@ from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.accuracy import ROUNDING, Accuracy
 from pwscont.graph.passages import Passage
-from pwscont.graph.place import Place, Stored
+from pwscont.graph.place import Place
+from pwscont.graph.track import Track
 
 #: With fewer significant digits a result says so wherever it is shown.
 FEW_DIGITS = 6.0
@@ -142,42 +143,6 @@ def _by_name(record: SpecialPoint | Solution) -> str:
         return state(record.quantities.names(len(z)), z)
     except InvalidSystemError:
         return state(NAMELESS.names(len(z)), z)
-
-
-@final
-@dataclass(slots=True, eq=False)  # thousands are made, of frozen ones in several times as long
-class Track:
-    """The points of a piece: both ends, which it shares with special points, and those between.
-
-    Attributes
-    ----------
-    start, end : Place
-    inner : ndarray, shape (k - 2, n + 1)
-    """
-
-    start: Place
-    inner: Array
-    end: Place
-
-    @classmethod
-    def of(cls, points: Array) -> Track:
-        """Return the track through points, shape (k, n + 1)."""
-        zero = np.zeros(points.shape[1])
-        return cls(Stored(points[0], zero), points[1:-1], Stored(points[-1], zero))
-
-    @property
-    def points(self) -> Array:
-        """All points, shape (k, n + 1), a new array."""
-        return np.vstack([self.start.x, self.inner, self.end.x])
-
-    @property
-    def alpha(self) -> Array:
-        """The parameter at all points, shape (k,)."""
-        return np.concatenate([[self.start.alpha], self.inner[:, -1], [self.end.alpha]])
-
-    def reversed(self) -> Track:
-        """Return the points in opposite order."""
-        return Track(self.end, self.inner[::-1], self.start)
 
 
 @final

@@ -32,7 +32,8 @@ from pwscont.graph.consistency import check_places, check_references
 from pwscont.graph.fields import DamagedError, Fields
 from pwscont.graph.passages import Said
 from pwscont.graph.place import Stored, WorkedOut, first_digits, from_first_digits
-from pwscont.graph.records import Piece, SpecialPoint, Track, attempted
+from pwscont.graph.records import Piece, SpecialPoint, attempted
+from pwscont.graph.track import Track
 
 FORMAT = "pwscont branch graph"
 VERSION = 2
