@@ -45,6 +45,10 @@ class FailureReason(Enum):
         "a test function vanishes within every step that was tried, but not at its ends; does it "
         "depend continuously on z and alpha?"
     )
+    OUTSIDE_OF_CELL = (
+        "a test function is clearly negative where the piece begins, and falls: the piece would be "
+        "followed outside of its cell, next to interfaces that rounding does not tell apart"
+    )
     HIDDEN_FOLDS = "alpha turns more than once within every step that was tried"
     FLAT = (
         "the parameter does not change any more: the branch runs to infinity, or is flat; where "

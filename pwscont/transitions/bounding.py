@@ -73,13 +73,15 @@ class BoundingTests(TransitionDetector):
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say that a test that is positive at both ends is negative inside.
+        """Say that a test that is positive at both ends is negative inside, or all along.
 
         A dip that is rounding of the test is none; affine tests have none.
         """
         selection = segment.curve.selection
         if selection.is_straight or not len(start.values):
             return None
+        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
+            return Failure(FailureReason.OUTSIDE_OF_CELL)
         for x in _looked_at(segment):
             values = selection.tests(x)
             if not smallest(values) < 0.0:
@@ -160,6 +162,17 @@ def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
         return (x,) if segment.curve.metric.admits(x) else ()
     points = (segment.near(part * segment.length) for part in THIRDS)
     return tuple(filter(segment.curve.metric.admits, points))
+
+
+def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
+    """Tell whether a test is clearly negative at the beginning of a step, and falls.
+
+    It was not seen to vanish, and will not be: the piece is not one of this cell.
+    """
+    selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
+    rows = selection.unsigned_gradients(state.x)
+    clear = NEAR * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
+    return bool(((start.values < -clear) & (end.values < start.values)).any())
 
 
 def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
