@@ -18,7 +18,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
-from pwscont.curve.curve import Curve
+from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.root import Root, joined
 from pwscont.linear.factorise import bordered
@@ -33,6 +33,15 @@ def uncertainty(root: Root) -> Array:
     # the last correction was solved with errors of its largest parts everywhere
     size = np.abs(root.x) + (root.error / root.scale).max() * root.scale
     return root.factor.solve_all(_rounding(root.jacobian, root.row, size))
+
+
+def uncertainty_beside(curve: Curve, state: State) -> Array:
+    """Return how far a point may be from its curve, which :func:`uncertainty` returns of a root."""
+    jacobian, row = curve.selection.jacobian(state.x), curve.metric.covector(state.tangent)
+    factor, known = bordered(jacobian, row, curve.metric.binary), np.abs(state.error).max(axis=0)
+    if factor.failed:
+        return state.error
+    return uncertainty(Root(state.x, known, jacobian, row, factor, curve.metric.scale, 0))
 
 
 def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:

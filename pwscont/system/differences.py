@@ -134,6 +134,11 @@ class Differences:
         derivative: Array = np.sum(terms, axis=0) / (sign * fine)
         return derivative
 
+    def to_fourth_order(self, function: Function, x: Array) -> Array:
+        """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 12 digits right."""
+        columns = [self.along(function, x, direction) for direction in np.diag(self.scale)]
+        return np.stack(columns, axis=1) / self.scale
+
     def _inward(self, alpha: float, reach: float) -> float:
         """Return the sign of the steps of alpha that lead away from a close end of the interval."""
         return 1.0 if alpha - reach < self.lo else -1.0

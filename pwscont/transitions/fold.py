@@ -10,12 +10,18 @@ import numpy as np
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.uncertainty import uncertainty_beside
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_sign_change
 from pwscont.transitions.rays import Ray
 
+#: What differences of fourth order are off by, relative to derivatives of about one.
+FINE = EPS**0.8
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW = 1e-4
 
@@ -49,9 +55,13 @@ class SmoothFolds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
-        sign = 1.0 if index == 0 else -1.0
-        found = locate_sign_change(segment, lambda state: sign * float(state.tangent[-1]), bracket)
-        return found if isinstance(found, Failure) else _settled(segment, found)
+        sign, narrow = 1.0 if index == 0 else -1.0, _known_to(segment)
+
+        def slope(state: State) -> float:
+            return sign * float(_polished(segment.curve, state).tangent[-1])
+
+        found = locate_sign_change(segment, slope, bracket, narrow)
+        return found if isinstance(found, Failure) else _settled(segment, found, narrow)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
@@ -69,15 +79,50 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
 
 
-def _settled(segment: CurvedSegment, state: State) -> State:
+def _polished(curve: Curve, state: State) -> State:
+    """Return a state after one correction more: off the curve the tangent is another one."""
+    found = BorderedNewton().correct(curve, state.x, state.tangent)
+    if isinstance(found, Failure):
+        return state
+    return _retouched(curve, found.state) if _has_differences(curve) else found.state
+
+
+def _has_differences(curve: Curve) -> bool:
+    """Tell whether the Jacobian is by differences."""
+    return type(curve.selection.system).jacobian is PiecewiseSystem.jacobian
+
+
+def _retouched(curve: Curve, state: State) -> State:
+    """Return a state with its tangent by differences of a higher order."""
+    differences, metric = curve.selection.system.differences(state.alpha), curve.metric
+    jacobian = differences.to_fourth_order(curve.selection.residual, state.x)
+    factor = bordered(jacobian, metric.covector(state.tangent), metric.binary)
+    if factor.failed:
+        return state
+    tangent = metric.normalised(factor.solve(last_unit(len(state.x))))
+    return State(state.x, tangent, state.error, state.orientation)
+
+
+def _known_to(segment: CurvedSegment) -> float:
+    """Return to what part of a segment the place of a fold on it is known.
+
+    The tangent is known to rounding, or as well as differences are, so the place along the curve
+    to that over the rate at which the tangent turns.
+    """
+    curve = segment.curve
+    known = FINE if _has_differences(curve) else GUARD * EPS
+    turn = abs(curve.slope(segment.end) - curve.slope(segment.start))
+    return min(known / turn, 1.0) if turn else 1.0
+
+
+def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
     """Return a located fold with an exactly vertical tangent and an estimate of its error.
 
-    The tangent is known to rounding, so the place along the curve to rounding over the rate at
-    which the tangent turns. Alpha is stationary there: its error is of second order.
+    Alpha is stationary there: its error is of second order.
     """
+    state = _polished(segment.curve, state)
     tangent = state.tangent.copy()
     tangent[-1] = 0.0  # by definition of a fold; rounding in its place would be a fold again
-    turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
-    along = GUARD * EPS * segment.length / turn if turn else segment.length
-    error = np.vstack([state.error, along * tangent])
+    beside = uncertainty_beside(segment.curve, state)
+    error = np.vstack([state.error, beside, narrow * segment.length * tangent])
     return State(state.x, tangent, error, state.orientation)

@@ -1,0 +1,60 @@
+"""Where smooth folds are, and what is said of their errors, against closed forms."""
+
+import numpy as np
+import pytest
+
+from pwscont import PiecewiseSystem, PseudoArclength, StepSize, trace
+
+
+class Turned(PiecewiseSystem):
+    """alpha = a u^2 + b u^3 with u = y_0 - c, y_i = cos(w_i u) and y = M z: a fold at u = 0."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.size = n = int(rng.integers(1, 4))
+        self.a, self.b, self.c = rng.uniform(0.2, 3.0), *rng.uniform(-1.0, 1.0, 2)
+        self.M, self.w = np.eye(n) + 0.3 * rng.normal(size=(n, n)), rng.normal(size=n)
+
+    def at(self, u):
+        """Return z and alpha at u."""
+        y = np.cos(self.w * u)
+        y[0] = self.c + u
+        return np.linalg.solve(self.M, y), self.a * u**2 + self.b * u**3
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        y = self.M @ z
+        u = y[0] - self.c
+        rest = y - np.cos(self.w * u)
+        rest[0] = alpha - self.a * u**2 - self.b * u**3
+        return rest
+
+
+class WithJacobian(Turned):
+    """The same, with its Jacobian."""
+
+    def jacobian(self, z, alpha, character):
+        u = (self.M @ z)[0] - self.c
+        by_y = np.eye(self.size)
+        by_y[:, 0] += self.w * np.sin(self.w * u)
+        by_y[0], by_y[0, 0] = 0.0, -2.0 * self.a * u - 3.0 * self.b * u**2
+        by_alpha = np.zeros(self.size)
+        by_alpha[0] = 1.0
+        return np.column_stack([by_y @ self.M, by_alpha])
+
+
+@pytest.mark.parametrize(("kind", "close"), [(WithJacobian, 1e-13), (Turned, 1e-11)])
+@pytest.mark.parametrize("largest", [0.02, 0.1, 0.3])
+def test_folds_are_within_their_stated_errors(kind, close, largest):
+    steps, off = PseudoArclength(step_size=StepSize(largest=largest)), []
+    for seed in range(20):
+        system = kind(seed)
+        graph = trace(system, system.at(0.3), (-0.5, 0.5), stepper=steps)
+        (fold,) = (p for p in graph.special_points("fold") if abs(p.alpha) < 1e-3)
+        error = np.abs(fold.z - system.at(0.0)[0])
+        assert error.max() <= close
+        off.append((error / fold.error[:-1]).max())
+    assert max(off) <= 10.0
+    assert np.median(off) > 1e-3  # nor are they stated far too large
