@@ -17,7 +17,7 @@ from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import locate_sign_change
+from pwscont.transitions.location import NARROW, locate_sign_change
 from pwscont.transitions.rays import Ray
 
 #: What differences of fourth order are off by, relative to derivatives of about one.
@@ -55,13 +55,19 @@ class SmoothFolds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
-        sign, narrow = 1.0 if index == 0 else -1.0, _known_to(segment)
+        sign = 1.0 if index == 0 else -1.0
 
         def slope(state: State) -> float:
-            return sign * float(_polished(segment.curve, state).tangent[-1])
+            return sign * float(state.tangent[-1])
 
-        found = locate_sign_change(segment, slope, bracket, narrow)
-        return found if isinstance(found, Failure) else _settled(segment, found, narrow)
+        def polished(state: State) -> float:
+            return slope(_polished(segment.curve, state))
+
+        for function, narrow in ((polished, _known_to(segment)), (slope, NARROW)):
+            found = locate_sign_change(segment, function, bracket, narrow)
+            if isinstance(found, State):
+                return _settled(segment, found, narrow)
+        return found  # right at an end the change of sign may be what is polished away
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
