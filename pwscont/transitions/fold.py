@@ -10,12 +10,10 @@ import numpy as np
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.polished import has_differences, polished
 from pwscont.curve.uncertainty import uncertainty_beside
-from pwscont.linear.factorise import bordered, last_unit
 from pwscont.stepping.stepper import CurvedSegment, Segment
-from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import NARROW, locate_sign_change
 from pwscont.transitions.rays import Ray
@@ -60,10 +58,10 @@ class SmoothFolds(TransitionDetector):
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
 
-        def polished(state: State) -> float:
-            return slope(_polished(segment.curve, state))
+        def exact_slope(state: State) -> float:
+            return slope(polished(segment.curve, state))
 
-        for function, narrow in ((polished, _known_to(segment)), (slope, NARROW)):
+        for function, narrow in ((exact_slope, _known_to(segment)), (slope, NARROW)):
             found = locate_sign_change(segment, function, bracket, narrow)
             if isinstance(found, State):
                 return _settled(segment, found, narrow)
@@ -85,30 +83,6 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
 
 
-def _polished(curve: Curve, state: State) -> State:
-    """Return a state after one correction more: off the curve the tangent is another one."""
-    found = BorderedNewton().correct(curve, state.x, state.tangent)
-    if isinstance(found, Failure):
-        return state
-    return _retouched(curve, found.state) if _has_differences(curve) else found.state
-
-
-def _has_differences(curve: Curve) -> bool:
-    """Tell whether the Jacobian is by differences."""
-    return type(curve.selection.system).jacobian is PiecewiseSystem.jacobian
-
-
-def _retouched(curve: Curve, state: State) -> State:
-    """Return a state with its tangent by differences of a higher order."""
-    differences, metric = curve.selection.system.differences(state.alpha), curve.metric
-    jacobian = differences.to_fourth_order(curve.selection.residual, state.x)
-    factor = bordered(jacobian, metric.covector(state.tangent), metric.binary)
-    if factor.failed:
-        return state
-    tangent = metric.normalised(factor.solve(last_unit(len(state.x))))
-    return State(state.x, tangent, state.error, state.orientation)
-
-
 def _known_to(segment: CurvedSegment) -> float:
     """Return to what part of a segment the place of a fold on it is known.
 
@@ -116,7 +90,7 @@ def _known_to(segment: CurvedSegment) -> float:
     to that over the rate at which the tangent turns.
     """
     curve = segment.curve
-    known = FINE if _has_differences(curve) else GUARD * EPS
+    known = FINE if has_differences(curve) else GUARD * EPS
     turn = abs(curve.slope(segment.end) - curve.slope(segment.start))
     return min(known / turn, 1.0) if turn else 1.0
 
@@ -126,7 +100,7 @@ def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
 
     Alpha is stationary there: its error is of second order.
     """
-    state = _polished(segment.curve, state)
+    state = polished(segment.curve, state)
     tangent = state.tangent.copy()
     tangent[-1] = 0.0  # by definition of a fold; rounding in its place would be a fold again
     beside = uncertainty_beside(segment.curve, state)
