@@ -323,7 +323,8 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
         """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).
 
         It is all that changes from one cell to the next. A system that knows it saves a run two
-        residuals, or a Jacobian, at every transition; default None: it is computed from those.
+        residuals, or a Jacobian, at every transition; default None: it is computed from those. A
+        system that overrides it knows c at every interface.
 
         Parameters
         ----------
