@@ -11,15 +11,13 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.polished import has_differences, polished
+from pwscont.curve.polished import polished
 from pwscont.curve.uncertainty import uncertainty_beside
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import NARROW, locate_sign_change
 from pwscont.transitions.rays import Ray
 
-#: What differences of fourth order are off by, relative to derivatives of about one.
-FINE = EPS**0.8
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW = 1e-4
 
@@ -59,13 +57,14 @@ class SmoothFolds(TransitionDetector):
             return sign * float(state.tangent[-1])
 
         def exact_slope(state: State) -> float:
-            return slope(polished(segment.curve, state))
+            return slope(polished(segment.curve, state).state)
 
-        for function, narrow in ((exact_slope, _known_to(segment)), (slope, NARROW)):
-            found = locate_sign_change(segment, function, bracket, narrow)
-            if isinstance(found, State):
-                return _settled(segment, found, narrow)
-        return found  # right at an end the change of sign may be what is polished away
+        narrow = _place(segment, GUARD * EPS)
+        found = locate_sign_change(segment, exact_slope, bracket, narrow)
+        if isinstance(found, Failure):  # right at an end the change may be polished away
+            narrow = max(narrow, NARROW)
+            found = locate_sign_change(segment, slope, bracket, narrow)
+        return found if isinstance(found, Failure) else _settled(segment, found, narrow)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
@@ -83,16 +82,14 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
 
 
-def _known_to(segment: CurvedSegment) -> float:
+def _place(segment: CurvedSegment, off: float) -> float:
     """Return to what part of a segment the place of a fold on it is known.
 
-    The tangent is known to rounding, or as well as differences are, so the place along the curve
-    to that over the rate at which the tangent turns.
+    The tangent may be off by so much, and the place along the curve by that over the rate at which
+    the tangent turns.
     """
-    curve = segment.curve
-    known = FINE if has_differences(curve) else GUARD * EPS
-    turn = abs(curve.slope(segment.end) - curve.slope(segment.start))
-    return min(known / turn, 1.0) if turn else 1.0
+    turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
+    return min(off / turn, 1.0) if turn else 1.0
 
 
 def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
@@ -100,8 +97,8 @@ def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
 
     Alpha is stationary there: its error is of second order.
     """
-    state = polished(segment.curve, state)
-    tangent = state.tangent.copy()
+    state, off = polished(segment.curve, state)
+    narrow, tangent = max(narrow, _place(segment, off)), state.tangent.copy()
     tangent[-1] = 0.0  # by definition of a fold; rounding in its place would be a fold again
     beside = uncertainty_beside(segment.curve, state)
     error = np.vstack([state.error, beside, narrow * segment.length * tangent])
