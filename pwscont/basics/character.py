@@ -16,8 +16,8 @@ AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
 #: No more signs than these are stored as they are.
 FEW = 64
-#: The signs as they name a cell that all of them bound.
 ONE = np.uint8(1)
+#: The signs as they name a cell that all of them bound.
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 

@@ -21,9 +21,8 @@ from pwscont.graph.place import Place
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import Ray
 
-#: Bytes of the digest that replaces a longer name of a cell.
-DIGEST = 20
-LONG = 64
+#: Names of cells with more bytes than this are replaced by a digest of so many.
+LONG, DIGEST = 64, 20
 #: Places closer than this times their size are one, if the rays there agree as well.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
 JOIN = EPS**0.5
