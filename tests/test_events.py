@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from circle import Circle
 from paper_systems import CASES
 from pwscont_coulomb.scenes import example1, example3, fig10, fig13
 
@@ -21,18 +22,6 @@ from pwscont import (
 )
 from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_change
 from pwscont.scenes.marks import markers_of
-
-
-class Circle(PiecewiseSystem):
-    """z^2 + alpha^2 = 1, with a kink that changes nothing at z = 1/2."""
-
-    size = 1
-
-    def test_functions(self, z, alpha):
-        return z - 0.5
-
-    def residual(self, z, alpha, character):
-        return z**2 + alpha**2 - 1.0
 
 
 def along(system, interval, function):

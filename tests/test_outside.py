@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from circle import Circle
 
-from pwscont import PiecewiseSystem, PseudoArclength
+from pwscont import PseudoArclength
 from pwscont.basics.character import Character
 from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.plan import default_detectors
@@ -16,18 +17,6 @@ from pwscont.transitions.rays import Ray
 from pwscont.transitions.watch import Watch
 
 INTERVAL = (-2.0, 2.0)
-
-
-class Circle(PiecewiseSystem):
-    """z^2 + alpha^2 = 1, and a seam at z = 1/2 that changes nothing."""
-
-    size = 1
-
-    def test_functions(self, z, alpha):
-        return z - 0.5
-
-    def residual(self, z, alpha, character):
-        return z**2 + alpha**2 - 1.0
 
 
 def followed(angle, way, sign):
