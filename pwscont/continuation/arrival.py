@@ -40,11 +40,10 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
 
 def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
     """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
-    keys, back = [], walk.arrival.rays[0]
+    back, *others = walk.arrival.rays
     is_straight = len(walk.points) == 2 and back.curve is ray.curve
-    keys.append(key.reversed(end) if is_straight else RayKey.of(back, end))
-    keys += [RayKey.of(other, end) for other in walk.arrival.rays[1:]]
-    return keys
+    first = key.reversed(end) if is_straight else RayKey.of(back, end)
+    return [first, *(RayKey.of(other, end) for other in others)]
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:

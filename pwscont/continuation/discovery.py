@@ -294,9 +294,8 @@ class Discovery:
     def _new(self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey]) -> int:
         """Add a node whose rays will be followed."""
         node, self._next = self._next, self._next + 1
-        rays = list(arrival.rays)
-        self.nodes[node] = Node(arrival.kind, place, arrival.said, [*rays], [*keys])
-        self._queue += [(node, index) for index in range(len(rays))]
+        self.nodes[node] = Node(arrival.kind, place, arrival.said, [*arrival.rays], [*keys])
+        self._queue += [(node, index) for index in range(len(arrival.rays))]
         return node
 
     def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:

@@ -10,7 +10,7 @@ from pwscont.basics.kind import Kind
 from pwscont.continuation.ray_keys import FollowedRay, RayKey
 from pwscont.graph.place import Place
 from pwscont.graph.track import Track
-from pwscont.transitions.detector import Said
+from pwscont.transitions.detector import Said, worded
 from pwscont.transitions.rays import Ray
 
 
@@ -45,7 +45,7 @@ class Node:
     @property
     def message(self) -> str:
         """What is said of the point."""
-        return self.said if isinstance(self.said, str) else self.said()
+        return worded(self.said)
 
 
 @final

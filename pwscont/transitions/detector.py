@@ -32,6 +32,25 @@ UNKNOWN.setflags(write=False)
 PLACES = 64
 
 
+def worded(said: Said) -> str:
+    """Return a message, made now if it was not yet."""
+    return said if isinstance(said, str) else said()
+
+
+def soonest(values: Array, slopes: Array) -> tuple[int, float]:
+    """Return the function that falls to zero first by the ratio test, and at what distance.
+
+    The distance is infinite where none falls.
+    """
+    falling = (slopes < 0.0).nonzero()[0]
+    if not len(falling):
+        return 0, np.inf
+    distances = np.maximum(values[falling], 0.0) / -slopes[falling]
+    first = int(distances.argmin())
+    nearest = float(distances[first])
+    return int(falling[first]), nearest if nearest <= FARTHEST else np.inf
+
+
 def ratio_test(values: Array, slopes: Array) -> Array:
     """Return the distances at which affine functions fall to zero, infinite where they do not.
 
@@ -84,7 +103,7 @@ class SpecialPointFound:
     @property
     def message(self) -> str:
         """What happens there."""
-        return self.said if isinstance(self.said, str) else self.said()
+        return worded(self.said)
 
     def leading(self, rays: tuple[Ray, ...]) -> SpecialPointFound:
         """Return the same special point with other ways on."""

@@ -27,10 +27,10 @@ from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.detector import (
-    FARTHEST,
     Reading,
     SpecialPointFound,
     TransitionDetector,
+    soonest,
 )
 from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
@@ -69,15 +69,8 @@ class Crossed(NamedTuple):
         The distance is infinite where no test falls.
         """
         selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
-        slopes = (pace * selection.side) * self.rates[selection.bounding]
-        falling = (slopes < 0.0).nonzero()[0]
-        if not len(falling):
-            return 0, np.inf
-        values = selection.side[falling] * self.tests[selection.bounding[falling]]
-        distances = np.maximum(values, 0.0) / -slopes[falling]
-        first = int(distances.argmin())
-        nearest = float(distances[first])
-        return int(falling[first]), nearest if nearest <= FARTHEST else np.inf
+        values = selection.side * self.tests[selection.bounding]
+        return soonest(values, (pace * selection.side) * self.rates[selection.bounding])
 
 
 @final
