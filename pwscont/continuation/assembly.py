@@ -53,7 +53,8 @@ def assemble(
     """
     interval = metric.interval
     width = interval[1] - interval[0]
-    lift = Lift(system, reduction, metric, Accuracy(shown_points(system, metric.scale)))
+    accuracy = Accuracy(shown_points(system, metric.scale))
+    lift = Lift(system, reduction, metric, accuracy, isinstance(system, HidesUnknowns))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
@@ -94,16 +95,16 @@ class Lift:
     reduction: Reduction | None
     metric: Metric
     accuracy: Accuracy
+    hides: bool
 
     def place(self, place: Place) -> Place:
         """Return a place with the user's unknowns."""
         whole = Lifted(place, self.reduction, self.system.size) if self.reduction else place
-        hides = isinstance(self.system, HidesUnknowns)
-        return WithoutHidden(whole, self.system) if hides else whole
+        return WithoutHidden(whole, self.system) if self.hides else whole
 
     def track(self, track: Track) -> Track:
         """Return the points of a piece with the user's unknowns."""
-        if self.reduction is None and not isinstance(self.system, HidesUnknowns):
+        if self.reduction is None and not self.hides:
             return track
         inner = track.inner
         if self.reduction is not None:

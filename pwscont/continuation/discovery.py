@@ -156,13 +156,13 @@ class Discovery:
             self.nodes[node].stop(walk.arrival.message)
             return
         key, end = self.nodes[node].keys[index], place_of_arrival(walk.arrival)
-        track = Track(key.place, walk.points[1:-1].copy(), end)
+        track = Track(key.place, walk.inner, end)
         begun = KnownRay(node, index, key)
         reached = self._reach(walk, end, keys_at_end(walk, ray, key, end), begun)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
-        self._report(len(self.edges), float(walk.points[-1, -1]))
+        self._report(len(self.edges), float(walk.points[-1][-1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
         """Tell now and then whether the path to a node repeats itself; not where limits are set."""
@@ -172,12 +172,12 @@ class Discovery:
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that leave neither the interval nor the bounds at once."""
+        return tuple(filter(self._stays, rays))
+
+    def _stays(self, ray: Ray) -> bool:
+        """Tell whether a ray leaves neither the interval nor the bounds at once."""
         lo, hi = self._follower.interval
-        return tuple(
-            ray
-            for ray in rays
-            if points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
-        )
+        return points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
 
     def _within(self, walk: FollowedPiece) -> FollowedPiece:
         """Return a walk without the rays that leave interval or bounds where it arrived.
@@ -185,9 +185,9 @@ class Discovery:
         A transition that only rounding tells from an end may be met before the end.
         """
         back, *others = walk.arrival.rays
+        if all(map(self._stays, others)):
+            return walk  # nearly always
         inside = self._staying(others)
-        if len(inside) == len(others):
-            return walk
         arrival = walk.arrival.leading((back, *inside))
         if not inside:
             bounds = filter(None, map(self._follower.bounds.left_by, others))

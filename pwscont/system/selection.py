@@ -73,6 +73,10 @@ class Selection:
         """The name of the cell in the user's words."""
         return self.system.label(self.character)
 
+    def is_bounded_by(self, test: int) -> bool:
+        """Tell whether a test bounds the cell."""
+        return bool(np.count_nonzero(self.bounding == test))
+
     def residual(self, x: Array) -> Array:
         """Return H_chi(x), shape (n,), in an array of its own."""
         return residual_at(self.system, x[:-1], float(x[-1]), self.character)
