@@ -43,7 +43,7 @@ def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[
     back, *others = walk.arrival.rays
     is_straight = len(walk.points) == 2 and back.curve is ray.curve
     first = key.reversed(end) if is_straight else RayKey.of(back, end)
-    return [first, *(RayKey.of(other, end) for other in others)]
+    return [first, *[RayKey.of(other, end) for other in others]]
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:

@@ -212,7 +212,8 @@ class StraightCell:
         return core is not None
 
     def _jacobian_at(self, x: Array) -> Matrix:
-        return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
+        known = self._jacobian
+        return self.curve.selection.lent_jacobian(x) if known is None else known
 
     def _kink(self, other: Curve, x: Array, test: int, gradient: Array) -> Array | None:
         """Return c of the cell beyond, and take up the curve there."""
