@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from pwscont.basics.kind import Kind
@@ -33,9 +35,9 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
     if not arrival.rays:
         return Stored(x, magnitude(x, np.zeros((1, len(x)))))
     selection = arrival.rays[0].curve.selection
-    first, *others = (ray.state for ray in arrival.rays)
-    errors = [first.size, *(state.size for state in others if state.error is not first.error)]
-    return place_of(selection.system, selection.character, x, errors)
+    first, *others = [ray.state.size for ray in arrival.rays]
+    error = reduce(np.maximum, [size for size in others if size is not first], first)
+    return place_of(selection.system, selection.character, x, error)
 
 
 def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:

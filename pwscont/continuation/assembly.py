@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -58,16 +58,9 @@ def assemble(
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
-    touching = _by_node(order)
     points = [
-        _special_point(
-            number,
-            discovery.nodes[node],
-            _passage(system, discovery.nodes[node], touching[node], node),
-            _ends(touching[node], node),
-            lift,
-        )
-        for node, number in numbers.items()
+        _special_point(number, discovery.nodes[node], meeting, lift)
+        for (node, number), meeting in zip(numbers.items(), _meetings(order, numbers), strict=True)
     ]
     pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
     starts = [_inner_start(edge, i, lift) for i, edge in enumerate(order)]
@@ -136,12 +129,15 @@ class _Directed:
         self.edge, followed = edge, edge.followed
         forward = followed.orientation > 0
         self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
-        self.track = lift.track(edge.track if forward else edge.track.reversed())
+        followed_track = edge.track if forward else edge.track.reversed()
+        #: Where it begins and ends, in the followed system.
+        self.places = followed_track.start, followed_track.end
+        self.track = lift.track(followed_track)
         self.character = lift.character(followed.character)
         self.naming = lift.system.label
         rise = self.track.end.alpha - self.track.start.alpha
         is_level = abs(rise) <= SAME_ALPHA * width
-        rises = 0 if is_level else int(np.sign(rise))
+        rises = 0 if is_level else 1 if rise > 0.0 else -1
         self.det_sign = followed.index if followed.along_interface else self._direction(rises)
         if is_level and not self.det_sign:
             self.track = _vertical(self.track)
@@ -172,13 +168,24 @@ def _vertical(track: Track) -> Track:
     return Track.of(points)
 
 
-def _by_node(edges: list[_Directed]) -> dict[int, list[_Directed]]:
-    touching: dict[int, list[_Directed]] = defaultdict(list)
+class _Meeting(NamedTuple):
+    """The edges that end and that begin at a node."""
+
+    before: list[_Directed]
+    after: list[_Directed]
+
+    def places(self) -> list[Place]:
+        """Return where they end and begin, in the followed system."""
+        return [edge.places[1] for edge in self.before] + [edge.places[0] for edge in self.after]
+
+
+def _meetings(edges: list[_Directed], nodes: Iterable[int]) -> Iterable[_Meeting]:
+    """Return which edges meet at each node, in the order of the nodes."""
+    meetings = {node: _Meeting([], []) for node in nodes}
     for edge in edges:
-        touching[edge.start].append(edge)
-        if edge.end != edge.start:
-            touching[edge.end].append(edge)
-    return touching
+        meetings[edge.start].after.append(edge)
+        meetings[edge.end].before.append(edge)
+    return meetings.values()
 
 
 def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
@@ -205,11 +212,10 @@ def _nodes_in_order(order: list[_Directed], discovery: Discovery) -> Iterator[in
             yield node
 
 
-def _special_point(
-    number: int, node: Node, passage: Passage, ends: list[Place], lift: Lift
-) -> SpecialPoint:
-    place = lift.place(_covering(node, ends, lift))
-    return SpecialPoint(number, node.kind, place, passage, accuracy=lift.accuracy, lost=node.lost)
+def _special_point(number: int, node: Node, meeting: _Meeting, lift: Lift) -> SpecialPoint:
+    place = lift.place(_covering(node, meeting.places(), lift))
+    said = _passage(lift.system, node, meeting)
+    return SpecialPoint(number, node.kind, place, said, accuracy=lift.accuracy, lost=node.lost)
 
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
@@ -224,13 +230,6 @@ def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
     return Stored(here.x, np.max([here.error, *errors], axis=0))
 
 
-def _ends(edges: list[_Directed], node: int) -> list[Place]:
-    """Return the places where edges begin or end at a node, in the followed system."""
-    found = [edge.edge for edge in edges]
-    ends = [edge.track.start for edge in found if edge.start == node]
-    return ends + [edge.track.end for edge in found if edge.end == node]
-
-
 def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:
     """Return the point in the middle of a piece where tracing began, if it did."""
     edge = directed.edge
@@ -241,12 +240,12 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     return SpecialPoint(-1, Kind.START, place, said, piece, lift.accuracy)
 
 
-def _passage(system: PiecewiseSystem, node: Node, edges: list[_Directed], number: int) -> Passage:
+def _passage(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Passage:
     """Return what is said at a node: what changes, and what else is known."""
-    before = [edge.character for edge in edges if edge.end == number]
-    after = [edge.character for edge in edges if edge.start == number]
-    passes = len(before) == len(after) == 1 and before != after
-    if not passes or (node.kind == Kind.END and isinstance(system, Ending)):
+    if len(meeting.before) != 1 or len(meeting.after) != 1:
+        return Said(node.message)
+    before, after = meeting.before[0].character, meeting.after[0].character
+    if before == after or (node.kind == Kind.END and isinstance(system, Ending)):
         return Said(node.message)
     note = "" if node.kind in CROSSED else node.message
-    return Change(system, before[0], after[0], note)
+    return Change(system, before, after, note)

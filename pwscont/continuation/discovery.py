@@ -145,7 +145,7 @@ class Discovery:
         ray = here.rays[index]
         if ray is None:
             return
-        if self._is_endless(node, ray):
+        if (len(self.edges) + 1) % EVERY == 0 and self._is_endless(node, ray):
             here.rays[index] = None
             here.stop(REPEATS)
             return
@@ -166,10 +166,8 @@ class Discovery:
         self._report(len(self.edges), float(walk.points[-1][-1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
-        """Tell now and then whether the path to a node repeats itself; not where limits are set."""
-        if (len(self.edges) + 1) % EVERY or self._budget.is_limited:
-            return False
-        return self._past.repeats(node, ray.curve.metric.scale)
+        """Tell whether the path to a node repeats itself; not where limits are set."""
+        return not self._budget.is_limited and self._past.repeats(node, ray.curve.metric.scale)
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that leave neither the interval nor the bounds at once."""

@@ -77,6 +77,8 @@ class RayKey(NamedTuple):
 
 def names(ray: Ray) -> tuple[bytes, ...]:
     """Return short names of the cells in which a ray may be met again."""
+    if not ray.interface_cells:
+        return (name_of(ray.curve.selection.cell),)  # nearly always
     return tuple(map(name_of, ray.cells))
 
 

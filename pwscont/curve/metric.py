@@ -144,11 +144,15 @@ class Metric:
         return sizes
 
     def sketch(self, t: Array) -> Array:
-        """Return a direction of length one, of a long one a few projections.
+        """Return what tells a direction t of length one from others, a vector of length one.
 
-        Projections of equal directions agree, those of clearly different directions do not.
+        Of long directions it has a few projections. These agree where directions are equal, and do
+        not where directions are clearly different.
         """
-        seen = self._sketching * t if self._sketching.ndim == 1 else self._sketching @ t
+        rows = self._sketching
+        if rows.ndim == 1:
+            return rows * t
+        seen = rows.dot(t)
         unit: Array = seen / math.sqrt(seen.dot(seen))
         return unit
 

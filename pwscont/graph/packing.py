@@ -5,8 +5,6 @@ The mode of a contact node fixes two of its four unknowns. Only the other two ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import reduce
 from typing import final
 
 import numpy as np
@@ -20,9 +18,7 @@ from pwscont.system.reduction import Reduction
 from pwscont.system.system import PiecewiseSystem
 
 
-def place(
-    system: PiecewiseSystem, character: Character, x: Array, errors: Sequence[Array]
-) -> Place:
+def place(system: PiecewiseSystem, character: Character, x: Array, error: Array) -> Place:
     """Return a solution of a selection and its error, of which no more is computed than stored.
 
     Parameters
@@ -30,19 +26,16 @@ def place(
     system : PiecewiseSystem
     character : Character
     x : ndarray, shape (n + 1,)
-    errors : sequence of ndarray, each of shape (n + 1,)
-        Estimates of its error; the largest counts.
+    error : ndarray, shape (n + 1,)
+        The estimate of its error.
     """
-    essential = system.essential(character) if isinstance(system, Compact) else None
+    if not isinstance(system, Compact):
+        return Stored(x, error)
+    essential = system.essential(character)
     if essential is None:
-        return Stored(x, _largest(errors))
-    assert isinstance(system, Compact)
+        return Stored(x, error)
     kept = np.append(essential, len(x) - 1)
-    return Packed(system, character, x[kept], _largest(errors)[kept])
-
-
-def _largest(errors: Sequence[Array]) -> Array:
-    return errors[0] if len(errors) == 1 else reduce(np.maximum, errors)
+    return Packed(system, character, x[kept], error[kept])
 
 
 @final
