@@ -66,14 +66,15 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             return Failure(FailureReason.SINGULAR)
         dx = factor.solve(joined(selection.residual(x), value))
         x = x - dx
-        size = metric.relative(dx, x)
+        relative_to = metric.sizes(x)
+        size = largest(np.abs(dx) / relative_to)
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
         ratio, stale = contraction(size, before), False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
-            x, dx = _chords(curve, border, factor, x, sizes)
+            x, dx = _chords(curve, border, factor, x, relative_to, sizes)
             size = sizes[-1]
         if size <= CONVERGED or size > STALLED * before > 0.0:
             last, quotient = np.abs(dx), first_quotient(sizes)
@@ -85,13 +86,19 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
 
 
 def _chords(
-    curve: Curve, border: Border, factor: Factor, x: Array, sizes: list[float]
+    curve: Curve,
+    border: Border,
+    factor: Factor,
+    x: Array,
+    relative_to: Array,
+    sizes: list[float],
 ) -> tuple[Array, Array]:
     """Correct ``x`` with the last factorisation until the next correction is rounding.
 
-    Returns the point and the last correction; appends the relative sizes of all.
+    Returns the point and the last correction; appends the relative sizes of all, to those of an
+    ``x`` that hardly changes any more.
     """
-    dx, relative_to = x, curve.metric.sizes(x)  # x hardly changes any more
+    dx = x
     for _ in range(MOST_CHORDS):
         if sizes[-1] > CONVERGED and curve.metric.admits(x):
             dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))

@@ -16,6 +16,7 @@ from typing import final
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve, State
+from pwscont.linear.vectors import plus
 
 
 class Predictor(ABC):
@@ -71,16 +72,15 @@ class Hermite(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the cubic; of the tangent on the first step."""
-        straight = state.x + length * state.tangent
-        if previous is None:
-            return straight, state.tangent
-        behind = state.x - previous.x
-        step = curve.metric.norm(behind)
-        if step < CONVERGED:
-            return straight, state.tangent
-        u = length / step
-        bend, turn = length * u * (1.0 + u), length * u
-        point: Array = straight + (turn + bend) * state.tangent
-        point += bend * previous.tangent
-        point -= ((turn + 2.0 * bend) / step) * behind
-        return point, state.tangent
+        tangent = state.tangent
+        if (
+            previous is None
+            or (step := curve.metric.norm(behind := state.x - previous.x)) < CONVERGED
+        ):
+            return plus(state.x.copy(), length, tangent), tangent
+        turn = length * length / step
+        bend = turn * (1.0 + length / step)
+        point = plus(state.x.copy(), length + turn + bend, tangent)
+        plus(point, bend, previous.tangent)
+        plus(point, -(turn + 2.0 * bend) / step, behind)
+        return point, tangent

@@ -53,8 +53,8 @@ class DenseFactor(Factor):
 
     def __init__(self, matrix: Array, scale: Array) -> None:
         matrix *= scale
-        self._columns, self._rows = scale, _row_scale(matrix)
-        matrix /= self._rows[:, np.newaxis]
+        self._columns, self._rows = scale, _row_factors(matrix)
+        matrix *= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
         self.failed = info > 0
@@ -70,8 +70,8 @@ class DenseFactor(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        # in place of the quotient, which nobody else has; not transposed
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows, 0, 1)[0]
+        # in place of the product, which nobody else has; not transposed
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
         return self._columns * scaled
 
     def is_singular(self) -> bool:
@@ -82,12 +82,12 @@ class DenseFactor(Factor):
         return bool(rcond < len(self._lu) * EPS)
 
 
-def _row_scale(matrix: Array) -> Array:
-    """Return powers of two by which the rows are divided; one for a row of zeros."""
+def _row_factors(matrix: Array) -> Array:
+    """Return powers of two by which the rows are multiplied; one for a row of zeros."""
     factors, *_, has_zeros = lapack.dgeequb(matrix)
     if has_zeros:
-        return power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
-    rows: Array = np.reciprocal(factors)
+        factors = 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+    rows: Array = factors
     return rows
 
 
@@ -134,7 +134,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
         n = len(jacobian)
-        matrix = np.empty((n + 1, n + 1), order="F")
+        matrix = np.empty((n + 1, n + 1))
         matrix[:n] = jacobian
         matrix[n] = row
         return DenseFactor(matrix, scale)

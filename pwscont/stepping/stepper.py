@@ -16,6 +16,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factorise import Factor
+from pwscont.linear.vectors import dot, plus
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -115,7 +116,7 @@ class CurvedSegment(Segment):
         """Return the segment between two states."""
         difference = end.x - start.x
         row = curve.metric.covector(difference)
-        length = math.sqrt(row.dot(difference))
+        length = math.sqrt(dot(row, difference))
         chord, row = difference / length, row / length
         leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
@@ -129,10 +130,9 @@ class CurvedSegment(Segment):
         u, (leaving, by), (arriving, to) = s / self.length, self.leaving, self.arriving
         v = s * (1.0 - u)
         first, last = v * (1.0 - u), v * u
-        point: Array = (s - first + last) * self.chord + self.start.x
-        point += (first * by) * leaving
-        point -= (last * to) * arriving
-        return point
+        point = plus(self.start.x.copy(), s - first + last, self.chord)
+        point = plus(point, first * by, leaving)
+        return plus(point, -last * to, arriving)
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
@@ -177,7 +177,7 @@ def _along(tangent: Array, chord: Array, row: Array) -> tuple[Array, float]:
 
     ``row @ x`` is the distance of x along it.
     """
-    along = float(row.dot(tangent))
+    along = dot(row, tangent)
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
         return chord, 1.0
     return tangent, 1.0 / along
