@@ -96,7 +96,7 @@ class Metric:
     def admits(self, x: Array) -> bool:
         """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
         lo, hi = self.interval
-        alpha = float(x[-1])
+        alpha = x.item(-1)
         if lo <= alpha <= hi:
             return True
         end = lo if alpha < lo else hi

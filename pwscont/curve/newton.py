@@ -64,20 +64,20 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         factor = bordered(jacobian, row, metric.binary)
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
-        dx = factor.solve(joined(selection.residual(x), value))
-        x = x - dx
+        dx = factor.solve(selection.residual_and(x, value))
+        x, last = x - dx, np.abs(dx)
         relative_to = metric.sizes(x)
-        size = largest(np.abs(dx) / relative_to)
+        size = largest(last / relative_to)
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
         ratio, stale = contraction(size, before), False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
-            x, dx = _chords(curve, border, factor, x, relative_to, sizes)
+            x, last = _chords(curve, border, factor, x, relative_to, sizes)
             size = sizes[-1]
         if size <= CONVERGED or size > STALLED * before > 0.0:
-            last, quotient = np.abs(dx), first_quotient(sizes)
+            quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
             if size <= CONVERGED or is_rounding(root):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
@@ -95,16 +95,16 @@ def _chords(
 ) -> tuple[Array, Array]:
     """Correct ``x`` with the last factorisation until the next correction is rounding.
 
-    Returns the point and the last correction; appends the relative sizes of all, to those of an
-    ``x`` that hardly changes any more.
+    Returns the point and the size of the last correction; appends the relative sizes of all. What
+    they are relative to hardly changes any more.
     """
-    dx = x
+    last = x
     for _ in range(MOST_CHORDS):
         if sizes[-1] > CONVERGED and curve.metric.admits(x):
-            dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
-            x = x - dx
-            sizes.append(largest(np.abs(dx) / relative_to))
-    return x, dx
+            dx = factor.solve(curve.selection.residual_and(x, border(x)[0]))
+            x, last = x - dx, np.abs(dx)
+            sizes.append(largest(last / relative_to))
+    return x, last
 
 
 def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
@@ -116,7 +116,7 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     for _ in range(MOST_CORRECTIONS):
         if not curve.metric.admits(x):
             return None
-        dx = factor.solve(joined(curve.selection.residual(x), 0.0))
+        dx = factor.solve(curve.selection.residual_and(x, 0.0))
         x, size = x - dx, curve.metric.relative(dx, x - dx)
         if size <= CONVERGED:
             return x
@@ -137,7 +137,7 @@ def contraction(size: float, before: float) -> float:
 
 def again(curve: Curve, border: Border, root: Root) -> Root:
     """Correct a root once more, with the factorisation that it has."""
-    dx = root.factor.solve(joined(curve.selection.residual(root.x), border(root.x)[0]))
+    dx = root.factor.solve(curve.selection.residual_and(root.x, border(root.x)[0]))
     return replace(root, x=root.x - dx, error=np.abs(dx), stale=True)
 
 

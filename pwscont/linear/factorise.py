@@ -17,7 +17,6 @@ from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
@@ -64,9 +63,11 @@ class DenseFactor(Factor):
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
-        negative = np.signbit(self._lu.diagonal())
-        exchanged = self._pivots != in_order(len(self._lu))
-        return -1 if np.count_nonzero(negative != exchanged) % 2 else 1
+        odd = False
+        pivots, exchanges = self._lu.diagonal().tolist(), self._pivots.tolist()
+        for row, (pivot, exchange) in enumerate(zip(pivots, exchanges, strict=True)):
+            odd ^= (pivot < 0.0) != (exchange != row)
+        return -1 if odd else 1
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
@@ -143,14 +144,6 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
         return structured or DenseFactor(np.vstack([jacobian, row]), scale)
     found = bordered_sparse(jacobian, row, scale)
     return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
-
-
-@lru_cache(maxsize=8)
-def in_order(size: int) -> npt.NDArray[np.intc]:
-    """Return 0, 1, ..., size - 1 in the integers of LAPACK, not to be written to."""
-    order = np.arange(size, dtype=np.intc)
-    order.flags.writeable = False
-    return order
 
 
 @lru_cache(maxsize=8)

@@ -33,7 +33,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
-from pwscont.curve.root import Root, joined
+from pwscont.curve.root import Root
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.linear.vectors import dot
@@ -133,4 +133,4 @@ def _off_at(x: Array, segment: CurvedSegment, corrected: Corrected) -> float:
     curve = segment.curve
     if not curve.metric.admits(x):
         return math.inf
-    return curve.metric.norm(corrected.factor.solve(joined(curve.selection.residual(x), 0.0)))
+    return curve.metric.norm(corrected.factor.solve(curve.selection.residual_and(x, 0.0)))

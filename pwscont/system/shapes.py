@@ -23,8 +23,19 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
     InvalidSystemError
         If the value is no array of that shape, even if earlier values were.
     """
+    return checked_array(system, method, value, shape).copy()
+
+
+def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return a value itself where it is an array of that shape, to be copied or used up at once.
+
+    Raises
+    ------
+    InvalidSystemError
+        If the value is no array of that shape, even if earlier values were.
+    """
     if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
-        return value.copy()  # nearly always
+        return value  # nearly always
     expect(system, method, value, shape)
     if value.dtype.kind not in REAL:
         raise InvalidSystemError(
@@ -36,6 +47,8 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
 
 def own_matrix(matrix: Matrix) -> Matrix:
     """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
+    if type(matrix) is np.ndarray and matrix.dtype is FLOAT:
+        return matrix.copy()  # nearly always
     if isinstance(matrix, np.ndarray):
         return np.array(matrix, dtype=float)
     return matrix.copy() if sp.issparse(matrix) else matrix

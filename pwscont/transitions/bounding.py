@@ -143,7 +143,7 @@ def _next_to_zero(values: Array, terms: Array) -> Indices:
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
     """Return the size of the terms of tests with these gradients, shape (l,)."""
-    terms: Array = abs(rows) @ (np.abs(x) + scale)
+    terms: Array = abs(rows).dot(np.abs(x) + scale)
     return terms
 
 
