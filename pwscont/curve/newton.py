@@ -37,6 +37,7 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.root import Root, first_quotient, joined
 from pwscont.curve.uncertainty import is_rounding
 from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.vectors import times
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -157,6 +158,6 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         along = along - correction
         length = metric.norm(along)
         if metric.norm(correction) <= TURNED * length:
-            return root.factor, along / length
+            return root.factor, times(1.0 / length, along)
     factor = bordered(jacobian, root.row, metric.binary)
     return factor, along if factor.failed else metric.normalised(factor.solve(unit))

@@ -42,6 +42,9 @@ __all__ = [
 class DenseFactor(Factor):
     """LU with partial pivoting by LAPACK.
 
+    Columns are scaled to see what rows are divided by, and whether the matrix is singular; they are
+    factorised as they are, for pivots do not depend on their scale.
+
     Parameters
     ----------
     matrix : ndarray, shape (k, k)
@@ -51,8 +54,7 @@ class DenseFactor(Factor):
     """
 
     def __init__(self, matrix: Array, scale: Array) -> None:
-        matrix *= scale
-        self._columns, self._rows = scale, _row_factors(matrix)
+        self._columns, self._rows = scale, _row_factors(matrix * scale)
         matrix *= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
@@ -72,15 +74,16 @@ class DenseFactor(Factor):
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
         # in place of the product, which nobody else has; not transposed
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
-        return self._columns * scaled
+        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
+        return solution
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
         if self.failed or not np.isfinite(self._lu).all():
             return True
-        rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
-        return bool(rcond < len(self._lu) * EPS)
+        lu = np.tril(self._lu, -1) + np.triu(self._lu) * self._columns
+        rcond = lapack.dgecon(lu, (np.abs(self._matrix).sum(axis=0) * self._columns).max())[0]
+        return bool(rcond < len(lu) * EPS)
 
 
 def _row_factors(matrix: Array) -> Array:

@@ -14,6 +14,12 @@ dot: Callable[[Array, Array], float] = blas.ddot
 length: Callable[[Array], float] = blas.dnrm2
 
 
+def times(factor: float, vector: Array) -> Array:
+    """Multiply a vector in place, and return it."""
+    multiple: Array = blas.dscal(factor, vector)
+    return multiple
+
+
 def plus(point: Array, factor: float, direction: Array) -> Array:
     """Add a multiple of a direction to a point, in place, and return the point."""
     moved: Array = blas.daxpy(direction, point, a=factor)

@@ -16,7 +16,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factorise import Factor
-from pwscont.linear.vectors import dot, plus
+from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -117,7 +117,7 @@ class CurvedSegment(Segment):
         difference = end.x - start.x
         row = curve.metric.covector(difference)
         length = math.sqrt(dot(row, difference))
-        chord, row = difference / length, row / length
+        chord, row = times(1.0 / length, difference), times(1.0 / length, row)
         leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
