@@ -72,7 +72,7 @@ class CoulombLoad(Coulomb):
         f = np.asarray(self.load(alpha), dtype=float)
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
-        if not (isfinite(f.dot(f)) or np.isfinite(f).all()):
+        if not (isfinite(f.item(f.argmin()) + f.item(f.argmax())) or np.isfinite(f).all()):
             raise InvalidInputError(f"load({alpha}) is not finite: {f}")
         self.body.refuse_guided_load(f)
         return f
