@@ -160,16 +160,17 @@ class Watch:
         for i, detector in self._aimed_at:
             part = reading.part(i)
             values, slopes = part.values, part.slopes
-            if not len(values) or smallest(slopes) >= 0.0:
+            if not len(values):
                 continue
             if smallest(values) > 0.0:  # nearly always
                 rates = slopes / values
             else:
                 rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
-            if (fastest := smallest(rates)) < 0.0:
-                distance = -1.0 / fastest
+            fastest = rates.argmin()
+            if (rate := rates.item(fastest)) < 0.0:
+                distance = -1.0 / rate
                 if soonest is None or distance < soonest[0]:
-                    soonest = distance, detector, int(rates.argmin())
+                    soonest = distance, detector, int(fastest)
         return soonest
 
     def falls(self, segment: Segment, start: Joined) -> Array:
