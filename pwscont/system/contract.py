@@ -16,7 +16,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
-from pwscont.system.shapes import checked_array, expect, own_array, own_matrix
+from pwscont.system.shapes import expect, own_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
@@ -154,15 +154,8 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong here, even if it was right at other points.
     """
-    return checked_residual(system, z, alpha, character).copy()
-
-
-def checked_residual(
-    system: PiecewiseSystem, z: Array, alpha: float, character: Character
-) -> Array:
-    """Return the same in what may be the system's own array, to be copied or used up at once."""
     value = system.residual(z, alpha, character)
-    return checked_array(system, "residual", value, (system.size,))
+    return own_array(system, "residual", value, (system.size,))
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:

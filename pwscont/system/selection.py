@@ -10,7 +10,8 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
-from pwscont.system.contract import checked_residual, jacobian_at, kink_at, residual_at
+from pwscont.system.contract import jacobian_at, kink_at, residual_at
+from pwscont.system.shapes import checked_array
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 
@@ -80,7 +81,8 @@ class Selection:
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) and one value more, shape (n + 1,): the bordered equations at x."""
         both = np.empty(len(x))
-        both[:-1] = checked_residual(self.system, x[:-1], x.item(-1), self.character)
+        value_there = self.system.residual(x[:-1], x.item(-1), self.character)
+        both[:-1] = checked_array(self.system, "residual", value_there, (len(both) - 1,))
         both[-1] = value
         return both
 
