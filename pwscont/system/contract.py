@@ -178,5 +178,4 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
         If the shape is wrong here, even if it was right at other points.
     """
     jacobian = system.jacobian(z, alpha, character)
-    expect(system, "jacobian", jacobian, (system.size, system.size + 1))
-    return own_matrix(jacobian)
+    return own_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))

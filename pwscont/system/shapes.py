@@ -45,10 +45,17 @@ def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...
     return np.array(value, dtype=float)
 
 
-def own_matrix(matrix: Matrix) -> Matrix:
-    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
-    if type(matrix) is np.ndarray and matrix.dtype is FLOAT:
+def own_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
+    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no matrix of that shape, even if earlier ones were.
+    """
+    if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
         return matrix.copy()  # nearly always
+    expect(system, method, matrix, shape)
     if isinstance(matrix, np.ndarray):
         return np.array(matrix, dtype=float)
     return matrix.copy() if sp.issparse(matrix) else matrix
