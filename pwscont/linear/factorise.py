@@ -77,6 +77,11 @@ class DenseFactor(Factor):
         solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
         return solution
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        solutions: Array = lapack.dgetrs(self._lu, self._pivots, (rhs * self._rows).T, 0, 1)[0]
+        return solutions.T
+
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
         if self.failed or not np.isfinite(self._lu).all():
