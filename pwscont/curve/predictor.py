@@ -72,15 +72,15 @@ class Hermite(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the cubic; of the tangent on the first step."""
-        tangent = state.tangent
-        if (
-            previous is None
-            or (step := curve.metric.norm(behind := state.x - previous.x)) < CONVERGED
-        ):
-            return plus(state.x.copy(), length, tangent), tangent
-        turn = length * length / step
-        bend = turn * (1.0 + length / step)
-        point = plus(state.x.copy(), length + turn + bend, tangent)
-        plus(point, bend, previous.tangent)
-        plus(point, -(turn + 2.0 * bend) / step, behind)
-        return point, tangent
+        straight, tangent = plus(state.x.copy(), length, state.tangent), state.tangent
+        if previous is None:
+            return straight, tangent
+        behind = state.x - previous.x
+        step = curve.metric.norm(behind)
+        if step < CONVERGED:
+            return straight, tangent
+        u = length / step
+        bend, turn = length * u * (1.0 + u), length * u
+        point = plus(straight, turn + bend, tangent)
+        point = plus(point, bend, previous.tangent)
+        return plus(point, -(turn + 2.0 * bend) / step, behind), tangent

@@ -117,7 +117,8 @@ class CurvedSegment(Segment):
         difference = end.x - start.x
         row = curve.metric.covector(difference)
         length = math.sqrt(dot(row, difference))
-        chord, row = times(1.0 / length, difference), times(1.0 / length, row)
+        share = 1.0 / length if length else math.nan  # no direction leads from a point to itself
+        chord, row = times(share, difference), times(share, row)
         leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
