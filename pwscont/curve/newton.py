@@ -153,8 +153,8 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         return root.factor, metric.normalised(along)
     jacobian = curve.selection.jacobian(root.x)
     for _ in range(MOST_CHORDS):
-        excess = root.row.dot(along).item() - 1.0
-        correction = root.factor.solve(joined(jacobian.dot(along), excess))
+        # along the border nothing is corrected: only the length of the direction would change
+        correction = root.factor.solve(joined(jacobian.dot(along), 0.0))
         along = along - correction
         length = metric.norm(along)
         if metric.norm(correction) <= TURNED * length:

@@ -118,8 +118,9 @@ class CurvedSegment(Segment):
         row = curve.metric.covector(difference)
         length = math.sqrt(dot(row, difference))
         share = 1.0 / length if length else math.nan  # no direction leads from a point to itself
-        chord, row = times(share, difference), times(share, row)
-        leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
+        chord = times(share, difference)
+        leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
+        arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
     def until(self, end: State) -> CurvedSegment:
@@ -173,12 +174,8 @@ class CurvedSegment(Segment):
         return found.state if self.is_beside(found.state, s) else Failure(FailureReason.JUMP)
 
 
-def _along(tangent: Array, chord: Array, row: Array) -> tuple[Array, float]:
-    """Return a tangent and what makes it one per distance along a chord.
-
-    ``row @ x`` is the distance of x along it.
-    """
-    along = dot(row, tangent)
+def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
+    """Return a tangent that has this cosine with a chord, and what makes it one per distance."""
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
         return chord, 1.0
     return tangent, 1.0 / along
