@@ -13,7 +13,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.linear.factorise import power_of_two
-from pwscont.linear.vectors import length
+from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
 from pwscont.system.system import PiecewiseSystem
@@ -115,7 +115,8 @@ class Metric:
 
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""
-        return length(x / self.scale)
+        y = x / self.scale
+        return math.sqrt(dot(y, y))
 
     def largest(self, sizes: Array) -> float:
         """Return the largest of some magnitudes, each relative to the typical one."""

@@ -10,8 +10,6 @@ from pwscont.basics.arrays import Array
 
 #: The inner product of two vectors.
 dot: Callable[[Array, Array], float] = blas.ddot
-#: The Euclidean length of a vector.
-length: Callable[[Array], float] = blas.dnrm2
 
 
 def times(factor: float, vector: Array) -> Array:
