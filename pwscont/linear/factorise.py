@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, Signs, dense
 from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import sign_of_superlu, superlu
 from pwscont.linear.factor import Factor, power_of_two
@@ -86,7 +86,7 @@ class DenseFactor(Factor):
         """Tell whether the matrix is singular to rounding."""
         if self.failed or not np.isfinite(self._lu).all():
             return True
-        lu = np.tril(self._lu, -1) + np.triu(self._lu) * self._columns
+        lu = np.where(below(len(self._lu)), self._lu, self._lu * self._columns)
         rcond = lapack.dgecon(lu, (np.abs(self._matrix).sum(axis=0) * self._columns).max())[0]
         return bool(rcond < len(lu) * EPS)
 
@@ -152,6 +152,14 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
         return structured or DenseFactor(np.vstack([jacobian, row]), scale)
     found = bordered_sparse(jacobian, row, scale)
     return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
+
+
+@lru_cache(maxsize=2)
+def below(size: int) -> Signs:
+    """Tell which entries of a square matrix are below its diagonal, not to be written to."""
+    entries = np.tri(size, k=-1, dtype=bool)
+    entries.flags.writeable = False
+    return entries
 
 
 @lru_cache(maxsize=8)
