@@ -156,7 +156,8 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the module's table, shape (n + 2 p,)."""
         residual: Array = self._linear_terms(z, alpha, character)
-        residual[: self.body.n] -= self.load_at(alpha)
+        equilibrium = residual[: self.body.n]
+        equilibrium -= self.load_at(alpha)
         if self._has_gap:
             mode, friction = self.modes(character), self.friction_at(alpha)
             normal, tangential = residual[self.body.n :].reshape(2, -1)

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Any, final
 
 import numpy as np
+from scipy.linalg.blas import dasum
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
 from pwscont.extending import Array, Indices, Matrix
@@ -72,7 +73,7 @@ class CoulombLoad(Coulomb):
         f = np.asarray(self.load(alpha), dtype=float)
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
-        if not (isfinite(f.item(f.argmin()) + f.item(f.argmax())) or np.isfinite(f).all()):
+        if not (isfinite(dasum(f)) or np.isfinite(f).all()):  # sums of large numbers overflow
             raise InvalidInputError(f"load({alpha}) is not finite: {f}")
         self.body.refuse_guided_load(f)
         return f
@@ -110,6 +111,11 @@ class CoulombLoad(Coulomb):
         column = np.zeros(self.size)
         column[: self.body.n] = -rate
         return self.with_alpha_column(self._matrix_at(character, alpha), column)
+
+    def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the terms of H that are linear in z, in an array of their own."""
+        terms: Array = self._of_cell(character)[1].dot(z)
+        return terms
 
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
         return self._of_cell(character)[1]

@@ -24,7 +24,7 @@ from pwscont.transitions.ends import ended
 from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
-from pwscont.transitions.watch import Event, Joined, Watch
+from pwscont.transitions.watch import Event, Readings, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
@@ -147,7 +147,7 @@ class PieceFollower(Follower):
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
     def _aimed(
-        self, reached: _Reached, before: Segment | None, longest: float, reading: Joined
+        self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
     ) -> tuple[CurvedSegment, Event] | None:
         """Return the step to the event that seems to come next, None where it is another way."""
         curve, ahead = reached.curve, self.watch.ahead(reading)
@@ -186,8 +186,8 @@ class PieceFollower(Follower):
         return arrival if final is arrival else final.leading(final.rays[:1])
 
     def _first_event(
-        self, segment: Segment, reading: Joined
-    ) -> tuple[Event | Failure | None, Joined]:
+        self, segment: Segment, reading: Readings
+    ) -> tuple[Event | Failure | None, Readings]:
         """Return the first event on the segment, and the reading at its end."""
         if not isinstance(segment, CurvedSegment):
             return first_on_ray(self.watch, segment, reading), reading

@@ -69,8 +69,7 @@ class State:
     @property
     def alpha(self) -> float:
         """The parameter value."""
-        alpha: float = self.x.item(-1)
-        return alpha
+        return self.x.item(-1)
 
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""

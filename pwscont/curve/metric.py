@@ -13,6 +13,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.linear.factorise import power_of_two
+from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
 from pwscont.system.system import PiecewiseSystem
@@ -97,7 +98,7 @@ class Metric:
     def admits(self, x: Array) -> bool:
         """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
         lo, hi = self.interval
-        alpha = float(x[-1])
+        alpha = x.item(-1)
         if lo <= alpha <= hi:
             return True
         end = lo if alpha < lo else hi
@@ -117,7 +118,7 @@ class Metric:
     def norm(self, x: Array) -> float:
         """Return the length of a difference of two points."""
         y = x / self.scale
-        return math.sqrt(y.dot(y))
+        return math.sqrt(dot(y, y))
 
     def largest(self, sizes: Array) -> float:
         """Return the largest of some magnitudes, each relative to the typical one."""

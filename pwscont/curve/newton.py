@@ -37,6 +37,7 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.root import Root, first_quotient, joined
 from pwscont.curve.uncertainty import is_rounding
 from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.vectors import times
 
 #: A scalar function of x together with its gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -64,19 +65,20 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         factor = bordered(jacobian, row, metric.binary)
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
-        dx = factor.solve(joined(selection.residual(x), value))
-        x = x - dx
-        size = metric.relative(dx, x)
+        dx = factor.solve(selection.residual_and(x, value))
+        x, last = x - dx, np.abs(dx)
+        relative_to = metric.sizes(x)
+        size = largest(last / relative_to)
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
         ratio, stale = contraction(size, before), False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
-            x, dx = _chords(curve, border, factor, x, sizes)
+            x, last = _chords(curve, border, factor, x, relative_to, sizes)
             size = sizes[-1]
         if size <= CONVERGED or size > STALLED * before > 0.0:
-            last, quotient = np.abs(dx), first_quotient(sizes)
+            quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
             if size <= CONVERGED or is_rounding(root):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
@@ -85,19 +87,25 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
 
 
 def _chords(
-    curve: Curve, border: Border, factor: Factor, x: Array, sizes: list[float]
+    curve: Curve,
+    border: Border,
+    factor: Factor,
+    x: Array,
+    relative_to: Array,
+    sizes: list[float],
 ) -> tuple[Array, Array]:
     """Correct ``x`` with the last factorisation until the next correction is rounding.
 
-    Returns the point and the last correction; appends the relative sizes of all.
+    Returns the point and the size of the last correction; appends the relative sizes of all. What
+    they are relative to hardly changes any more.
     """
-    dx, relative_to = x, curve.metric.sizes(x)  # x hardly changes any more
+    last = x
     for _ in range(MOST_CHORDS):
         if sizes[-1] > CONVERGED and curve.metric.admits(x):
-            dx = factor.solve(joined(curve.selection.residual(x), border(x)[0]))
-            x = x - dx
-            sizes.append(largest(np.abs(dx) / relative_to))
-    return x, dx
+            dx = factor.solve(curve.selection.residual_and(x, border(x)[0]))
+            x, last = x - dx, np.abs(dx)
+            sizes.append(largest(last / relative_to))
+    return x, last
 
 
 def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
@@ -109,7 +117,7 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     for _ in range(MOST_CORRECTIONS):
         if not curve.metric.admits(x):
             return None
-        dx = factor.solve(joined(curve.selection.residual(x), 0.0))
+        dx = factor.solve(curve.selection.residual_and(x, 0.0))
         x, size = x - dx, curve.metric.relative(dx, x - dx)
         if size <= CONVERGED:
             return x
@@ -130,7 +138,7 @@ def contraction(size: float, before: float) -> float:
 
 def again(curve: Curve, border: Border, root: Root) -> Root:
     """Correct a root once more, with the factorisation that it has."""
-    dx = root.factor.solve(joined(curve.selection.residual(root.x), border(root.x)[0]))
+    dx = root.factor.solve(curve.selection.residual_and(root.x, border(root.x)[0]))
     return replace(root, x=root.x - dx, error=np.abs(dx), stale=True)
 
 
@@ -145,11 +153,11 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         return root.factor, metric.normalised(along)
     jacobian = curve.selection.jacobian(root.x)
     for _ in range(MOST_CHORDS):
-        excess = root.row.dot(along).item() - 1.0
-        correction = root.factor.solve(joined(jacobian.dot(along), excess))
+        # along the border nothing is corrected: only the length of the direction would change
+        correction = root.factor.solve(joined(jacobian.dot(along), 0.0))
         along = along - correction
         length = metric.norm(along)
         if metric.norm(correction) <= TURNED * length:
-            return root.factor, along / length
+            return root.factor, times(1.0 / length, along)
     factor = bordered(jacobian, root.row, metric.binary)
     return factor, along if factor.failed else metric.normalised(factor.solve(unit))

@@ -16,6 +16,7 @@ from typing import final
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve, State
+from pwscont.linear.vectors import plus
 
 
 class Predictor(ABC):
@@ -71,16 +72,15 @@ class Hermite(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the cubic; of the tangent on the first step."""
-        straight = state.x + length * state.tangent
+        straight, tangent = plus(state.x.copy(), length, state.tangent), state.tangent
         if previous is None:
-            return straight, state.tangent
+            return straight, tangent
         behind = state.x - previous.x
         step = curve.metric.norm(behind)
         if step < CONVERGED:
-            return straight, state.tangent
+            return straight, tangent
         u = length / step
         bend, turn = length * u * (1.0 + u), length * u
-        point: Array = straight + (turn + bend) * state.tangent
-        point += bend * previous.tangent
-        point -= ((turn + 2.0 * bend) / step) * behind
-        return point, state.tangent
+        point = plus(straight, turn + bend, tangent)
+        point = plus(point, bend, previous.tangent)
+        return plus(point, -(turn + 2.0 * bend) / step, behind), tangent

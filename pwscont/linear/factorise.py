@@ -17,11 +17,10 @@ from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, Signs, dense
 from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import sign_of_superlu, superlu
 from pwscont.linear.factor import Factor, power_of_two
@@ -43,6 +42,9 @@ __all__ = [
 class DenseFactor(Factor):
     """LU with partial pivoting by LAPACK.
 
+    Columns are scaled to see what rows are divided by, and whether the matrix is singular; they are
+    factorised as they are, for pivots do not depend on their scale.
+
     Parameters
     ----------
     matrix : ndarray, shape (k, k)
@@ -52,9 +54,8 @@ class DenseFactor(Factor):
     """
 
     def __init__(self, matrix: Array, scale: Array) -> None:
-        matrix *= scale
-        self._columns, self._rows = scale, _row_scale(matrix)
-        matrix /= self._rows[:, np.newaxis]
+        self._columns, self._rows = scale, _row_factors(matrix * scale)
+        matrix *= self._rows[:, np.newaxis]
         self._matrix = matrix
         self._lu, self._pivots, info = lapack.dgetrf(matrix)
         self.failed = info > 0
@@ -64,30 +65,38 @@ class DenseFactor(Factor):
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
-        negative = np.signbit(self._lu.diagonal())
-        exchanged = self._pivots != in_order(len(self._lu))
-        return -1 if np.count_nonzero(negative != exchanged) % 2 else 1
+        odd = False
+        pivots, exchanges = self._lu.diagonal().tolist(), self._pivots.tolist()
+        for row, (pivot, exchange) in enumerate(zip(pivots, exchanges, strict=True)):
+            odd ^= (pivot < 0.0) != (exchange != row)
+        return -1 if odd else 1
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""
-        # in place of the quotient, which nobody else has; not transposed
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows, 0, 1)[0]
-        return self._columns * scaled
+        # in place of the product, which nobody else has; not transposed
+        solution: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
+        return solution
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        solutions: Array = lapack.dgetrs(self._lu, self._pivots, (rhs * self._rows).T, 0, 1)[0]
+        return solutions.T
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
         if self.failed or not np.isfinite(self._lu).all():
             return True
-        rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
-        return bool(rcond < len(self._lu) * EPS)
+        lu = np.where(below(len(self._lu)), self._lu, self._lu * self._columns)
+        rcond = lapack.dgecon(lu, (np.abs(self._matrix).sum(axis=0) * self._columns).max())[0]
+        return bool(rcond < len(lu) * EPS)
 
 
-def _row_scale(matrix: Array) -> Array:
-    """Return powers of two by which the rows are divided; one for a row of zeros."""
+def _row_factors(matrix: Array) -> Array:
+    """Return powers of two by which the rows are multiplied; one for a row of zeros."""
     factors, *_, has_zeros = lapack.dgeequb(matrix)
     if has_zeros:
-        return power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
-    rows: Array = np.reciprocal(factors)
+        factors = 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+    rows: Array = factors
     return rows
 
 
@@ -134,7 +143,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
         n = len(jacobian)
-        matrix = np.empty((n + 1, n + 1), order="F")
+        matrix = np.empty((n + 1, n + 1))
         matrix[:n] = jacobian
         matrix[n] = row
         return DenseFactor(matrix, scale)
@@ -145,12 +154,12 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
     return found or SparseFactor(sp.vstack([jacobian, sp.csr_matrix(row)]), scale)
 
 
-@lru_cache(maxsize=8)
-def in_order(size: int) -> npt.NDArray[np.intc]:
-    """Return 0, 1, ..., size - 1 in the integers of LAPACK, not to be written to."""
-    order = np.arange(size, dtype=np.intc)
-    order.flags.writeable = False
-    return order
+@lru_cache(maxsize=2)
+def below(size: int) -> Signs:
+    """Tell which entries of a square matrix are below its diagonal, not to be written to."""
+    entries = np.tri(size, k=-1, dtype=bool)
+    entries.flags.writeable = False
+    return entries
 
 
 @lru_cache(maxsize=8)

@@ -33,9 +33,10 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
-from pwscont.curve.root import Root, joined
+from pwscont.curve.root import Root
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.uncertainty import uncertainty
+from pwscont.linear.vectors import dot
 from pwscont.stepping.stepper import BESIDE, CurvedSegment
 
 #: Largest correction, as a part of the step.
@@ -78,7 +79,7 @@ def accepted(
         Judges the turn, and suggests the length of the next step.
     """
     end = corrected.state
-    cosine = float(curve.metric.covector(state.tangent).dot(end.tangent))
+    cosine = dot(curve.metric.covector(state.tangent), end.tangent)
     if not step_size.accepts(cosine):
         return Failure(FailureReason.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
@@ -132,4 +133,4 @@ def _off_at(x: Array, segment: CurvedSegment, corrected: Corrected) -> float:
     curve = segment.curve
     if not curve.metric.admits(x):
         return math.inf
-    return curve.metric.norm(corrected.factor.solve(joined(curve.selection.residual(x), 0.0)))
+    return curve.metric.norm(corrected.factor.solve(curve.selection.residual_and(x, 0.0)))

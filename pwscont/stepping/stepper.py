@@ -16,6 +16,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factorise import Factor
+from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
@@ -115,9 +116,11 @@ class CurvedSegment(Segment):
         """Return the segment between two states."""
         difference = end.x - start.x
         row = curve.metric.covector(difference)
-        length = math.sqrt(row.dot(difference))
-        chord, row = difference / length, row / length
-        leaving, arriving = _along(start.tangent, chord, row), _along(end.tangent, chord, row)
+        length = math.sqrt(dot(row, difference))
+        share = 1.0 / length if length else math.nan  # no direction leads from a point to itself
+        chord = times(share, difference)
+        leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
+        arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
     def until(self, end: State) -> CurvedSegment:
@@ -129,15 +132,14 @@ class CurvedSegment(Segment):
         u, (leaving, by), (arriving, to) = s / self.length, self.leaving, self.arriving
         v = s * (1.0 - u)
         first, last = v * (1.0 - u), v * u
-        point: Array = (s - first + last) * self.chord + self.start.x
-        point += (first * by) * leaving
-        point -= (last * to) * arriving
-        return point
+        point = plus(self.start.x.copy(), s - first + last, self.chord)
+        point = plus(point, first * by, leaving)
+        return plus(point, -last * to, arriving)
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
         (leaving, by), (arriving, to) = self.leaving, self.arriving
-        return float(leaving[-1]) * by, float(self.chord[-1]), float(arriving[-1]) * to
+        return leaving.item(-1) * by, self.chord.item(-1), arriving.item(-1) * to
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""
@@ -172,12 +174,8 @@ class CurvedSegment(Segment):
         return found.state if self.is_beside(found.state, s) else Failure(FailureReason.JUMP)
 
 
-def _along(tangent: Array, chord: Array, row: Array) -> tuple[Array, float]:
-    """Return a tangent and what makes it one per distance along a chord.
-
-    ``row @ x`` is the distance of x along it.
-    """
-    along = float(row.dot(tangent))
+def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
+    """Return a tangent that has this cosine with a chord, and what makes it one per distance."""
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
         return chord, 1.0
     return tangent, 1.0 / along

@@ -16,7 +16,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
-from pwscont.system.shapes import expect, own_array, own_matrix
+from pwscont.system.shapes import checked_matrix, expect, own_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
@@ -177,7 +177,8 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong here, even if it was right at other points.
     """
-    return own_matrix(lent_jacobian_at(system, z, alpha, character))
+    jacobian = system.jacobian(z, alpha, character)
+    return own_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))
 
 
 def lent_jacobian_at(
@@ -185,5 +186,4 @@ def lent_jacobian_at(
 ) -> Matrix:
     """Return the same, in an array that the system may use for the next one."""
     jacobian = system.jacobian(z, alpha, character)
-    expect(system, "jacobian", jacobian, (system.size, system.size + 1))
-    return np.asarray(jacobian, dtype=float) if isinstance(jacobian, np.ndarray) else jacobian
+    return checked_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))

@@ -23,8 +23,19 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
     InvalidSystemError
         If the value is no array of that shape, even if earlier values were.
     """
+    return checked_array(system, method, value, shape).copy()
+
+
+def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return a value itself where it is an array of that shape, to be copied or used up at once.
+
+    Raises
+    ------
+    InvalidSystemError
+        If the value is no array of that shape, even if earlier values were.
+    """
     if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
-        return value.copy()  # nearly always
+        return value  # nearly always
     expect(system, method, value, shape)
     if value.dtype.kind not in REAL:
         raise InvalidSystemError(
@@ -34,11 +45,31 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
     return np.array(value, dtype=float)
 
 
-def own_matrix(matrix: Matrix) -> Matrix:
-    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
-    if isinstance(matrix, np.ndarray):
-        return np.array(matrix, dtype=float)
-    return matrix.copy() if sp.issparse(matrix) else matrix
+def own_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
+    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no matrix of that shape, even if earlier ones were.
+    """
+    checked = checked_matrix(system, method, matrix, shape)
+    is_copied = isinstance(checked, np.ndarray) or sp.issparse(checked)
+    return checked.copy() if is_copied else checked
+
+
+def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
+    """Return a matrix itself where it is one of that shape, to be used up at once.
+
+    Raises
+    ------
+    InvalidSystemError
+        If it is no matrix of that shape, even if earlier ones were.
+    """
+    if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
+        return matrix  # nearly always
+    expect(system, method, matrix, shape)
+    return np.array(matrix, dtype=float) if isinstance(matrix, np.ndarray) else matrix
 
 
 def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:

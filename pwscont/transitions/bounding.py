@@ -15,6 +15,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.curve.newton import Border
+from pwscont.linear.vectors import plus
 from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.ending import end_of
 from pwscont.system.selection import Selection
@@ -137,13 +138,13 @@ def _next_to_zero(values: Array, terms: Array) -> Indices:
 
     Each is measured in its own unit: all others may be zero as well, or far larger.
     """
-    near = np.abs(values) <= NEAR * terms
-    return np.flatnonzero(near) if np.count_nonzero(near) else NONE  # nearly always
+    above = plus(np.abs(values), -NEAR, terms)
+    return NONE if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
     """Return the size of the terms of tests with these gradients, shape (l,)."""
-    terms: Array = abs(rows) @ (np.abs(x) + scale)
+    terms: Array = abs(rows).dot(np.abs(x) + scale)
     return terms
 
 

@@ -28,14 +28,15 @@ from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import TransitionDetector
 from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
-from pwscont.transitions.watch import Event, Joined, Watch, broken
+from pwscont.transitions.watch import Event, Joined, Readings, Watch, broken
 
 #: A function that is positive after this part of a step, by its slope, is watched from there on.
 RISES = 1e-3
 
 
-def first_on_ray(watch: Watch, segment: Segment, start: Joined) -> Event | Failure:
+def first_on_ray(watch: Watch, segment: Segment, reading: Readings) -> Event | Failure:
     """Return the first event on a straight segment."""
+    start = reading.joined()
     if np.isnan(start.values).any():
         watch.check(start, start)
         return Failure(FailureReason.NOT_FINITE)
@@ -59,7 +60,11 @@ def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
 
 
 def first_on_curve(
-    watch: Watch, segment: CurvedSegment, start: Joined, end: Joined, first: Event | None = None
+    watch: Watch,
+    segment: CurvedSegment,
+    before: Readings,
+    after: Readings,
+    first: Event | None = None,
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
@@ -69,6 +74,9 @@ def first_on_curve(
     segment falls to zero later, and is not located. So of each detector the function that seems to
     vanish first is located first.
     """
+    if first is None and watch.is_quiet(segment, before, after):
+        return None  # nearly every step
+    start, end = before.joined(), after.joined()
     if len(start.values) != len(end.values):
         watch.check(start, end)
     if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
@@ -89,7 +97,7 @@ def first_on_curve(
         if event.position <= 0.0:
             break
         segment = segment.until(event.state)
-        end = _before(watch.read(segment.curve, event.state))
+        end = _before(watch.read(segment.curve, event.state).joined())
     return first
 
 
@@ -111,7 +119,7 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     turned, soon = before.slopes * after.slopes, before.values + (RISES * length) * before.slopes
     above, below = np.maximum(before.values, soon), np.negative(after.values)
     if largest(np.minimum(above, below)) < 0.0 <= smallest(turned):
-        return []  # nearly every step
+        return []
     crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
     # where both tangent lines meet; a convex function stays above that point

@@ -227,6 +227,15 @@ class TransitionDetector(ABC):
             Its tangent points in the direction of the segment.
         """
 
+    def is_quiet(self, segment: CurvedSegment) -> bool:
+        """Tell, from both ends of a step alone, that nothing of this detector's is on it.
+
+        True says that no function vanishes on the step, by the signs that :meth:`read` returns at
+        both ends, and that :meth:`needs_shorter_step` returns None: neither is called then. False,
+        the default, has them called.
+        """
+        return False
+
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:

@@ -32,6 +32,11 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), UNKNOWN)
 
+    def is_quiet(self, segment: CurvedSegment) -> bool:
+        """Tell that alpha goes the same way at both ends, and does not turn between them."""
+        first, last = segment.curve.slope(segment.start), segment.curve.slope(segment.end)
+        return first * last > 0.0 and not _turns_twice(segment)
+
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:

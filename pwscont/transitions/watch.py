@@ -66,11 +66,11 @@ class Watch:
             if type(detector).border is not TransitionDetector.border
         ]
 
-    def read(self, curve: Curve, state: State) -> Joined:
-        """Return what all detectors read at ``state``."""
-        return Joined.of([detector.read(curve, state) for detector in self._detectors])
+    def read(self, curve: Curve, state: State) -> Readings:
+        """Return what all detectors read at ``state``, each when it is asked for."""
+        return Readings(self._detectors, curve, state)
 
-    def first(self, curve: Curve, state: State) -> Joined:
+    def first(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read where a piece begins, and check those of users' own.
 
         Raises
@@ -78,8 +78,8 @@ class Watch:
         InvalidInputError
             If a detector returns something else than its contract says.
         """
-        parts = [detector.read(curve, state) for detector in self._detectors]
-        for detector, part in zip(self._detectors, parts, strict=True):
+        reading = self.read(curve, state)
+        for detector, part in zip(self._detectors, reading.parts, strict=True):
             if detector not in self._added:
                 continue
             if not isinstance(part, Reading):
@@ -87,7 +87,7 @@ class Watch:
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 what = "values and slopes that are vectors alike"
                 raise broken(detector, "read", what, part)
-        return Joined.of(parts)
+        return reading
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is so close to where the piece begins.
@@ -97,26 +97,25 @@ class Watch:
         reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
-    def without(self, reading: Joined, event: Event) -> Joined:
+    def without(self, reading: Readings, event: Event) -> Readings:
         """Return a reading in which the function of an event is zero, and level.
 
         It is watched once it is positive. Falling from zero, it would be found again.
         """
         return self._with(reading, event, 0.0, 0.0)
 
-    def before(self, reading: Joined, event: Event) -> Joined:
+    def before(self, reading: Readings, event: Event) -> Readings:
         """Return the reading at an event as it was just before: the function is still positive."""
-        part = reading.parts[self._detectors.index(event.detector)]
+        part = reading.part(self._detectors.index(event.detector))
         return self._with(reading, event, TINY, float(part.slopes[event.index]))
 
-    def _with(self, reading: Joined, event: Event, value: float, slope: float) -> Joined:
+    def _with(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
-        parts = list(reading.parts)
         place = self._detectors.index(event.detector)
-        values, slopes = np.array(parts[place].values), np.array(parts[place].slopes)
+        part = reading.part(place)
+        values, slopes = np.array(part.values), np.array(part.slopes)
         values[event.index], slopes[event.index] = value, slope
-        parts[place] = Reading(values, slopes)
-        return Joined.of(parts)
+        return reading.having(place, Reading(values, slopes))
 
     def check(self, start: Joined, end: Joined) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan.
@@ -133,6 +132,16 @@ class Watch:
             if detector in self._added and np.isnan(last.values).any():
                 raise broken(detector, "read", "finite values", last)
 
+    def is_quiet(self, segment: CurvedSegment, start: Readings, end: Readings) -> bool:
+        """Tell that nothing happens on a step, by what little tells it of nearly every step."""
+        for i, detector in enumerate(self._detectors):
+            if detector.is_quiet(segment):
+                continue
+            first, last = start.part(i), end.part(i)
+            if not _keeps_signs(first, last) or detector.needs_shorter_step(segment, first, last):
+                return False
+        return True
+
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Joined, end: Joined
     ) -> Failure | None:
@@ -142,24 +151,26 @@ class Watch:
                 return failure
         return None
 
-    def ahead(self, reading: Joined) -> tuple[float, TransitionDetector, int] | None:
+    def ahead(self, reading: Readings) -> tuple[float, TransitionDetector, int] | None:
         """Return the distance at which a function with a gradient seems to vanish first, and which.
 
         None where none falls.
         """
         soonest = None
         for i, detector in self._aimed_at:
-            values, slopes = reading.parts[i].values, reading.parts[i].slopes
-            if not len(values) or smallest(slopes) >= 0.0:
+            part = reading.part(i)
+            values, slopes = part.values, part.slopes
+            if not len(values):
                 continue
             if smallest(values) > 0.0:  # nearly always
                 rates = slopes / values
             else:
                 rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
-            if (fastest := smallest(rates)) < 0.0:
-                distance = -1.0 / fastest
+            fastest = rates.argmin()
+            if (rate := rates.item(fastest)) < 0.0:
+                distance = -1.0 / rate
                 if soonest is None or distance < soonest[0]:
-                    soonest = distance, detector, int(rates.argmin())
+                    soonest = distance, detector, int(fastest)
         return soonest
 
     def falls(self, segment: Segment, start: Joined) -> Array:
@@ -191,6 +202,42 @@ class Watch:
 
 
 @final
+class Readings:
+    """What all detectors read at a state, each when it is first asked for.
+
+    Values depend on the state alone: read late, they are what they were.
+    """
+
+    __slots__ = ("_curve", "_detectors", "_parts", "_state")
+
+    def __init__(self, detectors: Sequence[TransitionDetector], curve: Curve, state: State) -> None:
+        self._detectors, self._curve, self._state = detectors, curve, state
+        self._parts: list[Reading | None] = [None] * len(detectors)
+
+    def part(self, place: int) -> Reading:
+        """Return what one of the detectors reads."""
+        part = self._parts[place]
+        if part is None:
+            self._parts[place] = part = self._detectors[place].read(self._curve, self._state)
+        return part
+
+    @property
+    def parts(self) -> list[Reading]:
+        """What each of the detectors reads."""
+        return [self.part(place) for place in range(len(self._parts))]
+
+    def having(self, place: int, part: Reading) -> Readings:
+        """Return the same with another reading of one detector."""
+        other = Readings(self._detectors, self._curve, self._state)
+        other._parts = [*self._parts[:place], part, *self._parts[place + 1 :]]
+        return other
+
+    def joined(self) -> Joined:
+        """Return what all of them read, end to end."""
+        return Joined.of(self.parts)
+
+
+@final
 @dataclass(slots=True, eq=False)
 class Joined:
     """The readings of all detectors, and their values and slopes end to end."""
@@ -205,6 +252,18 @@ class Joined:
         both = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
         half = len(both) // 2
         return cls(parts, both[:half], both[half:])
+
+
+def _keeps_signs(first: Reading, last: Reading) -> bool:
+    """Tell that no function may vanish on a step: all are positive, and no slope changes sign."""
+    before, after = first.values, last.values
+    if not (type(before) is type(after) is np.ndarray and len(before) == len(after)):
+        return False
+    if not len(after):
+        return True
+    if not (smallest(before) > 0.0 < smallest(after)):
+        return False
+    return smallest(first.slopes * last.slopes) >= 0.0
 
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:

@@ -13,7 +13,6 @@ from pwscont.basics.character import Character
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import joined
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.check import Report
 from pwscont.system.inspection import Defect
@@ -103,7 +102,7 @@ def report(defects: Iterable[Defect], tried: int) -> Report:
 def off_curve(curve: Curve, x: Array, row: Array) -> float:
     """Return how far a point is off a curve, within the hyperplane of a row."""
     factor = bordered(curve.selection.jacobian(x), row, curve.metric.binary)
-    return curve.metric.norm(factor.solve(joined(curve.selection.residual(x), 0.0)))
+    return curve.metric.norm(factor.solve(curve.selection.residual_and(x, 0.0)))
 
 
 def defect(what: str, x: Array) -> Defect:
