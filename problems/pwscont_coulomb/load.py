@@ -15,10 +15,14 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
+from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.modes import modes
 from pwscont_coulomb.per_node import not_negative
 from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
+
+#: Of bodies of so few unknowns the matrices of so many cells are kept.
+FEW_UNKNOWNS, MOST_CELLS = 16, 64
 
 
 class CoulombLoad(Coulomb):
@@ -62,8 +66,10 @@ class CoulombLoad(Coulomb):
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
-        #: The last cell, and what is constant in it.
-        self._last: tuple[Character, Matrix, Array | None] | None = None
+        #: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
+        self._is_small = self.size <= FEW_UNKNOWNS
+        most = MOST_CELLS if self._is_small else 1
+        self._constant: Kept[tuple[Character, bytes], tuple[Matrix, Array | None]] = Kept(most)
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -102,7 +108,7 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
-        rate, at_rest = self._load_rate(alpha), self._of_cell(character)[2]
+        rate, (_, at_rest) = self._load_rate(alpha), self._of_cell(character)
         if at_rest is not None:
             jacobian = at_rest.copy()
             jacobian[: self.body.n, -1] = -rate
@@ -112,17 +118,18 @@ class CoulombLoad(Coulomb):
         return self.with_alpha_column(self._matrix_at(character, alpha), column)
 
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
-        return self._of_cell(character)[1]
+        return self._of_cell(character)[0]
 
-    def _of_cell(self, character: Character) -> tuple[Character, Matrix, Array | None]:
-        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; the last ones are kept."""
-        last = self._last
-        if last is None or last[0] is not character:
-            matrix = super()._matrix_at(character, 0.0)
-            is_dense = isinstance(matrix, np.ndarray)
-            at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
-            self._last = last = character, matrix, at_rest
-        return last
+    def _of_cell(self, character: Character) -> tuple[Matrix, Array | None]:
+        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; those of some are kept."""
+        key = character, self.friction.tobytes()
+        known = self._constant.get(key)
+        if known is not None:
+            return known
+        matrix = super()._matrix_at(character, 0.0)
+        is_dense = isinstance(matrix, np.ndarray)
+        at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
+        return self._constant.put(key, (matrix, at_rest))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
@@ -162,8 +169,11 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return them row by row: a straight path asks too seldom in a cell to make its matrix."""
-        if self.algebra is not None:
+        """Return them row by row: a straight path asks too seldom in a cell to make its matrix.
+
+        Matrices of small bodies are kept, for many cells are entered more than once.
+        """
+        if self.algebra is not None or self._is_small:
             return super()._linear_terms(z, alpha, character)
         return self._states.product(z, self.modes(character), self.friction)
 

@@ -143,7 +143,7 @@ class FewCells:
                 known.update((test, other) for other in holding.nonzero()[0].tolist())
         return crossings
 
-    def _points(self, cells: Indices, functions: Indices) -> _Points | None:
+    def _points(self, cells: Indices, functions: Indices) -> _OnLines | None:
         """Return where functions vanish on the lines of cells, but for points clearly outside.
 
         None where one of the equations is nearly singular, or corrections do not become rounding.
@@ -174,7 +174,7 @@ class FewCells:
 
     def _solved(
         self, cells: Indices, functions: Indices, equations: LinearBatch, y: Array
-    ) -> _Points | None:
+    ) -> _OnLines | None:
         """Return points near those of the batch, by the functions of the system themselves."""
         x = self.x + self.scale * y
         for _ in range(REFINEMENTS):
@@ -184,7 +184,7 @@ class FewCells:
             error = self.scale * equations.errors(sizes)
             known = np.maximum(CONVERGED * self.metric.sizes(x), CONFIDENCE * _root(error))
             if (np.abs(self.scale * dy) <= known).all():
-                return _Points(cells, functions, equations, x, error)
+                return _OnLines(cells, functions, equations, x, error)
         return None
 
     def _rest(self, cells: Indices, functions: Indices, x: Array) -> Array:
@@ -205,7 +205,7 @@ class FewCells:
         values[:, -1] = x[:, -1] - self.x[-1]
         return values
 
-    def _holding(self, points: _Points) -> Signs:
+    def _holding(self, points: _OnLines) -> Signs:
         """Tell in which closed cells points lie, shape (k, c)."""
         sizes, spread = np.abs(self.K), _root(points.error @ self.K.T)
         rounding = EPS * (np.abs(points.x) @ sizes.T)
@@ -222,7 +222,7 @@ class FewCells:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class _Points:
+class _OnLines:
     """Points on the lines of k cells, where functions vanish.
 
     Attributes
