@@ -74,6 +74,12 @@ class DenseFactor(Factor):
         scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs / self._rows, 0, 1)[0]
         return self._columns * scaled
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k), in one call."""
+        columns = (rhs / self._rows).T
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, columns, 0, 1)[0]
+        return self._columns * scaled.T
+
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
         if self.failed or not np.isfinite(self._lu).all():

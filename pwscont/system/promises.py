@@ -72,7 +72,9 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
     x = sample.x
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
     straight = isinstance(system, PiecewiseLinearSystem)
-    dx[-1] *= straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / np.diff(interval)[0]
+    dx[-1] *= (
+        straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / (interval[1] - interval[0])
+    )
     if not np.isfinite(sample.residual).all():
         raise InvalidSystemError(
             f"{type(system).__name__}.residual in {system.label(sample.character)} returned "
@@ -319,7 +321,10 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
 
 def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
-    for index, times in Counter(index for claim in claims for index in claim).items():
+    claimed = [index for claim in claims for index in claim]
+    if len(set(claimed)) == len(claimed) and all(0 <= index < limit for index in claimed):
+        return
+    for index, times in Counter(claimed).items():
         if not 0 <= index < limit:
             raise InvalidSystemError(f"{name}: there is no {what} {index}, only 0 to {limit - 1}")
         if times > 1:
