@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -49,7 +50,7 @@ ROUGH = 1e2 * EPS**0.5
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FewCells:
     """Equations J dx + H = 0 of the lines of all cells, and functions K dx + kappa, from x on.
 
@@ -111,12 +112,10 @@ class FewCells:
         digits, where there is none, or the signs of det(dH/dz) do not sum to the degree.
         """
         checked_necessary(self.system, float(self.x[-1]))  # not needed, but refused if wrong
-        cells = np.arange(len(self.cells))
-        points = self._points(cells, np.full(len(cells), len(self.kappa) - 1))
+        points, _ = self._points
         if points is None:
             return None
-        points.x[:, -1] = self.x[-1]
-        meeting, found = self._holding(points), points.found()
+        found, meeting = points.found(), points.holding
         if (np.count_nonzero(meeting, axis=1) > 1).any() or any(map(self._has_few_digits, found)):
             return None
         inside = meeting[np.arange(len(found)), points.cells].nonzero()[0]
@@ -130,20 +129,31 @@ class FewCells:
         Ordered by tests; alpha may be outside the interval by its error. None where this way is not
         certain.
         """
-        tests, cells = np.nonzero(self.bounding.T)
-        points = self._points(cells, tests)
+        _, points = self._points
         if points is None:
             return None
-        meeting, places = self._holding(points), points.places()
+        every = zip(points.places(), points.found(), points.holding, strict=True)
         crossings: list[tuple[int, Found]] = []
         known: set[tuple[int, int]] = set()
-        for (test, cell), found, holding in zip(places, points.found(), meeting, strict=True):
+        for (test, cell), found, holding in every:
             if holding[cell] and (test, cell) not in known:
                 crossings.append((test, found))
                 known.update((test, other) for other in holding.nonzero()[0].tolist())
         return crossings
 
-    def _points(self, cells: Indices, functions: Indices) -> _OnLines | None:
+    @cached_property
+    def _points(self) -> tuple[_OnLines | None, _OnLines | None]:
+        """The points at the lower end, and those where tests vanish: together, if they can be."""
+        tests, crossed = np.nonzero(self.bounding.T)
+        cells = np.arange(len(self.cells))
+        ends = np.full(len(cells), len(self.kappa) - 1)
+        both = self._where(np.concatenate([cells, crossed]), np.concatenate([ends, tests]))
+        if both is None:
+            return self._where(cells, ends), self._where(crossed, tests)
+        number = np.count_nonzero(both.functions == ends[0])
+        return both.among(slice(number)), both.among(slice(number, None))
+
+    def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
         """Return where functions vanish on the lines of cells, but for points clearly outside.
 
         None where one of the equations is nearly singular, or corrections do not become rounding.
@@ -184,7 +194,8 @@ class FewCells:
             error = self.scale * equations.errors(sizes)
             known = np.maximum(CONVERGED * self.metric.sizes(x), CONFIDENCE * _root(error))
             if (np.abs(self.scale * dy) <= known).all():
-                return _OnLines(cells, functions, equations, x, error)
+                x[functions == len(self.kappa) - 1, -1] = self.x[-1]
+                return _OnLines(cells, functions, equations, x, error, self._holding(x, error))
         return None
 
     def _rest(self, cells: Indices, functions: Indices, x: Array) -> Array:
@@ -205,12 +216,12 @@ class FewCells:
         values[:, -1] = x[:, -1] - self.x[-1]
         return values
 
-    def _holding(self, points: _OnLines) -> Signs:
+    def _holding(self, x: Array, error: Array) -> Signs:
         """Tell in which closed cells points lie, shape (k, c)."""
-        sizes, spread = np.abs(self.K), _root(points.error @ self.K.T)
-        rounding = EPS * (np.abs(points.x) @ sizes.T)
+        sizes, spread = np.abs(self.K), _root(error @ self.K.T)
+        rounding = EPS * (np.abs(x) @ sizes.T)
         slack = CONFIDENCE * (rounding + spread) + EPS * (sizes @ self.metric.scale)
-        values = self.sides * self._values(points.x)[:, np.newaxis]
+        values = self.sides * self._values(x)[:, np.newaxis]
         holding: Signs = np.all(~self.bounding | (values >= -slack[:, np.newaxis]), axis=2)
         return holding
 
@@ -231,6 +242,8 @@ class _OnLines:
     equations : LinearBatch
     x, error : ndarray, shapes (k, n + 1) and (k, number, n + 1)
         The points and samples of their errors.
+    holding : ndarray of bool, shape (k, c)
+        In which closed cells they lie.
     """
 
     cells: Indices
@@ -238,6 +251,13 @@ class _OnLines:
     equations: LinearBatch
     x: Array
     error: Array
+    holding: Signs
+
+    def among(self, some: slice) -> _OnLines:
+        """Return some of the points."""
+        equations, holding = self.equations.among(some), self.holding[some]
+        places, points = (self.cells[some], self.functions[some]), (self.x[some], self.error[some])
+        return _OnLines(*places, equations, *points, holding)
 
     def found(self) -> list[Found]:
         """Return each point with the samples of its error."""

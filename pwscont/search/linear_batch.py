@@ -50,7 +50,7 @@ class LinearBatch:
         condition = np.abs(rows).sum(axis=1).max(axis=1) * np.abs(inverse).sum(axis=1).max(axis=1)
         return cls(rows, inverse, largest) if (condition <= WORST).all() else None
 
-    def among(self, some: Indices) -> LinearBatch:
+    def among(self, some: Indices | slice) -> LinearBatch:
         """Return the equations of some of the points."""
         return LinearBatch(self.rows[some], self.inverse[some], self.largest[some])
 
