@@ -12,6 +12,7 @@ from pwscont.basics.arrays import Array, Indices, largest, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.curve.root import joined
 from pwscont.linear.factorise import power_of_two
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
@@ -82,7 +83,7 @@ class Metric:
         width: float,
         interval: tuple[float, float],
     ) -> Metric:
-        everything = np.append(checked_scale(system, magnitudes), width)
+        everything = joined(checked_scale(system, magnitudes), width)
         least, most = smallest(everything), largest(everything)
         if most > LARGEST or least < 1.0 / LARGEST:
             raise InvalidSystemError(

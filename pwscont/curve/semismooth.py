@@ -34,7 +34,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import Root
+from pwscont.curve.root import Root, joined
 from pwscont.curve.uncertainty import is_rounding, uncertainty
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
@@ -74,7 +74,7 @@ def semismooth_newton(
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
         of its error where that is all conditioning allows; or a Failure.
     """
-    place, linear, leaps = _Place.at(system, np.append(z, alpha)), None, 0
+    place, linear, leaps = _Place.at(system, joined(z, alpha)), None, 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         if linear is None or not linear.holds_at(place):
@@ -187,14 +187,14 @@ def _as_good_as_it_gets(
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     """Return the largest scaled coefficient of z in each row."""
-    scaled = abs(jacobian) @ np.append(metric.scale[:-1], 0.0)
+    scaled = abs(jacobian) @ joined(metric.scale[:-1], 0.0)
     return np.where(scaled != 0.0, scaled, 1.0)  # what is not finite stays so
 
 
 def _direction(linear: _Linear, residual: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
     if not linear.is_singular:
-        return -linear.factor.solve(np.append(residual, 0.0))
+        return -linear.factor.solve(joined(residual, 0.0))
     rows = linear.rows
     with np.errstate(over="ignore", invalid="ignore"):  # where H is flat rows are next to nothing
         scaled = dense(linear.jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]

@@ -21,6 +21,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
+from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import Found, starts_at, starts_of
 from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
@@ -65,10 +66,15 @@ class AllTransitions(Search):
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
-    """Tell whether z may move in a direction that neither H nor a test sees, in every cell."""
+    """Tell whether z may move in a direction that neither H nor a test sees, in every cell.
+
+    Nearly always H alone sees all directions, of which a factorisation tells sooner than a rank.
+    """
     differences = system.differences(0.0)
     z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
     jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))
+    if not factor(jacobian[:, :-1], power_of_two(differences.scale[:-1])).is_singular():
+        return False
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
     rows = rows * differences.scale[:-1]
     sizes = np.abs(rows).max(axis=1, initial=0.0)

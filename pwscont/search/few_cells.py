@@ -40,7 +40,7 @@ from pwscont.search.linear_batch import LinearBatch
 from pwscont.system.blocks import characters, number_of_cells
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, refuse_bent_tests
-from pwscont.system.shapes import own_array
+from pwscont.system.shapes import expect
 from pwscont.system.system import PiecewiseLinearSystem
 
 #: Systems of more unknowns gain nothing.
@@ -91,8 +91,8 @@ class FewCells:
         blocks = system.blocks()
         if number_of_cells(blocks) > FEW_CELLS or system.size > FEW_UNKNOWNS:
             return None
-        x = np.append(np.zeros(system.size), interval[0])
-        scale = np.append(metric.scale[:-1], interval[1] - interval[0])
+        x = joined(np.zeros(system.size), interval[0])
+        scale = joined(metric.scale[:-1], interval[1] - interval[0])
         dx = scale * np.abs(generic(len(x)))
         kappa = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         K = own_dense(system.test_jacobian(x[:-1], float(x[-1])))
@@ -119,7 +119,7 @@ class FewCells:
         if (np.count_nonzero(meeting, axis=1) > 1).any() or any(map(self._has_few_digits, found)):
             return None
         inside = meeting[np.arange(len(found)), points.cells].nonzero()[0]
-        signs = int(points.equations.signs()[inside].sum())
+        signs = int(points.equations.among(inside).signs().sum())
         known = len(inside) and self.system.degree in (None, signs)
         return [found[i] for i in inside.tolist()] if known else None
 
@@ -188,41 +188,45 @@ class FewCells:
         """Return points near those of the batch, by the functions of the system themselves."""
         x = self.x + self.scale * y
         for _ in range(REFINEMENTS):
-            dy = equations.solve(self._rest(cells, functions, x))
-            x -= self.scale * dy
+            values = self._values(x)
+            dy = equations.solve(self._rest(cells, functions, x, values))
+            dx = self.scale * dy
+            x, values = x - dx, values - dx @ self.K.T
             sizes = np.abs(x) / self.scale + np.abs(dy).max(axis=1, keepdims=True)
             error = self.scale * equations.errors(sizes)
             known = np.maximum(CONVERGED * self.metric.sizes(x), CONFIDENCE * _root(error))
-            if (np.abs(self.scale * dy) <= known).all():
+            if (np.abs(dx) <= known).all():
                 x[functions == len(self.kappa) - 1, -1] = self.x[-1]
-                return _OnLines(cells, functions, equations, x, error, self._holding(x, error))
+                holding = self._holding(x, error, values)
+                return _OnLines(cells, functions, equations, x, error, holding)
         return None
 
-    def _rest(self, cells: Indices, functions: Indices, x: Array) -> Array:
-        """Return H, and the function that shall vanish, at points, shape (k, n + 1)."""
+    def _rest(self, cells: Indices, functions: Indices, x: Array, values: Array) -> Array:
+        """Return H, and of the values of functions that which shall vanish, shape (k, n + 1)."""
         rest = np.empty_like(x)
         for row, cell, point in zip(rest, cells.tolist(), x, strict=True):
             check_budget()
             row[:-1] = residual_at(self.system, point[:-1], float(point[-1]), self.cells[cell])
-        rest[:, -1] = self._values(x)[np.arange(len(x)), functions]
+        rest[:, -1] = values[np.arange(len(x)), functions]
         return rest
 
     def _values(self, x: Array) -> Array:
         """Return the functions at points, shape (k, m + 1)."""
-        values = np.empty((len(x), len(self.kappa)))
+        values, shape = np.empty((len(x), len(self.kappa))), (len(self.kappa) - 1,)
         for row, point in zip(values, x, strict=True):
             tests = self.system.test_functions(point[:-1], float(point[-1]))
-            row[:-1] = own_array(self.system, "test_functions", tests, row[:-1].shape)
+            expect(self.system, "test_functions", tests, shape)
+            row[:-1] = tests
         values[:, -1] = x[:, -1] - self.x[-1]
         return values
 
-    def _holding(self, x: Array, error: Array) -> Signs:
-        """Tell in which closed cells points lie, shape (k, c)."""
+    def _holding(self, x: Array, error: Array, values: Array) -> Signs:
+        """Tell in which closed cells points with these values of functions lie, shape (k, c)."""
         sizes, spread = np.abs(self.K), _root(error @ self.K.T)
         rounding = EPS * (np.abs(x) @ sizes.T)
         slack = CONFIDENCE * (rounding + spread) + EPS * (sizes @ self.metric.scale)
-        values = self.sides * self._values(x)[:, np.newaxis]
-        holding: Signs = np.all(~self.bounding | (values >= -slack[:, np.newaxis]), axis=2)
+        inside = self.sides * values[:, np.newaxis] >= -slack[:, np.newaxis]
+        holding: Signs = np.all(~self.bounding | inside, axis=2)
         return holding
 
     def _has_few_digits(self, found: Found) -> bool:
