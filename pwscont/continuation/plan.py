@@ -218,7 +218,9 @@ class Plan:
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
-        searched = replace(usable.lowered(searched), spent=budget.spent)
+        searched = usable.lowered(searched)
+        if searched.spent != budget.spent:
+            searched = replace(searched, spent=budget.spent)
         return self._graph(discovery, parameter, searched, record)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:

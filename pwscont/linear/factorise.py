@@ -13,6 +13,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any, final
 
@@ -82,10 +83,11 @@ class DenseFactor(Factor):
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
-        if self.failed or not np.isfinite(self._lu).all():
+        norm = lapack.dlange("1", self._matrix)
+        if self.failed or not math.isfinite(norm):
             return True
-        rcond = lapack.dgecon(self._lu, np.abs(self._matrix).sum(axis=0).max())[0]
-        return bool(rcond < len(self._lu) * EPS)
+        rcond = lapack.dgecon(self._lu, norm)[0]
+        return not rcond >= len(self._lu) * EPS  # nor where it is nan
 
 
 def _row_scale(matrix: Array) -> Array:
