@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from math import isfinite
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from pwscont_coulomb.modes import modes
 from pwscont_coulomb.per_node import not_negative
 from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 
+#: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
+Constant: TypeAlias = tuple[Matrix, Array | None]
 #: Of bodies of so few unknowns the matrices of so many cells are kept.
 FEW_UNKNOWNS, MOST_CELLS = 16, 64
 
@@ -66,10 +68,10 @@ class CoulombLoad(Coulomb):
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
-        #: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
         self._is_small = self.size <= FEW_UNKNOWNS
         most = MOST_CELLS if self._is_small else 1
-        self._constant: Kept[tuple[Character, bytes], tuple[Matrix, Array | None]] = Kept(most)
+        self._constant: Kept[tuple[Character, bytes], Constant] = Kept(most)
+        self._last: tuple[Character, bytes, Constant] | None = None
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -120,16 +122,20 @@ class CoulombLoad(Coulomb):
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
         return self._of_cell(character)[0]
 
-    def _of_cell(self, character: Character) -> tuple[Matrix, Array | None]:
+    def _of_cell(self, character: Character) -> Constant:
         """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; those of some are kept."""
-        key = character, self.friction.tobytes()
-        known = self._constant.get(key)
-        if known is not None:
-            return known
+        last, friction = self._last, self.friction.tobytes()
+        if last is None or last[0] is not character or last[1] != friction:
+            key = character, friction
+            found = self._constant.get(key) or self._constant.put(key, self._made(character))
+            self._last = last = character, friction, found
+        return last[2]
+
+    def _made(self, character: Character) -> Constant:
         matrix = super()._matrix_at(character, 0.0)
         is_dense = isinstance(matrix, np.ndarray)
         at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
-        return self._constant.put(key, (matrix, at_rest))
+        return matrix, at_rest
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""

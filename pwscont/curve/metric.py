@@ -137,14 +137,9 @@ class Metric:
         return largest(np.abs(dx) / self.sizes(x))
 
     def sizes(self, x: Array) -> Array:
-        """Return what corrections of points are relative to, component by component.
-
-        Parameters
-        ----------
-        x : ndarray, shape (..., n + 1)
-        """
+        """Return what the components of a correction of ``x`` are relative to, shape (n + 1,)."""
         sizes = np.abs(x)
-        sizes[..., -1] *= ROUNDING_OF_ALPHA
+        sizes[-1] *= ROUNDING_OF_ALPHA
         sizes += self.scale
         return sizes
 

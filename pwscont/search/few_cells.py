@@ -193,12 +193,13 @@ class FewCells:
             dx = self.scale * dy
             x, values = x - dx, values - dx @ self.K.T
             sizes = np.abs(x) / self.scale + np.abs(dy).max(axis=1, keepdims=True)
-            error = self.scale * equations.errors(sizes)
-            known = np.maximum(CONVERGED * self.metric.sizes(x), CONFIDENCE * _root(error))
-            if (np.abs(dx) <= known).all():
+            errors = equations.errors(sizes)
+            known = np.maximum(CONVERGED * (1.0 + np.abs(y)), CONFIDENCE * _root(errors))
+            if (np.abs(dy) <= known).all():
                 x[functions == len(self.kappa) - 1, -1] = self.x[-1]
-                holding = self._holding(x, error, values)
-                return _OnLines(cells, functions, equations, x, error, holding)
+                errors *= self.scale
+                holding = self._holding(x, errors, values)
+                return _OnLines(cells, functions, equations, x, errors, holding)
         return None
 
     def _rest(self, cells: Indices, functions: Indices, x: Array, values: Array) -> Array:
