@@ -77,7 +77,7 @@ def semismooth_newton(
     place, linear, leaps = _Place.at(system, joined(z, alpha)), None, 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
-        if linear is None or not linear.holds_at(place):
+        if linear is None or not linear.holds_at(system, place):
             linear = _Linear.of(system, metric, place)
         if linear is None or not np.isfinite(place.residual).all():
             return Failure(FailureReason.NOT_FINITE)
@@ -128,8 +128,7 @@ class _Linear:
 
     Attributes
     ----------
-    character : Character or None
-        Of the cell in which it is the same everywhere; None where it is not.
+    character : Character
     jacobian : ndarray or sparse matrix, shape (n, n + 1)
     rows : ndarray, shape (n,)
         The largest scaled coefficient of z in each row.
@@ -138,7 +137,7 @@ class _Linear:
     is_singular : bool
     """
 
-    character: Character | None
+    character: Character
     jacobian: Matrix
     rows: Array
     factor: Factor
@@ -153,12 +152,14 @@ class _Linear:
         if not np.isfinite(rows).all():
             return None
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
-        constant = character if isinstance(system, PiecewiseLinearSystem) else None
-        return cls(constant, jacobian, rows, factor, factor.is_singular())
+        return cls(character, jacobian, rows, factor, factor.is_singular())
 
-    def holds_at(self, place: _Place) -> bool:
+    def holds_at(self, system: PiecewiseSystem, place: _Place) -> bool:
         """Tell whether the Jacobian is known to be the same at another place."""
-        return self.character == place.character
+        if not isinstance(system, PiecewiseLinearSystem):
+            return False
+        here, there = self.character, place.character
+        return here == there or system.cell(here) == system.cell(there)
 
 
 def _is_solved(scaled: Array, size: Array) -> bool:
