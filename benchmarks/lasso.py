@@ -51,15 +51,17 @@ class Lasso(PiecewiseLinearSystem):
 
     def residual(self, z: np.ndarray, alpha: float, character: Character) -> np.ndarray:
         """Return b + g - z with its sign changed."""
-        sign = self.sign(character)
-        return self.coupling @ (np.abs(sign) * z - alpha * sign) + z - self.start
+        positive, negative = self.active(character)
+        return self.coupling @ (positive * (z - alpha) + negative * (z + alpha)) + z - self.start
 
     def jacobian(self, z: np.ndarray, alpha: float, character: Character) -> np.ndarray:
         """Return the matrix of one cell."""
-        sign = self.sign(character)
-        square = self.coupling * np.abs(sign)
-        square[np.diag_indices(self.size)] += 1.0
-        return np.column_stack([square, -self.coupling @ sign])
+        positive, negative = self.active(character)
+        jacobian = np.empty((self.size, self.size + 1))
+        np.multiply(self.coupling, (positive | negative).astype(float), out=jacobian[:, :-1])
+        np.einsum("ii->i", jacobian[:, :-1])[:] += 1.0
+        jacobian[:, -1] = self.coupling @ (negative.astype(float) - positive)
+        return jacobian
 
     def test_jacobian(self, z: np.ndarray, alpha: float) -> np.ndarray:
         """Return the gradients of the tests, which are constant."""
@@ -67,8 +69,8 @@ class Lasso(PiecewiseLinearSystem):
 
     def bounding_tests(self, character: Character) -> np.ndarray:
         """Return both tests of coefficients that are zero, one of each other."""
-        sign = self.sign(character)
-        return np.flatnonzero(np.concatenate([sign >= 0.0, sign <= 0.0]))
+        positive, negative = self.active(character)
+        return np.flatnonzero(np.concatenate([~negative, ~positive]))
 
     def kink(self, before: Character, after: Character, test: int) -> np.ndarray:
         """Return by how much a coefficient that comes or goes changes the residual."""
@@ -76,10 +78,9 @@ class Lasso(PiecewiseLinearSystem):
         column = self.coupling[:, test % self.size]
         return column if comes == (test < self.size) else -column
 
-    def sign(self, character: Character) -> np.ndarray:
-        """Return the sign of each coefficient."""
-        positive, negative = character.array[: self.size], character.array[self.size :]
-        return positive.astype(float) - negative
+    def active(self, character: Character) -> tuple[np.ndarray, np.ndarray]:
+        """Tell which coefficients are positive, and which are negative."""
+        return character.array[: self.size], character.array[self.size :]
 
 
 def is_installed() -> bool:

@@ -14,6 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.curve import straight
 from pwscont.linear.product_form import ProductForm
+from pwscont.transitions.detector import FARTHEST, soonest
 
 # -- stated errors ---------------------------------------------------------------------------------
 
@@ -197,3 +198,43 @@ def test_an_audit_is_due_after_sixteen_transitions(monkeypatch):
     (few, _), (many, _) = (work(monkeypatch, last) for last in (114.0, 118.0))
     assert many["solve_all"] == few["solve_all"] + 1
     assert many["inner"] == few["inner"] == 1
+
+
+def test_a_piece_that_begins_inside_a_cell_is_not_searched(monkeypatch):
+    """It goes the way of pieces between interfaces, one that begins at an interface does not."""
+
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("pwscont.continuation.follow.first_on_ray", refuse)
+    assert len(work(monkeypatch, 104.0)[1].pieces) == 5
+    with pytest.raises(AssertionError):  # the trap works
+        trace(Terraces(), (np.full(Terraces.size, 100.5), 100.5), (100.0, 104.0))
+
+
+# -- the ratio test --------------------------------------------------------------------------------
+
+VALUES = np.concatenate([[0.0, -1e-18, 5e-324, 1e-300, 1e300], np.geomspace(1e-8, 1e8, 9)])
+SLOPES = np.concatenate([[0.0], np.geomspace(1e-20, 1e20, 9)])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_function_that_falls_to_zero_first(seed):
+    """Against all distances one by one, with values next to zero, and slopes of any size."""
+    rng = np.random.default_rng(seed)
+    for count in rng.integers(1, 9, size=50):
+        values, slopes = rng.choice(VALUES, size=count), rng.choice(SLOPES, size=count)
+        slopes *= rng.choice([-1.0, 1.0], size=count)
+        distances = [
+            max(value, 0.0) / -slope if slope < 0.0 else np.inf
+            for value, slope in zip(values.tolist(), slopes.tolist(), strict=True)
+        ]
+        with np.errstate(over="ignore"):  # as in a run
+            first, distance = soonest(values, slopes)
+        least = min(distances) if min(distances) <= FARTHEST else np.inf
+        assert distance == pytest.approx(least, rel=1e-15, abs=1e-280)
+        assert distance == np.inf or distances[first] == distance
+
+
+def test_no_function_falls_first_where_there_is_none():
+    assert soonest(np.zeros(0), np.zeros(0)) == (0, np.inf)

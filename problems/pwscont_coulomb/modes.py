@@ -74,8 +74,8 @@ def modes(character: Character) -> Indices:
     Beyond the cells that solutions can lie in (kappa2 < 0 and kappa3 >= 0 in contact) slip+
     and slip- overlap; there the sign of kappa2 decides.
     """
-    signs = np.frombuffer(bytes(character), dtype=np.uint8).reshape(-1, 3)
-    found: Indices = MODE_OF_SIGNS[signs @ DIGITS]
+    signs = character.array.view(np.uint8).reshape(-1, 3)
+    found: Indices = MODE_OF_SIGNS.take(signs @ DIGITS)
     found.flags.writeable = False
     return found
 
@@ -83,8 +83,10 @@ def modes(character: Character) -> Indices:
 def bounds(mode: Indices, without_friction: Flags, guided: Flags) -> Flags:
     """Tell which tests bound the cell of these modes, shape (3 p,)."""
     found = BOUNDS.take(mode, axis=0)
-    found[:, 0] |= without_friction
-    found[guided, 1:] = False
+    if np.count_nonzero(without_friction):
+        found[:, 0] |= without_friction
+    if np.count_nonzero(guided):
+        found[guided, 1:] = False
     return found.ravel()
 
 

@@ -36,8 +36,15 @@ class States(ABC):
     def __init__(self, body: ContactBody, kappa1: Matrix, x: Matrix) -> None:
         self._kappa1, self._x = kappa1, x
         self._free = without_contact(body)
-        self._push, self._drag = -kappa1[:, : body.n], -x[:, : body.n]
         self._slides = ~body.guided
+        none = sp.csr_matrix((body.p, 2 * body.p))
+        held = sp.vstack([sp.hstack([-rows[:, : body.n], none]) for rows in (kappa1, x)])
+        #: The rows without contact, and below the normal and the tangential ones of nodes held.
+        self._parts = (
+            sp.vstack([self._free, held]).tocsr()
+            if body.is_sparse
+            else np.vstack([self._free, held.toarray()])
+        )
 
     @abstractmethod
     def at(self, mode: Indices, friction: Array) -> Matrix:
@@ -45,13 +52,13 @@ class States(ABC):
 
     def product(self, z: Array, mode: Indices, friction: Array) -> Array:
         """Return dH/dz z, shape (n + 2 p,), by what each row means: nothing cancels in it."""
-        p = len(mode)
-        u, normal, tangential = z[: -2 * p], z[-2 * p : -p], z[-p:]
-        push = self._push @ u
-        product: Array = self._free @ z
-        product[-2 * p : -p] = np.where(TOUCHES[mode], push, normal)
-        sliding = tangential + SLIPS[mode] * friction * (normal - push)
-        product[-p:] = np.where(STICKS[mode] & self._slides, self._drag @ u, sliding)
+        size, p, parts = len(z), len(mode), self._parts @ z
+        product: Array = parts[:size]
+        push, drag = parts[size:].reshape(2, p)
+        normal, tangential = product[-2 * p :].reshape(2, p)
+        tangential += SLIPS.take(mode) * friction * (normal - push)
+        np.copyto(normal, push, where=TOUCHES.take(mode))
+        np.copyto(tangential, drag, where=STICKS.take(mode) & self._slides)
         return product
 
 

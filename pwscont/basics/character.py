@@ -32,15 +32,18 @@ class Character:
         signs are stored as a triple of 0 and 1 per contact node).
     """
 
-    __slots__ = ("_stored",)
+    __slots__ = ("_array", "_stored")
     #: One byte per sign, which is compared, hashed and copied as one block of memory, and zero; or
     #: one bit, and how many signs there are. Replaced at once: an interrupt may come in between.
     _stored: tuple[bytes, int]
+    #: The signs while they are in use.
+    _array: Signs | None
 
     def __init__(self, signs: Iterable[bool]) -> None:
         self._store(bytes(map(bool, signs)))
 
     def _store(self, signs: bytes, packed: int = 0) -> None:
+        object.__setattr__(self, "_array", None)
         object.__setattr__(self, "_stored", (signs, packed))
 
     @property
@@ -64,13 +67,25 @@ class Character:
     @property
     def array(self) -> Signs:
         """The signs as an array of bool, shape (m,), not to be written to."""
+        if self._array is not None:
+            return self._array
         stored, packed = self._stored
-        return np.frombuffer(self._signs if packed else stored, np.bool_)
+        signs = np.frombuffer(self._signs if packed else stored, np.bool_)
+        if not packed:
+            object.__setattr__(self, "_array", signs)
+        return signs
 
     @classmethod
     def of(cls, tests: Array) -> Character:
         """Return the character of a point with test function values ``tests``, shape (m,)."""
         return cls._of_bytes((tests >= 0.0).tobytes())
+
+    @classmethod
+    def beyond(cls, tests: Array, crossed: int, sign: bool) -> Character:
+        """Return the character of a point where one test vanishes, on the side of this sign."""
+        signs = tests >= 0.0
+        signs[crossed] = sign
+        return cls._of_bytes(signs.tobytes())
 
     @classmethod
     def read(cls, text: str) -> Character:
@@ -80,7 +95,7 @@ class Character:
     @classmethod
     def _of_bytes(cls, signs: bytes) -> Character:
         character: Character = object.__new__(cls)
-        object.__setattr__(character, "_stored", (signs, 0))
+        character._store(signs)
         return character
 
     def flip(self, i: int) -> Character:

@@ -33,8 +33,8 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
     if not arrival.rays:
         return Stored(x, magnitude(x, np.zeros((1, len(x)))))
     selection = arrival.rays[0].curve.selection
-    states = {id(ray.state.error): ray.state for ray in arrival.rays}  # rays may share it
-    errors = [state.size for state in states.values()]
+    first, *others = (ray.state for ray in arrival.rays)
+    errors = [first.size, *(state.size for state in others if state.error is not first.error)]
     return place_of(selection.system, selection.character, x, errors)
 
 
@@ -43,7 +43,7 @@ def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[
     back, *others = walk.arrival.rays
     is_straight = len(walk.points) == 2 and back.curve is ray.curve
     first = key.reversed(end) if is_straight else RayKey.of(back, end)
-    return [first, *(RayKey.of(other, end) for other in others)]
+    return [first, *[RayKey.of(other, end) for other in others]]
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:

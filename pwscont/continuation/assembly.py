@@ -53,7 +53,8 @@ def assemble(
     """
     interval = metric.interval
     width = interval[1] - interval[0]
-    lift = Lift(system, reduction, metric, Accuracy(shown_points(system, metric.scale)))
+    accuracy = Accuracy(shown_points(system, metric.scale))
+    lift = Lift(system, reduction, metric, accuracy, isinstance(system, HidesUnknowns))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
     numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
@@ -94,16 +95,16 @@ class Lift:
     reduction: Reduction | None
     metric: Metric
     accuracy: Accuracy
+    hides: bool
 
     def place(self, place: Place) -> Place:
         """Return a place with the user's unknowns."""
         whole = Lifted(place, self.reduction, self.system.size) if self.reduction else place
-        hides = isinstance(self.system, HidesUnknowns)
-        return WithoutHidden(whole, self.system) if hides else whole
+        return WithoutHidden(whole, self.system) if self.hides else whole
 
     def track(self, track: Track) -> Track:
         """Return the points of a piece with the user's unknowns."""
-        if self.reduction is None and not isinstance(self.system, HidesUnknowns):
+        if self.reduction is None and not self.hides:
             return track
         inner = track.inner
         if self.reduction is not None:
@@ -174,8 +175,9 @@ def _vertical(track: Track) -> Track:
 def _by_node(edges: list[_Directed]) -> dict[int, list[_Directed]]:
     touching: dict[int, list[_Directed]] = defaultdict(list)
     for edge in edges:
-        for node in {edge.start, edge.end}:
-            touching[node].append(edge)
+        touching[edge.start].append(edge)
+        if edge.end != edge.start:
+            touching[edge.end].append(edge)
     return touching
 
 
@@ -212,28 +214,21 @@ def _special_point(
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
     """Return the place of a node, with an error that covers all ends and rays joined in it."""
-    others = {id(one): one for one in (*ends, *(key.place for key in node.keys))}
-    others.pop(id(node.place), None)
+    here = node.place
+    others = [one for one in (*ends, *[key.place for key in node.keys]) if one is not here]
     if not others:
-        return node.place
-    x = node.place.x
+        return here  # nearly always
     errors = [
-        np.maximum(one.error, np.abs(lift.metric.difference(one.x, x))) for one in others.values()
+        np.maximum(one.error, np.abs(lift.metric.difference(one.x, here.x))) for one in others
     ]
-    return Stored(x, np.max([node.place.error, *errors], axis=0))
+    return Stored(here.x, np.max([here.error, *errors], axis=0))
 
 
 def _ends(edges: list[_Directed], node: int) -> list[Place]:
     """Return the places where edges begin or end at a node, in the followed system."""
-    return [
-        place
-        for edge in edges
-        for number, place in (
-            (edge.edge.start, edge.edge.track.start),
-            (edge.edge.end, edge.edge.track.end),
-        )
-        if number == node
-    ]
+    found = [edge.edge for edge in edges]
+    ends = [edge.track.start for edge in found if edge.start == node]
+    return ends + [edge.track.end for edge in found if edge.end == node]
 
 
 def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:

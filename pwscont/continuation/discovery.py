@@ -141,28 +141,29 @@ class Discovery:
                 node.said = node.message + self._past.accumulation(number, is_special=node.lost > 0)
 
     def _follow(self, node: int, index: int) -> None:
-        ray = self.nodes[node].rays[index]
+        here = self.nodes[node]
+        ray = here.rays[index]
         if ray is None:
             return
         if self._is_endless(node, ray):
-            self.nodes[node].rays[index] = None
-            self.nodes[node].stop(REPEATS)
+            here.rays[index] = None
+            here.stop(REPEATS)
             return
         walk = self._within(self._follower.walk(ray).sharing(ray))
         if walk.is_cut and len(walk.points) == 1:
             return
-        self.nodes[node].rays[index] = None
+        here.rays[index] = None
         if len(walk.points) == 1:  # not a single step could be taken
-            self.nodes[node].stop(walk.arrival.message)
+            here.stop(walk.arrival.message)
             return
-        key, end = self.nodes[node].keys[index], place_of_arrival(walk.arrival)
-        track = Track(key.place, walk.points[1:-1].copy(), end)
-        begun = KnownRay(node, index, key)
-        reached = self._reach(walk, end, keys_at_end(walk, ray, key, end), begun)
+        key, end = here.keys[index], place_of_arrival(walk.arrival)
+        keys, begun = keys_at_end(walk, ray, key, end), KnownRay(node, index, key)
+        reached = self._reach(walk, end, keys, begun)
+        track = Track(key.place, walk.inner, end)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)
         self._past.add(node, edge.end, end, edge.followed.names)
-        self._report(len(self.edges), float(walk.points[-1, -1]))
+        self._report(len(self.edges), float(walk.points[-1][-1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
         """Tell now and then whether the path to a node repeats itself; not where limits are set."""
@@ -172,12 +173,12 @@ class Discovery:
 
     def _staying(self, rays: Iterable[Ray]) -> tuple[Ray, ...]:
         """Return the rays that leave neither the interval nor the bounds at once."""
+        return tuple(filter(self._stays, rays))
+
+    def _stays(self, ray: Ray) -> bool:
+        """Tell whether a ray leaves neither the interval nor the bounds at once."""
         lo, hi = self._follower.interval
-        return tuple(
-            ray
-            for ray in rays
-            if points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
-        )
+        return points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
 
     def _within(self, walk: FollowedPiece) -> FollowedPiece:
         """Return a walk without the rays that leave interval or bounds where it arrived.
@@ -185,9 +186,9 @@ class Discovery:
         A transition that only rounding tells from an end may be met before the end.
         """
         back, *others = walk.arrival.rays
+        if all(map(self._stays, others)):
+            return walk  # nearly always
         inside = self._staying(others)
-        if len(inside) == len(others):
-            return walk
         arrival = walk.arrival.leading((back, *inside))
         if not inside:
             bounds = filter(None, map(self._follower.bounds.left_by, others))
@@ -208,9 +209,8 @@ class Discovery:
         if node is not None and _has_stayed(walk, begun.key):
             left, node = begun, self._known(walk.arrival, keys, left=begun)
         if node is None:
-            node = self._new(walk.arrival, place, keys)
+            node = self._new(walk.arrival, place, keys, first=1)
             self._known_rays.add(node, keys)
-            self.nodes[node].rays[0] = None
             return node
         self._absorb(node, walk.arrival, keys, left if node == begun.node else None)
         if node == begun.node and walk.arrival.kind == Kind.STOPPED:
@@ -291,11 +291,14 @@ class Discovery:
             for node in self.nodes.values()
         )
 
-    def _new(self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey]) -> int:
-        """Add a node whose rays will be followed."""
+    def _new(
+        self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey], first: int = 0
+    ) -> int:
+        """Add a node whose rays will be followed, from the first one on that was not."""
         node, self._next = self._next, self._next + 1
-        self.nodes[node] = Node(arrival.kind, place, arrival.said, [*arrival.rays], [*keys])
-        self._queue += [(node, index) for index in range(len(arrival.rays))]
+        rays = [*[None] * first, *arrival.rays[first:]]
+        self.nodes[node] = Node(arrival.kind, place, arrival.said, rays, [*keys])
+        self._queue += [(node, index) for index in range(first, len(rays))]
         return node
 
     def _dissolve(self, start: int, rays: Sequence[Ray]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -42,14 +43,20 @@ SHORTENED = 0.75
 @final
 @dataclass(slots=True, eq=False)
 class FollowedPiece:
-    """A piece: its points, shape (k, n + 1), and where it arrived.
+    """A piece: its points, each of shape (n + 1,), and where it arrived.
 
     The piece is cut where the budget of the run was spent before the end of the piece.
     """
 
-    points: Array
+    points: Sequence[Array]
     arrival: SpecialPointFound
     is_cut: bool = False
+
+    @property
+    def inner(self) -> Array:
+        """The points between both ends, shape (k - 2, n + 1)."""
+        between = self.points[1:-1]
+        return np.array(between) if len(between) else np.empty((0, len(self.points[0])))
 
     def sharing(self, ray: Ray) -> FollowedPiece:
         """Return the walk with the interface and the index of its first ray at its end, too.
@@ -99,7 +106,7 @@ class PieceFollower(Follower):
         try:
             check_budget()
             if arrival := self.straight and self.straight.next(ray, self.interval):
-                return FollowedPiece(np.array([ray.state.x, arrival.x]), arrival)
+                return FollowedPiece((ray.state.x, arrival.x), arrival)
             reached = _Reached(leaning(ray))
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
@@ -170,7 +177,7 @@ class PieceFollower(Follower):
     def _ended(self, reached: _Reached, segment: Segment, event: Event) -> FollowedPiece:
         """Return the piece that an event on the last step ends."""
         points = [*reached.points, *reached.between(segment, event), event.state.x]
-        return FollowedPiece(np.array(points), self._arrived(event, reached.curve))
+        return FollowedPiece(points, self._arrived(event, reached.curve))
 
     def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
         """Return the special point that an event makes, with the ways on that are allowed."""
@@ -225,6 +232,5 @@ class _Reached:
         """Return the walk that ends here; finer differences have been of no use."""
         self.curve.selection.system.refine_differences(self._part)
         back = Ray(self.curve, self.state).reversed()
-        return FollowedPiece(
-            np.array(self.points), SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
-        )
+        arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
+        return FollowedPiece(self.points, arrival)

@@ -7,6 +7,7 @@ where its rays start, and the rays share the samples of its error. Each row is w
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -51,7 +52,7 @@ def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
     rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
     x = rows[header["x"][0]]
     arrival = SpecialPointFound(kind_of(header["kind"]), x, header["message"], rays)
-    return FollowedPiece(rows[header["points"]], arrival)
+    return FollowedPiece(list(rows[header["points"]]), arrival)
 
 
 @final
@@ -61,7 +62,7 @@ class _JournalRows:
     def __init__(self) -> None:
         self.numbers: dict[bytes, int] = {}
 
-    def add(self, rows: Array) -> list[int]:
+    def add(self, rows: Iterable[Array]) -> list[int]:
         """Return the numbers of these rows."""
         return [self.numbers.setdefault(row.tobytes(), len(self.numbers)) for row in rows]
 

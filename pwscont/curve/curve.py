@@ -27,7 +27,7 @@ class Curve:
 
         It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
-        slope = float(state.tangent[-1] / self.metric.scale[-1])
+        slope: float = state.tangent.item(-1) / self.metric.width
         return slope if abs(slope) > GUARD * EPS else 0.0
 
 
@@ -69,7 +69,8 @@ class State:
     @property
     def alpha(self) -> float:
         """The parameter value."""
-        return float(self.x[-1])
+        alpha: float = self.x.item(-1)
+        return alpha
 
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, largest
+from pwscont.basics.arrays import Array, Matrix, largest, smallest
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 
@@ -49,8 +49,8 @@ def _root_of_squares(error: Array) -> Array:
 
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
     """
-    spread: Array = np.sqrt(np.add.reduce(np.square(error)))
-    if np.minimum.reduce(spread) < UNDERFLOW:
+    spread: Array = np.sqrt(_ones(len(error)).dot(np.square(error)))
+    if smallest(spread) < UNDERFLOW:
         lost = spread < UNDERFLOW
         spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
     return spread
@@ -92,6 +92,12 @@ def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> b
     """Tell whether two solutions, each with samples of its error, are one within their errors."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
     return metric.norm(metric.difference(a[0], b[0])) <= CONFIDENCE * sum(errors)
+
+
+@lru_cache(maxsize=8)
+def _ones(number: int) -> Array:
+    """Return what adds up rows as a product, in half of the time of a sum."""
+    return np.ones(number)
 
 
 @lru_cache(maxsize=8)

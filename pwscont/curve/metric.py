@@ -45,6 +45,8 @@ class Metric:
     ----------
     scale, binary : ndarray, shape (n + 1,)
         The magnitudes, and the powers of two next above them.
+    width : float
+        The typical magnitude of alpha.
     """
 
     def __init__(
@@ -53,7 +55,7 @@ class Metric:
         interval: tuple[float, float] = EVERYWHERE,
         period: Array | None = None,
     ) -> None:
-        self.scale, self.interval = scale, interval
+        self.scale, self.interval, self.width = scale, interval, float(scale[-1])
         self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
         self._period = period[self._turning] if period is not None else _NONE
         self.binary = power_of_two(scale)
@@ -166,8 +168,7 @@ class Metric:
         It is relative to z, and no more than rounding of alpha: how far the interval lies from zero
         does not make two of its alphas one.
         """
-        alpha = abs(float(x[-1])) / float(self.scale[-1])
-        z = x[:-1] / self.scale[:-1]
+        alpha, z = abs(x.item(-1)) / self.width, x[:-1] / self.scale[:-1]
         return tolerance * (1.0 + math.sqrt(z.dot(z))) + GUARD * EPS * alpha
 
     def covector(self, t: Array) -> Array:

@@ -25,7 +25,7 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg import blas
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude_beside, samples
@@ -159,7 +159,7 @@ class StraightCell:
             if aside is None:
                 return None
             self._slopes = self._lines @ gradient
-        elif not np.logical_and.reduce(np.abs(residual) <= self._bound):
+        elif not is_everywhere(np.abs(residual) <= self._bound):
             aside = self._solver.solve(residual)
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 
@@ -167,7 +167,7 @@ class StraightCell:
         """Tell whether an audit is due at a point with unknowns as large as these."""
         if self._since >= AUDIT or len(sizes) <= TINY:
             return True
-        return bool(np.logical_or.reduce(sizes > self._most))
+        return is_anywhere(sizes > self._most)
 
     def _enter(self, other: Curve, x: Array, test: int, gradient: Array) -> bool:
         """Change to the Jacobian on the other side; False where that loses too many digits."""
@@ -202,15 +202,18 @@ class StraightCell:
 
     def _has_room(self, x: Array) -> bool:
         """Tell whether one more change can be taken up, after factorising afresh now and then."""
-        if not self._solver.is_full:
-            return True
-        core = inner(self._jacobian_at(x), self.curve.metric.binary)
+        return not self._solver.is_full or self._has_renewed(self._jacobian_at(x))
+
+    def _has_renewed(self, jacobian: Matrix) -> bool:
+        """Factorise the Jacobian of the cell afresh, where it is regular."""
+        core = inner(jacobian, self.curve.metric.binary)
         if core is not None:
             self._solver.renew(core)
         return core is not None
 
     def _jacobian_at(self, x: Array) -> Matrix:
-        return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
+        known = self._jacobian
+        return self.curve.selection.lent_jacobian(x) if known is None else known
 
     def _kink(self, other: Curve, x: Array, test: int, gradient: Array) -> Array | None:
         """Return c of the cell beyond, and take up the curve there."""
@@ -228,11 +231,11 @@ class StraightCell:
         if found.aside is None and abs(found.along) * self.length <= typical:
             return True  # nearly always
         rounding = typical * self.curve.metric.scale + CONFIDENCE * found.size
-        return bool((np.abs(dx) <= rounding).all())
+        return is_everywhere(np.abs(dx) <= rounding)
 
     def _is_tame(self) -> bool:
         """Tell whether the direction is finite, and far from vertical."""
-        return self.length * float(self.curve.metric.scale[-1]) < GROWTH
+        return self.length * self.curve.metric.width < GROWTH
 
     def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction of the point.
@@ -245,11 +248,15 @@ class StraightCell:
         self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
         terms = magnitudes @ (self._most + CONVERGED * metric.scale)
         typical = magnitudes @ metric.scale
-        if not (np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical).all():
+        if not is_everywhere(np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical):
             return None
+        if self._solver.is_full:
+            self._has_renewed(jacobian)  # due at the next change, for which it is no more at hand
         rounding = EPS * terms * samples(n + 1)[:, :n]
         self._bound = COVERED * CONFIDENCE * EPS * terms
-        solved = self._solver.solve_all(np.vstack([residual, astray, rounding]))
+        asked = np.empty((2 + len(rounding), n))
+        asked[0], asked[1], asked[2:] = residual, astray, rounding
+        solved = self._solver.solve_all(asked)
         self._lines = np.zeros((len(solved) - 1, n + 1))
         self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
         self._lines[1:, :-1] = solved[2:]

@@ -178,6 +178,13 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong here, even if it was right at other points.
     """
+    return own_matrix(lent_jacobian_at(system, z, alpha, character))
+
+
+def lent_jacobian_at(
+    system: PiecewiseSystem, z: Array, alpha: float, character: Character
+) -> Matrix:
+    """Return the same, in an array that the system may use for the next one."""
     jacobian = system.jacobian(z, alpha, character)
     expect(system, "jacobian", jacobian, (system.size, system.size + 1))
-    return own_matrix(jacobian)
+    return np.asarray(jacobian, dtype=float) if isinstance(jacobian, np.ndarray) else jacobian

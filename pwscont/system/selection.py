@@ -10,7 +10,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
-from pwscont.system.contract import jacobian_at, kink_at, residual_at
+from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 
@@ -73,6 +73,10 @@ class Selection:
         """The name of the cell in the user's words."""
         return self.system.label(self.character)
 
+    def is_bounded_by(self, test: int) -> bool:
+        """Tell whether a test bounds the cell."""
+        return bool(np.count_nonzero(self.bounding == test))
+
     def residual(self, x: Array) -> Array:
         """Return H_chi(x), shape (n,), in an array of its own."""
         return residual_at(self.system, x[:-1], float(x[-1]), self.character)
@@ -80,6 +84,10 @@ class Selection:
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
         return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
+
+    def lent_jacobian(self, x: Array) -> Matrix:
+        """Return the same, of use until the system is asked for anything else."""
+        return lent_jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""

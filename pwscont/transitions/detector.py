@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
 FARTHEST = 0.1 / EPS**0.75
+#: Any number may be divided by this one, and by no smaller one.
+TINIEST = float(np.finfo(float).tiny)
 #: A message, or what returns it: thousands of messages are never read.
 Said = str | Callable[[], str]
 #: The slopes of a pair of functions whose slopes are not known.
@@ -42,13 +45,12 @@ def soonest(values: Array, slopes: Array) -> tuple[int, float]:
 
     The distance is infinite where none falls.
     """
-    falling = (slopes < 0.0).nonzero()[0]
-    if not len(falling):
-        return 0, np.inf
-    distances = np.maximum(values[falling], 0.0) / -slopes[falling]
-    first = int(distances.argmin())
-    nearest = float(distances[first])
-    return int(falling[first]), nearest if nearest <= FARTHEST else np.inf
+    if not len(values):
+        return 0, math.inf
+    first = int((slopes / np.maximum(values, TINIEST)).argmin())
+    value, slope = float(values[first]), float(slopes[first])
+    nearest = max(value, 0.0) / -slope if slope < 0.0 else math.inf
+    return first, nearest if nearest <= FARTHEST else math.inf
 
 
 def ratio_test(values: Array, slopes: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Indices, Signs, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -41,19 +41,19 @@ FLAT = 1e-4
 ALIGNED = EPS**0.5
 
 
-class Crossed(NamedTuple):
-    """An interface that was crossed.
+class Entered(NamedTuple):
+    """A cell that a piece has entered, or inside of which it begins.
 
     Attributes
     ----------
     state : State
-        The point of the interface, on the piece that ends there.
+        The point of the interface, on the piece that ends there; inside that of the ray.
     ray : Ray
-        The piece beyond.
+        The piece.
     cell : StraightCell
-        The cell of that piece.
+        Its cell.
     tests, rates : ndarray, shape (m,)
-        All tests at the point, and how they change with alpha along the piece beyond.
+        All tests at the point, and how they change with alpha along the piece.
     """
 
     state: State
@@ -63,10 +63,10 @@ class Crossed(NamedTuple):
     rates: Array
 
     def ahead(self) -> tuple[int, float]:
-        """Return which bounding test of the piece beyond vanishes first, and at what distance.
+        """Return which bounding test of the piece vanishes first, and at what distance.
 
-        No other test is zero where an interface was crossed, so that the piece runs along none.
-        The distance is infinite where no test falls.
+        But for the test that was crossed none is zero at the point: the piece runs along none. The
+        distance is infinite where no test falls.
         """
         selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
         values = selection.side * self.tests[selection.bounding]
@@ -82,7 +82,7 @@ class StraightTests(TransitionDetector):
     def __init__(self) -> None:
         self._slowly = BoundingTests()
         self._gradients: Gradients | None = None
-        self._last: Crossed | None = None
+        self._last: Entered | None = None
         self._hard: State | None = None  # where a piece begins that next() gave up
 
     def read(self, curve: Curve, state: State) -> Reading:
@@ -121,11 +121,13 @@ class StraightTests(TransitionDetector):
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
-        None where that is hard, or if the ray is not the one beyond the interface that was crossed
-        last: :meth:`read` and :meth:`locate` serve them all.
+        None where that is hard, or if the ray begins at an interface but is not the one beyond the
+        last that was crossed: :meth:`read` and :meth:`locate` serve them all.
         """
         last, state = self._last, ray.state
         if last is None or last.ray.state is not state:
+            self._last = last = self._begun(ray)
+        if last is None:
             return None
         ahead, room = last.ahead(), _room(state, interval)
         if not ahead[1] < room:
@@ -134,8 +136,18 @@ class StraightTests(TransitionDetector):
         self._hard = None if self._last else state
         return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
 
+    def _begun(self, ray: Ray) -> Entered | None:
+        """Return a ray that begins inside a cell; None where that is not clear."""
+        curve, state = ray.curve, ray.state
+        gradients = self._gradients_of(curve, state.x)
+        tests = gradients.tests_at(state.x)
+        if gradients.may_end or not gradients.are_inside(curve, tests, state):
+            return None
+        cell = self._cell_of(curve, state)
+        return cell and Entered(state, ray, cell, tests, gradients.rows.matrix @ cell.along)
+
     def _at_end(
-        self, last: Crossed, room: float, interval: tuple[float, float]
+        self, last: Entered, room: float, interval: tuple[float, float]
     ) -> SpecialPointFound | None:
         """Return the end of the interval, which a piece reaches at this distance; its cell is left.
 
@@ -159,7 +171,7 @@ class StraightTests(TransitionDetector):
             self._gradients = Gradients(curve, x)
         return self._gradients
 
-    def _across(self, curve: Curve, start: State, index: int, s: float) -> Crossed | None:
+    def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
         gradients, test = self._gradients_of(curve, start.x), int(curve.selection.bounding[index])
         x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
@@ -171,17 +183,16 @@ class StraightTests(TransitionDetector):
         other = _other_side(curve, tests, index)
         if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
-        if test not in other.selection.bounding:
+        if not other.selection.is_bounded_by(test):
             return None
         settled = cell.cross(other, x, test, gradient, float(tests[test]))
         if settled is None:
             return None
         rates = gradients.rows.matrix @ cell.along
         here = tests - gradients.changes(settled, rates)
-        is_finite = math.isfinite(float(np.add.reduce(here)))
-        if not is_finite or gradients.is_corner(tests, here, settled, test):
+        if not are_finite(here) or gradients.is_corner(tests, here, settled, test):
             return None
-        return _crossed(cell, start, settled, here, rates)
+        return _entered(cell, start, settled, here, rates)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh where the last one is another."""
@@ -238,14 +249,27 @@ class Gradients:
             return True  # nearly always, for tangents have length one
         return bool(slope > SLANT * np.abs(gradient).dot(np.abs(start.tangent)))
 
-    def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
-        """Tell whether another test vanishes at a point, or has another sign than before.
+    def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
+        """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
+        metric, selection = curve.metric, curve.selection
+        extent = metric.largest(np.abs(state.x)), metric.largest(state.size)
+        if not len(tests) or not are_finite(tests) or len(self.near_zero(tests, extent)):
+            return False
+        return bool((selection.side * tests[selection.bounding] > 0.0).all())
 
-        Those that are larger than any error of this size, or a correction, measured by typical
-        magnitudes, makes them are not looked at.
+    def near_zero(self, tests: Array, extent: tuple[float, float]) -> Indices:
+        """Return the tests that an error may have made zero, or a correction.
+
+        All others are larger than errors and corrections of this extent make them, measured by
+        typical magnitudes, see :class:`Settled`.
         """
-        reach = GUARD * EPS * (1.0 + found.extent[0]) + 2.0 * CONFIDENCE * found.extent[1]
-        near = (np.abs(tests) <= reach * self._typical).nonzero()[0]
+        reach = GUARD * EPS * (1.0 + extent[0]) + 2.0 * CONFIDENCE * extent[1]
+        near: Indices = (np.abs(tests) <= reach * self._typical).nonzero()[0]
+        return near
+
+    def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
+        """Tell whether another test vanishes at a point, or has another sign than before."""
+        near = self.near_zero(tests, found.extent)
         near = near[near != but] if len(near) else near
         if not len(near):
             return False  # nearly always
@@ -258,20 +282,20 @@ def _other_side(curve: Curve, tests: Array, index: int) -> Curve:
     """Return the curve on the other side of an interface, where all other tests are as given."""
     selection = curve.selection
     test, is_negative = int(selection.bounding[index]), bool(selection.side[index] < 0.0)
-    beyond = Character.of(tests).with_sign(test, is_negative)
+    beyond = Character.beyond(tests, test, is_negative)
     return Curve(Selection(selection.system, beyond), curve.metric)
 
 
-def _crossed(
+def _entered(
     cell: StraightCell, start: State, settled: Settled, tests: Array, rates: Array
-) -> Crossed:
+) -> Entered:
     """Return what was found where a piece from ``start`` led into a cell."""
     x, error, size = settled.x, settled.error, settled.size
     forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
     tangent = (forwards / cell.length) * cell.along
     here = State(x, start.tangent, error, start.orientation, size)
     there = State(x, tangent, error, start.orientation, size)
-    return Crossed(here, Ray(cell.curve, there), cell, tests, rates)
+    return Entered(here, Ray(cell.curve, there), cell, tests, rates)
 
 
 def _room(state: State, interval: tuple[float, float]) -> float:
