@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, largest, smallest
+from pwscont.basics.arrays import Array, Matrix, is_everywhere, largest, smallest
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 
@@ -85,7 +85,7 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
     """
     sizes = np.abs(x)
     known = ONE_DIGIT * np.maximum(sizes, scale)
-    return largest(sizes) < np.inf and bool((magnitude_beside(sizes, error) <= known).all())
+    return largest(sizes) < np.inf and is_everywhere(magnitude_beside(sizes, error) <= known)
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:

@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, largest
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
@@ -79,10 +79,10 @@ def semismooth_newton(
         check_budget()
         if linear is None or not linear.holds_at(system, place):
             linear = _Linear.of(system, metric, place)
-        if linear is None or not np.isfinite(place.residual).all():
+        if linear is None or not are_finite(place.residual):
             return Failure(FailureReason.NOT_FINITE)
         step, x = _direction(linear, place.residual, metric), place.x
-        if not np.isfinite(step).all():
+        if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
@@ -149,7 +149,7 @@ class _Linear:
         x, character = place.x, place.character
         jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
         rows = _row_scale(jacobian, metric)
-        if not np.isfinite(rows).all():
+        if not are_finite(rows):
             return None
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
         return cls(character, jacobian, rows, factor, factor.is_singular())
@@ -167,8 +167,8 @@ def _is_solved(scaled: Array, size: Array) -> bool:
 
     Where the Jacobian is singular the regularised step may vanish where the residual does not.
     """
-    largest = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
-    return bool(np.abs(scaled).max() <= largest)
+    most = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
+    return largest(np.abs(scaled)) <= most
 
 
 def _as_good_as_it_gets(

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, finite_array, indices
+from pwscont.basics.arrays import Array, Matrix, finite_array, indices, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
@@ -77,7 +77,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
         raise InvalidSystemError(
             f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
         )
-    if not (z == given).all():
+    if not is_everywhere(z == given):
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )

@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
@@ -75,7 +75,7 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
     dx[-1] *= (
         straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / (interval[1] - interval[0])
     )
-    if not np.isfinite(sample.residual).all():
+    if not are_finite(sample.residual):
         raise InvalidSystemError(
             f"{type(system).__name__}.residual in {system.label(sample.character)} returned "
             f"{sample.residual} at {at(x)}, where linear pieces are finite"
@@ -101,7 +101,10 @@ def refuse_bent(
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
     excess = _bend(value, residual, jacobian, dx)
-    if (excess > 0.0).any() and (excess > GUARD * EPS * _sizes(system, there, character)).any():
+    if (
+        is_anywhere(excess > 0.0)
+        and (excess > GUARD * EPS * _sizes(system, there, character)).any()
+    ):
         raise InvalidSystemError(_bent(system, f"residual in {system.label(character)}", dx))
 
 
