@@ -65,7 +65,7 @@ MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
 #: Of so many cells it is kept which tests bound them.
-MOST_BOUNDED = 64
+MOST_BOUNDED = 128
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
 

@@ -24,7 +24,7 @@ from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 #: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
 Constant: TypeAlias = tuple[Matrix, Array | None]
 #: Of bodies of so few unknowns the matrices of so many cells are kept.
-FEW_UNKNOWNS, MOST_CELLS = 16, 64
+FEW_UNKNOWNS, MOST_CELLS = 16, 128
 
 
 class CoulombLoad(Coulomb):
