@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Indices, Matrix
+from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import STICKS, TOUCHES
 from pwscont_coulomb.rows import without_contact
@@ -37,14 +37,9 @@ class States(ABC):
         self._kappa1, self._x = kappa1, x
         self._free = without_contact(body)
         self._slides = ~body.guided
-        none = sp.csr_matrix((body.p, 2 * body.p))
-        held = sp.vstack([sp.hstack([-rows[:, : body.n], none]) for rows in (kappa1, x)])
-        #: The rows without contact, and below the normal and the tangential ones of nodes held.
-        self._parts = (
-            sp.vstack([self._free, held]).tocsr()
-            if body.is_sparse
-            else np.vstack([self._free, held.toarray()])
-        )
+        held = -sp.vstack([sp.csr_matrix(kappa1), sp.csr_matrix(x)]).tocsr()[:, : body.n]
+        #: The rows without contact, and below the normal and the tangential rows of nodes held.
+        self._rows = _above_held(self._free, held)
 
     @abstractmethod
     def at(self, mode: Indices, friction: Array) -> Matrix:
@@ -52,7 +47,7 @@ class States(ABC):
 
     def product(self, z: Array, mode: Indices, friction: Array) -> Array:
         """Return dH/dz z, shape (n + 2 p,), by what each row means: nothing cancels in it."""
-        size, p, parts = len(z), len(mode), self._parts @ z
+        size, p, parts = len(z), len(mode), self._rows @ z
         product: Array = parts[:size]
         push, drag = parts[size:].reshape(2, p)
         normal, tangential = product[-2 * p :].reshape(2, p)
@@ -60,6 +55,12 @@ class States(ABC):
         np.copyto(normal, push, where=TOUCHES.take(mode))
         np.copyto(tangential, drag, where=STICKS.take(mode) & self._slides)
         return product
+
+
+def _above_held(free: Matrix, held: Matrix) -> Matrix:
+    """Return rows for z above rows for displacements, stored as the first ones are."""
+    held.resize(held.shape[0], free.shape[1])
+    return sp.vstack([free, held]).tocsr() if sp.issparse(free) else np.vstack([free, dense(held)])
 
 
 @final
