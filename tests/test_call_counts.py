@@ -28,13 +28,13 @@ from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {
-    (fig7, ExactLinear): (10, 9, 14, 4, 4, 8, 1),
-    (fig7, PseudoArclength): (48, 47, 61, 54, 43, 117, 39),
-    (example1, ExactLinear): (12, 11, 16, 4, 4, 12, 1),
-    (example1, PseudoArclength): (54, 53, 73, 66, 47, 171, 43),
-    (fig10, PseudoArclength): (376, 217, 282, 133, 115, 693, 97),
-    (fig13, PseudoArclength): (33, 20, 46, 17, 18, 54, 14),
-    (example3, PseudoArclength): (33, 20, 46, 17, 18, 62, 14),
+    (fig7, ExactLinear): (8, 8, 10, 4, 2, 3, 1),
+    (fig7, PseudoArclength): (46, 45, 57, 54, 41, 80, 39),
+    (example1, ExactLinear): (10, 10, 12, 4, 2, 3, 1),
+    (example1, PseudoArclength): (52, 51, 69, 66, 45, 88, 43),
+    (fig10, PseudoArclength): (374, 217, 280, 133, 115, 589, 97),
+    (fig13, PseudoArclength): (31, 19, 42, 3, 17, 44, 14),
+    (example3, PseudoArclength): (31, 19, 42, 3, 17, 44, 14),
 }
 
 

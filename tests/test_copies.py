@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.plane_scenes import critical_friction
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
 from sweeps import swept
@@ -234,3 +235,29 @@ def test_explore_in_other_processes(method):
         found = list(pool.map(explore, systems, [(-1.0, 1.0)] * 3))
     for graph, system in zip(found, systems, strict=True):
         same(graph, explore(system, (-1.0, 1.0)))
+
+
+@pytest.mark.parametrize("scene", [fig7, fig10])
+def test_what_is_kept_of_cells_follows_the_friction_of_a_system(scene):
+    """Matrices of cells are kept, for one friction; it may be changed, also in place."""
+    system = scene().system
+    z, cells = np.arange(1.0, system.size + 1.0), list(system.cells())
+    for friction in (0.7, 0.1):
+        system.friction[:] = friction
+        new = CoulombLoad(system.body, system.load, friction)
+        for cell in cells:
+            for method in ("residual", "jacobian"):
+                kept, made = (getattr(each, method)(z, 0.5, cell) for each in (system, new))
+                np.testing.assert_allclose(kept, made, rtol=1e-14, atol=1e-14)
+
+
+def test_what_is_kept_of_cells_is_little_and_stays_behind_in_copies():
+    kept = Kept(3)
+    for number in range(8):
+        assert kept.put(number, -number) == -number
+        assert len(kept) <= 3
+        assert kept.get(number) == -number
+    for copied in (copy.copy(kept), copy.deepcopy(kept), through_pickle(kept)):
+        assert not copied
+        copied.put(0, 1)
+        assert kept.get(0) is None

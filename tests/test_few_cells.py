@@ -6,11 +6,17 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
-from pwscont import PiecewiseLinearSystem, explore
+from pwscont import InvalidSystemError, PiecewiseLinearSystem, explore
 from pwscont.bench.calls import counted
+from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
+from pwscont.curve.newton import newton
+from pwscont.curve.uncertainty import uncertainty
+from pwscont.linear.factorise import last_unit
 from pwscont.search import all_transitions
 from pwscont.search.few_cells import FewCells
+from pwscont.system.selection import Selection
 from pwscont.transitions.departures import Standing
 
 INTERVAL = (-2.0, 2.0)
@@ -45,6 +51,56 @@ def test_all_solutions_at_the_lower_end_are_found(p, seed, gap):
         residual = system.residual(x[:-1], x[-1], system.character(x[:-1], x[-1]))
         assert np.abs(residual).max() <= 1e-12 * (1.0 + np.abs(x).max())
         assert np.abs(error).max() <= 1e-10 * np.abs(x).max()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_errors_are_those_of_a_newton_iteration_by_itself(seed):
+    """The batch estimates errors from inverse matrices, Newton from factorisations."""
+    system = problem(*path(2, seed))
+    metric = Metric.of(system, INTERVAL)
+    for x, error in few(system).solutions():
+        selection = Selection(system, system.character(x[:-1], x[-1]))
+        row = last_unit(len(x))
+        root = newton(Curve(selection, metric), lambda y, row=row: (y[-1] - INTERVAL[0], row), x, 3)
+        found, expected = (magnitude(x, e) for e in (error, uncertainty(root)))
+        # of unknowns that are zero it is that of the last correction
+        np.testing.assert_allclose(found, expected, rtol=1e-2, atol=1e-3 * expected.max())
+
+
+def test_a_jump_between_cells_is_refused_though_all_points_are_solved_for_together():
+    class Jumps(PiecewiseLinearSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z
+
+        def residual(self, z, alpha, character):
+            return z - alpha + (0.5 if character.signs[0] else 0.0)
+
+    with pytest.raises(InvalidSystemError, match=r"residual jumps by 0\.5 in row 0"):
+        explore(Jumps(), INTERVAL)
+
+
+def test_a_selection_that_is_bent_in_one_cell_is_refused():
+    class Bent(PiecewiseLinearSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z
+
+        def residual(self, z, alpha, character):
+            return z - alpha + (z**3 if character.signs[0] else 0.0 * z)
+
+        def jacobian(self, z, alpha, character):
+            return np.array([[1.0, -1.0]])
+
+    class BentBelow(Bent):
+        def residual(self, z, alpha, character):
+            return super().residual(z, alpha, character.flip(0))
+
+    for system in (Bent(), BentBelow()):
+        with pytest.raises(InvalidSystemError, match="is not affine in"):
+            explore(system, INTERVAL)
 
 
 def test_solutions_in_doubt_are_left_to_others():

@@ -18,7 +18,7 @@ from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
 from pwscont.linear.cores import DenseCore, SparseCore, banded_core, superlu
-from pwscont.linear.factorise import DenseFactor, bordered
+from pwscont.linear.factorise import DenseFactor, bordered, factor, power_of_two
 from pwscont.linear.inner import column
 from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
 
@@ -509,6 +509,24 @@ def test_several_right_hand_sides_are_solved_for_together(kind):
     }[kind]()
     rhs = rng.normal(size=(5, n))
     np.testing.assert_allclose(core.solve_all(rhs) @ matrix.T, rhs, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 40])
+def test_a_dense_factorisation_solves_for_several_as_for_each(n):
+    rng = np.random.default_rng(n)
+    scale = 10.0 ** rng.integers(-6, 7, size=n)
+    matrix, rhs = rng.normal(size=(n, n)) / scale, rng.normal(size=(3, n))
+    made = factor(matrix, power_of_two(scale))
+    assert not made.is_singular()
+    together = made.solve_all(rhs.copy())
+    np.testing.assert_allclose(together, [made.solve(one) for one in rhs], rtol=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_dense_matrix_that_is_not_finite_is_singular(value):
+    matrix = np.eye(3)
+    matrix[1, 2] = value
+    assert factor(matrix, np.ones(3)).is_singular()
 
 
 @pytest.mark.parametrize("packed", [False, True])

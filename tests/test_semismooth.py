@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad
+from pwscont_coulomb.scenes import fig7
 from random_bodies import (
     contact_body,
     load_with_several_solutions,
@@ -14,6 +15,7 @@ from reference_enumeration import enumerate_solutions
 from pwscont import PiecewiseSystem, trace
 from pwscont.basics.errors import StartNotFoundError
 from pwscont.basics.outcome import Failure
+from pwscont.bench.calls import counted
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 
@@ -144,3 +146,15 @@ def test_no_solution_is_no_start(which, z):
     """The regularised step vanishes where the Jacobian does: that is no convergence."""
     with pytest.raises(StartNotFoundError, match="residual is not zero"):
         trace(WithoutSolution(which), ([z], 0.5), (0.0, 1.0))
+
+
+def test_one_factorisation_is_enough_in_one_affine_cell():
+    """Tests that do not bound the cell have other signs at the start than at the solution."""
+    system, interval = fig7().system, fig7().interval
+    metric, start = Metric.of(system, interval), np.zeros(system.size)
+    with counted(system) as calls:
+        x, _ = semismooth_newton(system, metric, start, interval[0])
+    first, last = system.character(start, interval[0]), system.character(x[:-1], interval[0])
+    assert first != last
+    assert system.cell(first) == system.cell(last)
+    assert (calls["factorisations"], calls["jacobian"], calls["residual"]) == (1, 1, 2)

@@ -41,7 +41,6 @@ from pwscont.extending import (
     Reduction,
     Updating,
     counted,
-    dense,
 )
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
@@ -49,8 +48,10 @@ from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.free_unknowns import FreeUnknowns
+from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
+from pwscont_coulomb.necessary import necessary
 from pwscont_coulomb.per_node import positive
 from pwscont_coulomb.rows import (
     DenseGradients,
@@ -63,6 +64,8 @@ from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates,
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
+#: Of so many cells it is kept which tests bound them.
+MOST_BOUNDED = 128
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
 
@@ -97,7 +100,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
         self._modes_of: tuple[Character, Indices] | None = None
-        self._bounded: tuple[Character, contact.Flags] | None = None
+        self._bounded: Kept[Character, contact.Flags] = Kept(MOST_BOUNDED)
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
@@ -196,12 +199,13 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         return (signs * self._bounds(character)).tobytes()
 
     def _bounds(self, character: Character) -> contact.Flags:
-        """Tell which tests bound the cell, shape (3 p,); the last answer is kept."""
-        if self._bounded is None or self._bounded[0] is not character:
-            mode = self.modes(character)
-            found = contact.bounds(mode, self._without_friction, self.body.guided)
-            self._bounded = character, found
-        return self._bounded[1]
+        """Tell which tests bound the cell, shape (3 p,); some answers are kept."""
+        known = self._bounded.get(character)
+        if known is not None:
+            return known
+        mode = self.modes(character)
+        found = contact.bounds(mode, self._without_friction, self.body.guided)
+        return self._bounded.put(character, found)
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""
@@ -222,17 +226,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
         """Return lam_nu <= 0, u_nu <= gap and |lam_t| <= F |lam_nu| for all nodes."""
-        body, p, F = self.body, self.body.p, self.friction_at(alpha)
-        offset = np.concatenate([np.zeros(p), body.gap, np.zeros(2 * p)])
-        if body.is_sparse:
-            one, N = sp.identity(p), sp.csr_matrix(body.N)
-            rows = [[None, -one, None], [-N, None, None], [None, -sp.diags(F), one]]
-            return sp.bmat([*rows, [None, -sp.diags(F), -one]]).tocsr(), offset
-        one, none, slope = np.eye(p), np.zeros((p, p)), np.diag(-F)
-        limits = np.block([[-one, none], [none, none], [slope, one], [slope, -one]])
-        N = np.zeros((4 * p, body.n))
-        N[p : 2 * p] = -dense(body.N)
-        return np.hstack([N, limits]), offset
+        return necessary(self.body, self.friction_at(alpha))
 
     def describe(self, character: Character) -> str:
         """Return mode and character triple of each node: ``node 1 slip- (1, 1, 0), ...``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from math import isfinite
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from scipy.linalg.blas import dasum
@@ -16,10 +16,16 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
+from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.load_paths import AffineLoad
 from pwscont_coulomb.modes import modes
 from pwscont_coulomb.per_node import not_negative
 from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
+
+#: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
+Constant: TypeAlias = tuple[Matrix, Array | None]
+#: Of bodies of so few unknowns the matrices of so many cells are kept.
+FEW_UNKNOWNS, MOST_CELLS = 16, 128
 
 
 class CoulombLoad(Coulomb):
@@ -63,8 +69,10 @@ class CoulombLoad(Coulomb):
         if not callable(load):
             raise InvalidInputError("load must be an AffineLoad or a callable alpha -> (n,)")
         self.load = load
-        #: The last cell, and what is constant in it.
-        self._last: tuple[Character, Matrix, Array | None] | None = None
+        self._is_small = self.size <= FEW_UNKNOWNS
+        most = MOST_CELLS if self._is_small else 1
+        self._constant: Kept[tuple[Character, bytes], Constant] = Kept(most)
+        self._last: tuple[Character, bytes, Constant] | None = None
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -103,7 +111,7 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
-        rate, at_rest = self._load_rate(alpha), self._of_cell(character)[2]
+        rate, (_, at_rest) = self._load_rate(alpha), self._of_cell(character)
         if at_rest is not None:
             jacobian = at_rest.copy()
             jacobian[: self.body.n, -1] = -rate
@@ -114,21 +122,26 @@ class CoulombLoad(Coulomb):
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the terms of H that are linear in z, in an array of their own."""
-        terms: Array = self._of_cell(character)[1].dot(z)
+        terms: Array = self._of_cell(character)[0].dot(z)
         return terms
 
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
-        return self._of_cell(character)[1]
+        return self._of_cell(character)[0]
 
-    def _of_cell(self, character: Character) -> tuple[Character, Matrix, Array | None]:
-        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; the last ones are kept."""
-        last = self._last
-        if last is None or last[0] is not character:
-            matrix = super()._matrix_at(character, 0.0)
-            is_dense = isinstance(matrix, np.ndarray)
-            at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
-            self._last = last = character, matrix, at_rest
-        return last
+    def _of_cell(self, character: Character) -> Constant:
+        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; those of some are kept."""
+        last, friction = self._last, self.friction.tobytes()
+        if last is None or last[0] is not character or last[1] != friction:
+            key = character, friction
+            found = self._constant.get(key) or self._constant.put(key, self._made(character))
+            self._last = last = character, friction, found
+        return last[2]
+
+    def _made(self, character: Character) -> Constant:
+        matrix = super()._matrix_at(character, 0.0)
+        is_dense = isinstance(matrix, np.ndarray)
+        at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
+        return matrix, at_rest
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
@@ -168,8 +181,11 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return them row by row: a straight path asks too seldom in a cell to make its matrix."""
-        if self.algebra is not None:
+        """Return them row by row: a straight path asks too seldom in a cell to make its matrix.
+
+        Matrices of small bodies are kept, for many cells are entered more than once.
+        """
+        if self.algebra is not None or self._is_small:
             return super()._linear_terms(z, alpha, character)
         return self._states.product(z, self.modes(character), self.friction)
 

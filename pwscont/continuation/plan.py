@@ -42,7 +42,7 @@ from pwscont.transitions import (
     StraightTests,
     TransitionDetector,
 )
-from pwscont.transitions.bounds import Bounds
+from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
@@ -197,8 +197,9 @@ class Plan:
 
         Where the budget is spent, the graph has what was found until then.
         """
-        bounds = Bounds(self.box, self.followed.names() if self.box.is_bounded else ())
-        watched = (*self.detectors, *([bounds] if self.box.is_bounded else []))
+        is_bounded = self.box.is_bounded
+        bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
+        watched = (*self.detectors, bounds) if is_bounded else self.detectors
         foreign = [each for each in self.added if not isinstance(each, Events)]
         follower: Follower = PieceFollower(
             self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
@@ -217,7 +218,9 @@ class Plan:
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
-        searched = replace(usable.lowered(searched), spent=budget.spent)
+        searched = usable.lowered(searched)
+        if searched.spent != budget.spent:
+            searched = replace(searched, spent=budget.spent)
         return self._graph(discovery, parameter, searched, record)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, smallest
+from pwscont.basics.arrays import Array, Matrix, is_everywhere, largest, smallest
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 
@@ -58,8 +58,13 @@ def _root_of_squares(error: Array) -> Array:
 
 def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
     """Return the estimated error of ``rows @ x``, shape (l,); ``error`` as for magnitude."""
+    return rounding_of_values(rows, np.abs(x), error)
+
+
+def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
+    """Return the same where the terms of ``x`` are of these sizes."""
     spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))
-    estimate: Array = EPS * (abs(rows) @ np.abs(x)) + spread
+    estimate: Array = EPS * (abs(rows) @ sizes) + spread
     return estimate
 
 
@@ -78,8 +83,9 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
 
     Each is measured by its own size or, where that is smaller, by its typical magnitude.
     """
-    known = ONE_DIGIT * np.maximum(np.abs(x), scale)
-    return bool(np.isfinite(x).all() and (magnitude(x, error) <= known).all())
+    sizes = np.abs(x)
+    known = ONE_DIGIT * np.maximum(sizes, scale)
+    return largest(sizes) < np.inf and is_everywhere(magnitude_beside(sizes, error) <= known)
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:

@@ -8,10 +8,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, largest
+from pwscont.basics.arrays import Array, Indices, largest, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.curve.root import joined
 from pwscont.linear.factorise import power_of_two
 from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
@@ -85,15 +86,16 @@ class Metric:
         width: float,
         interval: tuple[float, float],
     ) -> Metric:
-        scale = checked_scale(system, magnitudes)
-        everything = np.append(scale, width)
-        if everything.max() > LARGEST or everything.min() < 1.0 / LARGEST:
+        everything = joined(checked_scale(system, magnitudes), width)
+        least, most = smallest(everything), largest(everything)
+        if most > LARGEST or least < 1.0 / LARGEST:
             raise InvalidSystemError(
-                f"typical magnitudes from {everything.min():.3g} to {everything.max():.3g} leave "
-                f"the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be "
-                "computed; choose other units"
+                f"typical magnitudes from {least:.3g} to {most:.3g} leave the range "
+                f"[{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be computed; choose "
+                "other units"
             )
-        return cls(everything, interval, Box.of(system).period)
+        box = Box.of(system)
+        return cls(everything, interval, box.period if box.is_periodic else None)
 
     def admits(self, x: Array) -> bool:
         """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""

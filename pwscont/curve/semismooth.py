@@ -27,17 +27,18 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, largest
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import Root
+from pwscont.curve.root import Root, joined
 from pwscont.curve.uncertainty import is_rounding, uncertainty
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
@@ -73,37 +74,92 @@ def semismooth_newton(
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
         of its error where that is all conditioning allows; or a Failure.
     """
-    x, border, leaps = np.append(z, alpha), last_unit(len(z) + 1), 0
+    place, linear, leaps = _Place.at(system, joined(z, alpha)), None, 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
-        character = system.character(x[:-1], alpha)
-        residual = residual_at(system, x[:-1], alpha, character)
-        jacobian = jacobian_at(system, x[:-1], alpha, character)
-        rows = _row_scale(jacobian, metric)
-        if not (np.isfinite(residual).all() and np.isfinite(rows).all()):
+        if linear is None or not linear.holds_at(system, place):
+            linear = _Linear.of(system, metric, place)
+        if linear is None or not are_finite(place.residual):
             return Failure(FailureReason.NOT_FINITE)
-        lu = bordered(jacobian, border, metric.binary)
-        step = _direction(lu, jacobian, residual, rows, metric)
-        if not np.isfinite(step).all():
+        step, x = _direction(linear, place.residual, metric), place.x
+        if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            solved = _is_solved(residual / rows, x / metric.scale)
+            solved = _is_solved(place.residual / linear.rows, x / metric.scale)
             return (
                 (x + step, np.abs(step)[np.newaxis])
                 if solved
                 else Failure(FailureReason.NO_DESCENT)
             )
-        damped = _line_search(_Merit(system, metric, rows, known), x, residual, step)
+        damped = _line_search(_Merit(system, metric, linear.rows, known), place, step)
         if damped is None:
-            root = Root(x, np.abs(step), jacobian, border, lu, metric.scale, iteration)
-            found = _as_good_as_it_gets(root, metric, known)
+            parts = linear.jacobian, last_unit(len(x)), linear.factor, metric.scale, iteration
+            found = _as_good_as_it_gets(Root(x, np.abs(step), *parts), metric, known)
             leaps += 1
             if known or leaps > MOST_LEAPS or not isinstance(found, Failure):
                 return found
-            damped = x + step
-        x = damped
+            damped = _Place.at(system, x + step)
+        place = damped
     return Failure(FailureReason.NO_DESCENT)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """A point (z, alpha), the character of its cell, and the residual there."""
+
+    x: Array
+    character: Character
+    residual: Array
+
+    @classmethod
+    def at(cls, system: PiecewiseSystem, x: Array) -> _Place:
+        """Return what a system says at a point."""
+        z, alpha = x[:-1], float(x[-1])
+        character = system.character(z, alpha)
+        return cls(x, character, residual_at(system, z, alpha, character))
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Linear:
+    """The Jacobian at a point, and what is made of it.
+
+    Attributes
+    ----------
+    character : Character
+    jacobian : ndarray or sparse matrix, shape (n, n + 1)
+    rows : ndarray, shape (n,)
+        The largest scaled coefficient of z in each row.
+    factor : Factor
+        Of the Jacobian and a last row that holds alpha.
+    is_singular : bool
+    """
+
+    character: Character
+    jacobian: Matrix
+    rows: Array
+    factor: Factor
+    is_singular: bool
+
+    @classmethod
+    def of(cls, system: PiecewiseSystem, metric: Metric, place: _Place) -> _Linear | None:
+        """Return the Jacobian at a place, factorised; None where it is not finite."""
+        x, character = place.x, place.character
+        jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
+        rows = _row_scale(jacobian, metric)
+        if not are_finite(rows):
+            return None
+        factor = bordered(jacobian, last_unit(len(x)), metric.binary)
+        return cls(character, jacobian, rows, factor, factor.is_singular())
+
+    def holds_at(self, system: PiecewiseSystem, place: _Place) -> bool:
+        """Tell whether the Jacobian is known to be the same at another place."""
+        if not isinstance(system, PiecewiseLinearSystem):
+            return False
+        here, there = self.character, place.character
+        return here == there or system.cell(here) == system.cell(there)
 
 
 def _is_solved(scaled: Array, size: Array) -> bool:
@@ -111,8 +167,8 @@ def _is_solved(scaled: Array, size: Array) -> bool:
 
     Where the Jacobian is singular the regularised step may vanish where the residual does not.
     """
-    largest = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
-    return bool(np.abs(scaled).max() <= largest)
+    most = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
+    return largest(np.abs(scaled)) <= most
 
 
 def _as_good_as_it_gets(
@@ -132,16 +188,17 @@ def _as_good_as_it_gets(
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     """Return the largest scaled coefficient of z in each row."""
-    scaled = abs(jacobian) @ np.append(metric.scale[:-1], 0.0)
+    scaled = abs(jacobian) @ joined(metric.scale[:-1], 0.0)
     return np.where(scaled != 0.0, scaled, 1.0)  # what is not finite stays so
 
 
-def _direction(lu: Factor, jacobian: Matrix, residual: Array, rows: Array, metric: Metric) -> Array:
+def _direction(linear: _Linear, residual: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
-    if not lu.is_singular():
-        return -lu.solve(np.append(residual, 0.0))
+    if not linear.is_singular:
+        return -linear.factor.solve(joined(residual, 0.0))
+    rows = linear.rows
     with np.errstate(over="ignore", invalid="ignore"):  # where H is flat rows are next to nothing
-        scaled = dense(jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
+        scaled = dense(linear.jacobian)[:, :-1] * metric.scale[:-1] / rows[:, np.newaxis]
         rest = residual / rows
         damping = np.sqrt(np.linalg.norm(rest)) * np.eye(len(rows))
     system = np.vstack([scaled, damping])
@@ -161,28 +218,19 @@ class _Merit:
     rows: Array
     known: Sequence[Array]
 
-    def at(self, x: Array) -> float:
-        """Return the merit of a point."""
-        z, alpha = x[:-1], float(x[-1])
-        character = self.system.character(z, alpha)
-        return self.of(residual_at(self.system, z, alpha, character), x)
-
-    def of(self, residual: Array, x: Array) -> float:
-        """Return the merit of a point with this residual."""
-        scaled = residual / self.rows
+    def of(self, place: _Place) -> float:
+        """Return the merit of a place."""
+        scaled = place.residual / self.rows
         with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
-            return float(scaled @ scaled) * _deflation(self.metric, self.known, x) ** 2
+            return float(scaled @ scaled) * _deflation(self.metric, self.known, place.x) ** 2
 
 
-def _line_search(merit: _Merit, x: Array, residual: Array, step: Array) -> Array | None:
-    """Return the first of x + step, x + step / 2, ... that reduces the merit enough.
-
-    The residual is that of x.
-    """
-    before, length = merit.of(residual, x), 1.0
+def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:
+    """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
+    before, length = merit.of(place), 1.0
     for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
-        trial = x + length * step
-        if merit.at(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
+        trial = _Place.at(merit.system, place.x + length * step)
+        if merit.of(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
             return trial
         length *= 0.5
     return None

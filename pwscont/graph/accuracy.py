@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, largest
 from pwscont.graph.place import Place
 
 #: Significant digits where the error is rounding.
@@ -20,8 +21,8 @@ def significant(error: Array, values: Array, scale: Array) -> float:
     Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
     the number does not depend on units; 16 where the error is rounding.
     """
-    off = float((error / np.maximum(np.abs(values), scale)).max(initial=0.0))
-    return float(min(ALL_DIGITS, max(0.0, -np.log10(off)))) if off > 0.0 else ALL_DIGITS
+    off = largest(error / np.maximum(np.abs(values), scale))
+    return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
 
 
 @final

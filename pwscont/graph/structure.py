@@ -94,10 +94,12 @@ class Structure:
             If the kind is no text, or a misspelt one.
         """
         everything = [*self._points, *self.starts]
+        if kind is None:
+            return everything
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
-        if kind is not None and kind not in kinds:
+        if kind not in kinds:
             _check_spelling(kind, list(kinds))
-        return [point for point in everything if kind is None or point.kind == kind]
+        return [point for point in everything if point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:
         """Return the special point with this id."""

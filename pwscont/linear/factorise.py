@@ -13,6 +13,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any, final
 
@@ -84,11 +85,12 @@ class DenseFactor(Factor):
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
-        if self.failed or not np.isfinite(self._lu).all():
+        norm = lapack.dlange("1", self._matrix * self._columns)
+        if self.failed or not math.isfinite(norm):
             return True
         lu = np.where(below(len(self._lu)), self._lu, self._lu * self._columns)
-        rcond = lapack.dgecon(lu, (np.abs(self._matrix).sum(axis=0) * self._columns).max())[0]
-        return bool(rcond < len(lu) * EPS)
+        rcond = lapack.dgecon(lu, norm)[0]
+        return not rcond >= len(lu) * EPS  # nor where it is nan
 
 
 def _row_factors(matrix: Array) -> Array:

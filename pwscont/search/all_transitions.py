@@ -21,6 +21,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
+from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import Found, starts_at, starts_of
 from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
@@ -51,11 +52,10 @@ class AllTransitions(Search):
         few, known = FewCells.of(system, metric, interval), _Corners(system, metric)
         solutions = few.solutions() if few else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
-            known.add(found)
-            yield found
+            if known.add(found):
+                yield found
         for test, found in _on_interfaces(system, metric, interval, few):
-            if not known.has(test, found):
-                known.add(found)
+            if known.add(found, test):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
@@ -66,10 +66,15 @@ class AllTransitions(Search):
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
-    """Tell whether z may move in a direction that neither H nor a test sees, in every cell."""
+    """Tell whether z may move in a direction that neither H nor a test sees, in every cell.
+
+    Nearly always H alone sees all directions, of which a factorisation tells sooner than a rank.
+    """
     differences = system.differences(0.0)
     z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
     jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))
+    if not factor(jacobian[:, :-1], power_of_two(differences.scale[:-1])).is_singular():
+        return False
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
     rows = rows * differences.scale[:-1]
     sizes = np.abs(rows).max(axis=1, initial=0.0)
@@ -85,17 +90,17 @@ class _Corners:
         self._system, self._metric = system, metric
         self._known: list[tuple[Found, frozenset[int]]] = []
 
-    def add(self, found: Found) -> None:
-        """Remember a solution, unless no digit of it is certain: all others would be the same."""
-        if not has_digits(*found, self._metric.scale):
-            return
-        self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
+    def add(self, found: Found, test: int | None = None) -> bool:
+        """Remember a solution, at which a test vanishes, and tell whether it is a new one.
 
-    def has(self, test: int, found: Found) -> bool:
-        """Tell whether a solution where a test vanishes is already remembered."""
+        One of which no digit is certain is new, and not remembered: all others would be the same.
+        """
         if not has_digits(*found, self._metric.scale):
+            return True
+        if any(test in zero and is_same(self._metric, found, old) for old, zero in self._known):
             return False
-        return any(test in zero and is_same(self._metric, found, old) for old, zero in self._known)
+        self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
+        return True
 
 
 def _on_interfaces(
@@ -107,11 +112,7 @@ def _on_interfaces(
     """Yield the solutions where a test vanishes, for each test."""
     crossings = few.crossings() if few else None
     if crossings is not None:
-        for test, (x, error) in crossings:
-            if (
-                alpha := _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
-            ) is not None:
-                yield test, (np.append(x[:-1], alpha), error)
+        yield from ((test, found) for test, found in crossings if _clip(interval, *found))
         return
     around = Metric(np.append(metric.scale, 1.0))
     for block in system.blocks():
@@ -128,6 +129,16 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
         alpha = _clipped(interval, interval[0] + float(x[-2]), float(magnitude(x, error)[-2]))
         if alpha is not None:
             yield np.append(x[:-2], alpha), error[:, :-1]
+
+
+def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
+    """Tell whether a point lies in the interval; beside an end by its error, it is put there."""
+    if interval[0] <= x[-1] <= interval[1]:
+        return True
+    alpha = _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
+    if alpha is not None:
+        x[-1] = alpha
+    return alpha is not None
 
 
 def _clipped(interval: tuple[float, float], alpha: float, error: float) -> float | None:

@@ -44,20 +44,19 @@ def default_search(
     around : sequence of ndarray, shape (n,)
         States around which Newton is started as well.
     """
-    from_many = MultiStart(around=tuple(tuple(z.tolist()) for z in around))
-    search = _most_complete(system, interval, from_many)
-    is_costly = isinstance(system, SlicewiseLinearSystem) and search is not from_many
-    return from_many + search if system.unique and is_costly else search
+    search = _most_complete(system, interval, around)
+    is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)
+    return _from_many(around) + search if system.unique and is_costly else search
 
 
 def _most_complete(
-    system: PiecewiseSystem, interval: tuple[float, float], from_many: MultiStart
+    system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
-        cheap = _has_few_cells(system)
-        return _added_up(EndPoints() + from_many if cheap else from_many, system)
+        many, cheap = _from_many(around), _has_few_cells(system)
+        return _added_up(EndPoints() + many if cheap else many, system)
     if _needs_too_many_cells(system):
-        return _added_up(from_many, system)
+        return _added_up(_from_many(around), system)
     blocks = system.blocks()
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
@@ -67,7 +66,11 @@ def _most_complete(
         cells = cells_to_try(system, Metric.of(system, interval), interval[0])
     if cells <= MANY_CELLS:
         return _ends_and_slices(cells, interval)
-    return _added_up(from_many, system)
+    return _added_up(_from_many(around), system)
+
+
+def _from_many(around: Sequence[Array]) -> MultiStart:
+    return MultiStart(around=tuple(tuple(z.tolist()) for z in around))
 
 
 def _ends_and_slices(cells: int, interval: tuple[float, float]) -> Search:

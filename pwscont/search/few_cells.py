@@ -1,59 +1,58 @@
 """Solutions, and where test functions vanish, for systems of few cells: all cells in one batch.
 
 Where a test vanishes on the line of a cell is one system of linear equations, as is where alpha has
-a value. For few cells they are solved together; a point that may lie in its closed cell is then
-solved for once more, with the functions of the system themselves.
+a value. For few cells they are solved together; points that may lie in their closed cells are then
+corrected together, by the functions of the system themselves.
 
 Failure modes and answers
 -------------------------
 - A line runs along the interface, or a cell has no line: its equations are singular, or nearly so.
   Nothing is said then, and the search that decides ranks exactly does all the work.
 - The batch knows points to half of their digits only: what may be rounding is no reason to leave a
-  point out. What lies inside is decided by the errors of the point that is solved for last.
+  point out. What lies inside is decided by the errors of the corrected points.
 - A point of an interface is a solution in all cells that meet there, and where their equations are
-  regular the only one: it is solved for once.
+  regular the only one: it is listed once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, dense, own_dense
+from pwscont.basics.arrays import Array, Indices, Signs, dense, indices, own_dense
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
-from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import EPS
-from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import magnitude, slack_of_values
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import Border, newton
-from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import uncertainty
+from pwscont.curve.root import joined
 from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import FEW_DIGITS
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import Found
+from pwscont.search.linear_batch import LinearBatch
 from pwscont.system.blocks import characters, number_of_cells
-from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
-from pwscont.system.selection import Selection
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, refuse_bent_tests
+from pwscont.system.shapes import expect
 from pwscont.system.system import PiecewiseLinearSystem
 
 #: Systems of more unknowns gain nothing.
 FEW_UNKNOWNS = 64
-#: Equations with a larger condition number are not solved in a batch.
-WORST = EPS**-0.5
 #: What a point of the batch may be wrong by, as a part of typical magnitudes and its own.
 ROUGH = 1e2 * EPS**0.5
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FewCells:
-    """Equations J dx + H = 0 of the lines of all cells, and tests K dx + kappa, from x on.
+    """Equations J dx + H = 0 of the lines of all cells, and functions K dx + kappa, from x on.
 
     Attributes
     ----------
@@ -61,18 +60,19 @@ class FewCells:
     metric : Metric
     x, scale : ndarray, shape (n + 1,)
         At the lower end of the interval, and typical magnitudes of dx, of alpha the length of it.
-    selections : list of Selection
+    cells : list of Character
     J, H : ndarray, shapes (c, n, n + 1) and (c, n)
-    K, kappa : ndarray, shapes (m, n + 1) and (m,)
-    sides, bounding : ndarray, shape (c, m)
-        By what tests are multiplied to be positive in each cell, and whether they bound it.
+    K, kappa : ndarray, shapes (m + 1, n + 1) and (m + 1,)
+        One function more than there are tests: alpha from the lower end on, which bounds no cell.
+    sides, bounding : ndarray, shape (c, m + 1)
+        By what functions are multiplied to be positive in each cell, and whether they bound it.
     """
 
     system: PiecewiseLinearSystem
     metric: Metric
     x: Array
     scale: Array
-    selections: list[Selection]
+    cells: list[Character]
     J: Array
     H: Array
     K: Array
@@ -88,23 +88,22 @@ class FewCells:
 
         None where there are too many cells or unknowns. Its blocks have been checked.
         """
-        if number_of_cells(system.blocks()) > FEW_CELLS or system.size > FEW_UNKNOWNS:
+        blocks = system.blocks()
+        if number_of_cells(blocks) > FEW_CELLS or system.size > FEW_UNKNOWNS:
             return None
-        x = np.append(np.zeros(system.size), interval[0])
-        scale = np.append(metric.scale[:-1], interval[1] - interval[0])
+        x = joined(np.zeros(system.size), interval[0])
+        scale = joined(metric.scale[:-1], interval[1] - interval[0])
         dx = scale * np.abs(generic(len(x)))
         kappa = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         K = own_dense(system.test_jacobian(x[:-1], float(x[-1])))
         refuse_bent_tests(system, x, dx, kappa, K)
-        cells = characters(system.blocks(), len(kappa))
-        selections = [Selection(system, character) for character in cells]
-        bounding = np.zeros((len(selections), len(kappa)), dtype=bool)
-        for row, selection in zip(bounding, selections, strict=True):
-            row[selection.bounding] = True
-        J, H = zip(*(_affine(selection, x, dx) for selection in selections), strict=True)
-        sides = np.where([selection.character.array for selection in selections], 1.0, -1.0)
-        forms = np.array(J), np.array(H), K, kappa
-        return cls(system, metric, x, scale, selections, *forms, sides, bounding)
+        cells = list(characters(blocks, len(kappa)))
+        forms = (
+            *_affine(system, cells, x, dx),
+            np.vstack([K, last_unit(len(x))]),
+            joined(kappa, 0.0),
+        )
+        return cls(system, metric, x, scale, cells, *forms, *_borders(system, cells, len(kappa)))
 
     def solutions(self) -> list[Found] | None:
         """Return all solutions at the lower end of the interval.
@@ -113,23 +112,16 @@ class FewCells:
         digits, where there is none, or the signs of det(dH/dz) do not sum to the degree.
         """
         checked_necessary(self.system, float(self.x[-1]))  # not needed, but refused if wrong
-        cells, row = np.arange(len(self.selections)), last_unit(len(self.x))
-        y = self._points(cells, np.tile(row, (len(cells), 1)), np.zeros(len(cells)))
-        if y is None:
+        points, _ = self._points
+        if points is None:
             return None
-        found, signs = [], 0
-        for cell in np.flatnonzero(self._may_hold(cells, y)).tolist():
-            root = self._solved(cell, lambda x: (float((x - self.x)[-1]), row), y[cell])
-            if isinstance(root, Failure):
-                return None
-            point = np.append(root.x[:-1], self.x[-1]), uncertainty(root)
-            meeting = self._holding(point)
-            if np.count_nonzero(meeting) > 1 or self._has_few_digits(point):
-                return None
-            if meeting[cell]:
-                found.append(point)
-                signs += root.factor.sign
-        return found if found and self.system.degree in (None, signs) else None
+        found, meeting = points.found(), points.holding
+        if (np.count_nonzero(meeting, axis=1) > 1).any() or any(map(self._has_few_digits, found)):
+            return None
+        inside = meeting[np.arange(len(found)), points.cells].nonzero()[0]
+        signs = int(points.equations.among(inside).signs().sum())
+        known = len(inside) and self.system.degree in (None, signs)
+        return [found[i] for i in inside.tolist()] if known else None
 
     def crossings(self) -> list[tuple[int, Found]] | None:
         """Return all points where a test that bounds a cell vanishes, each with the test.
@@ -137,76 +129,105 @@ class FewCells:
         Ordered by tests; alpha may be outside the interval by its error. None where this way is not
         certain.
         """
-        tests, cells = np.nonzero(self.bounding.T)
-        y = self._points(cells, self.K[tests], self.kappa[tests])
-        if y is None:
+        _, points = self._points
+        if points is None:
             return None
-        found: list[tuple[int, Found]] = []
+        every = zip(points.places(), points.found(), points.holding, strict=True)
+        crossings: list[tuple[int, Found]] = []
         known: set[tuple[int, int]] = set()
-        for i in np.flatnonzero(self._may_hold(cells, y, tests)):
-            check_budget()
-            test, cell = int(tests[i]), int(cells[i])
-            if (test, cell) in known:
-                continue
-            root = self._solved(cell, _test_of(self.selections[cell], test), y[i])
-            if isinstance(root, Failure):
-                return None
-            point = root.x, uncertainty(root)
-            meeting = self._holding(point)
-            if meeting[cell]:
-                found.append((test, point))
-                known |= {(test, int(other)) for other in np.flatnonzero(meeting)}
-        return found
+        for (test, cell), found, holding in every:
+            if holding[cell] and (test, cell) not in known:
+                crossings.append((test, found))
+                known.update((test, other) for other in holding.nonzero()[0].tolist())
+        return crossings
 
-    def _points(self, cells: Indices, borders: Array, values: Array) -> Array | None:
-        """Return dx in typical magnitudes where functions vanish on the lines of several cells.
+    @cached_property
+    def _points(self) -> tuple[_OnLines | None, _OnLines | None]:
+        """The points at the lower end, and those where tests vanish: together, if they can be."""
+        tests, crossed = np.nonzero(self.bounding.T)
+        cells = np.arange(len(self.cells))
+        ends = np.full(len(cells), len(self.kappa) - 1)
+        both = self._where(np.concatenate([cells, crossed]), np.concatenate([ends, tests]))
+        if both is None:
+            return self._where(cells, ends), self._where(crossed, tests)
+        number = np.count_nonzero(both.functions == ends[0])
+        return both.among(slice(number)), both.among(slice(number, None))
 
-        None where one of the equations is nearly singular.
+    def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
+        """Return where functions vanish on the lines of cells, but for points clearly outside.
+
+        None where one of the equations is nearly singular, or corrections do not become rounding.
         """
-        rows = np.concatenate([self.J[cells], borders[:, np.newaxis]], axis=1) * self.scale
-        values = np.column_stack([self.H[cells], values])
-        largest = np.abs(rows).max(axis=2)
-        if not largest.all():
+        rows = np.concatenate([self.J[cells], self.K[functions, np.newaxis]], axis=1)
+        equations = LinearBatch.of(rows, self.scale)
+        if equations is None:
             return None
-        rows /= largest[..., np.newaxis]
-        try:
-            inverse = np.linalg.inv(rows)
-        except np.linalg.LinAlgError:
-            return None
-        condition = np.abs(rows).sum(axis=1).max(axis=1) * np.abs(inverse).sum(axis=1).max(axis=1)
-        if not (condition <= WORST).all():
-            return None
-        points: Array = -(inverse @ (values / largest)[..., np.newaxis])[..., 0]
-        return points
+        values = np.concatenate([self.H[cells], self.kappa[functions, np.newaxis]], axis=1)
+        y = -equations.solve(values)
+        some = self._may_hold(cells, functions, y).nonzero()[0]
+        return self._solved(cells[some], functions[some], equations.among(some), y[some])
 
-    def _may_hold(self, cells: Indices, y: Array, tests: Indices | None = None) -> Signs:
+    def _may_hold(self, cells: Indices, functions: Indices, y: Array) -> Signs:
         """Tell which points may lie in their closed cells, between the ends of the interval.
 
-        ``tests`` are those that vanish, one at each point.
+        At each point the function vanishes.
         """
-        slack = ROUGH * (1.0 + np.abs(y).max(axis=1, initial=0.0))
+        slack = ROUGH * (1.0 + np.abs(y).max(axis=1, keepdims=True))
         values = self.sides[cells] * (y @ (self.K * self.scale).T + self.kappa)
         sizes = np.abs(self.K) @ self.scale + np.abs(self.kappa)
-        outside = self.bounding[cells] & (values < -slack[:, np.newaxis] * sizes)
-        if tests is not None:
-            outside[np.arange(len(tests)), tests] = False
-        between: Signs = (y[:, -1] >= -slack) & (y[:, -1] <= 1.0 + slack)
-        between &= ~outside.any(axis=1)
-        return between
+        outside = self.bounding[cells] & (values < -slack * sizes)
+        outside[np.arange(len(cells)), functions] = False
+        alpha = y[:, -1:]
+        outside[:, -1:] = (alpha < -slack) | (alpha > 1.0 + slack)
+        may_hold: Signs = ~outside.any(axis=1)
+        return may_hold
 
-    def _solved(self, cell: int, border: Border, y: Array) -> Root | Failure:
-        """Return the point near one of the batch where a function vanishes in a cell."""
-        # its alpha may be outside the interval by rounding
-        curve = Curve(self.selections[cell], Metric(self.metric.scale))
-        return newton(curve, border, self.x + self.scale * y, REFINEMENTS)
+    def _solved(
+        self, cells: Indices, functions: Indices, equations: LinearBatch, y: Array
+    ) -> _OnLines | None:
+        """Return points near those of the batch, by the functions of the system themselves."""
+        x = self.x + self.scale * y
+        for _ in range(REFINEMENTS):
+            values = self._values(x)
+            dy = equations.solve(self._rest(cells, functions, x, values))
+            dx = self.scale * dy
+            x, values = x - dx, values - dx @ self.K.T
+            sizes = np.abs(x) / self.scale + np.abs(dy).max(axis=1, keepdims=True)
+            errors = equations.errors(sizes)
+            known = np.maximum(CONVERGED * (1.0 + np.abs(y)), CONFIDENCE * _root(errors))
+            if (np.abs(dy) <= known).all():
+                x[functions == len(self.kappa) - 1, -1] = self.x[-1]
+                errors *= self.scale
+                holding = self._holding(x, errors, values)
+                return _OnLines(cells, functions, equations, x, errors, holding)
+        return None
 
-    def _holding(self, found: Found) -> Signs:
-        """Tell in which closed cells a point lies, shape (c,)."""
-        (x, error), system = found, self.system
-        gradients = system.test_jacobian(x[:-1], float(x[-1]))
-        values = system.test_functions(x[:-1], float(x[-1]))
-        slack = slack_of_values(gradients, x, error, self.metric.scale)
-        holding: Signs = np.all(~self.bounding | (self.sides * values >= -slack), axis=1)
+    def _rest(self, cells: Indices, functions: Indices, x: Array, values: Array) -> Array:
+        """Return H, and of the values of functions that which shall vanish, shape (k, n + 1)."""
+        rest = np.empty_like(x)
+        for row, cell, point in zip(rest, cells.tolist(), x, strict=True):
+            check_budget()
+            row[:-1] = residual_at(self.system, point[:-1], float(point[-1]), self.cells[cell])
+        rest[:, -1] = values[np.arange(len(x)), functions]
+        return rest
+
+    def _values(self, x: Array) -> Array:
+        """Return the functions at points, shape (k, m + 1)."""
+        values, shape = np.empty((len(x), len(self.kappa))), (len(self.kappa) - 1,)
+        for row, point in zip(values, x, strict=True):
+            tests = self.system.test_functions(point[:-1], float(point[-1]))
+            expect(self.system, "test_functions", tests, shape)
+            row[:-1] = tests
+        values[:, -1] = x[:, -1] - self.x[-1]
+        return values
+
+    def _holding(self, x: Array, error: Array, values: Array) -> Signs:
+        """Tell in which closed cells points with these values of functions lie, shape (k, c)."""
+        sizes, spread = np.abs(self.K), _root(error @ self.K.T)
+        rounding = EPS * (np.abs(x) @ sizes.T)
+        slack = CONFIDENCE * (rounding + spread) + EPS * (sizes @ self.metric.scale)
+        inside = self.sides * values[:, np.newaxis] >= -slack[:, np.newaxis]
+        holding: Signs = np.all(~self.bounding | inside, axis=2)
         return holding
 
     def _has_few_digits(self, found: Found) -> bool:
@@ -215,15 +236,75 @@ class FewCells:
         return significant(magnitude(x, error), x, self.metric.scale) < FEW_DIGITS
 
 
-def _test_of(selection: Selection, test: int) -> Border:
-    """Return a test that bounds a cell, with its gradient."""
-    index = int(np.flatnonzero(selection.bounding == test)[0])
-    return lambda x: (selection.test(x, index), selection.test_gradient(x, index))
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _OnLines:
+    """Points on the lines of k cells, where functions vanish.
+
+    Attributes
+    ----------
+    cells, functions : ndarray of int, shape (k,)
+    equations : LinearBatch
+    x, error : ndarray, shapes (k, n + 1) and (k, number, n + 1)
+        The points and samples of their errors.
+    holding : ndarray of bool, shape (k, c)
+        In which closed cells they lie.
+    """
+
+    cells: Indices
+    functions: Indices
+    equations: LinearBatch
+    x: Array
+    error: Array
+    holding: Signs
+
+    def among(self, some: slice) -> _OnLines:
+        """Return some of the points."""
+        equations, holding = self.equations.among(some), self.holding[some]
+        places, points = (self.cells[some], self.functions[some]), (self.x[some], self.error[some])
+        return _OnLines(*places, equations, *points, holding)
+
+    def found(self) -> list[Found]:
+        """Return each point with the samples of its error."""
+        return list(zip(self.x, self.error, strict=True))
+
+    def places(self) -> Iterator[tuple[int, int]]:
+        """Yield the function and the cell of each point."""
+        return zip(self.functions.tolist(), self.cells.tolist(), strict=True)
 
 
-def _affine(selection: Selection, x: Array, dx: Array) -> tuple[Array, Array]:
-    """Return the Jacobian of a selection and its value at x; it must be affine up to x + dx."""
-    jacobian = dense(selection.jacobian(x))
-    residual = selection.residual(x)
-    refuse_bent(selection.system, selection.character, x, dx, residual, jacobian)
-    return jacobian, residual
+def _root(error: Array) -> Array:
+    """Return the root of the sum of squares of samples, shape (k, l)."""
+    root: Array = np.sqrt(np.square(error).sum(axis=1))
+    return root
+
+
+def _affine(
+    system: PiecewiseLinearSystem, cells: list[Character], x: Array, dx: Array
+) -> tuple[Array, Array]:
+    """Return the Jacobians of selections and their values at x; they must be affine to x + dx."""
+
+    def values(at: Array) -> Array:
+        return np.array([residual_at(system, at[:-1], float(at[-1]), cell) for cell in cells])
+
+    z, alpha = x[:-1], float(x[-1])
+    J = np.array([dense(jacobian_at(system, z, alpha, cell)) for cell in cells])
+    H = values(x)
+    if is_bent(values(x + dx), H, J, dx):  # by more than rounding of terms that cancel?
+        for cell, residual, jacobian in zip(cells, H, J, strict=True):
+            refuse_bent(system, cell, x, dx, residual, jacobian)
+    return J, H
+
+
+def _borders(
+    system: PiecewiseLinearSystem, cells: list[Character], tests: int
+) -> tuple[Array, Signs]:
+    """Return the signs of all functions in each cell, and which of them bound it."""
+    sides, bounding = (
+        np.ones((len(cells), tests + 1)),
+        np.zeros((len(cells), tests + 1), dtype=bool),
+    )
+    for i, cell in enumerate(cells):
+        sides[i, :-1] = np.where(cell.array, 1.0, -1.0)
+        bounding[i, indices(system.bounding_tests(cell))] = True
+    return sides, bounding

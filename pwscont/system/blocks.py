@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import final
 
@@ -41,8 +41,7 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
 
     Of so many tests, those that no block decides are positive.
     """
+    positive = Character([True] * tests)
+    decided = [test for block in blocks for test in block.tests]
     for modes in product(*(block.modes for block in blocks)):
-        character = Character([True] * tests)
-        for block, mode in zip(blocks, modes, strict=True):
-            character = character.with_signs(block.tests, mode)
-        yield character
+        yield positive.with_signs(decided, chain.from_iterable(modes))

@@ -10,7 +10,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, final
 
@@ -37,11 +37,21 @@ class Box:
         Infinite where there is no bound.
     period : ndarray, shape (n,)
         Infinite where an unknown is not periodic.
+    is_bounded, is_periodic : bool
+        Whether there is any bound, and any period.
     """
 
     lower: Array
     upper: Array
     period: Array
+    is_bounded: bool = field(init=False)
+    is_periodic: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        """See whether there are bounds and periods, which a run asks again and again."""
+        bounded = np.isfinite(self.lower).any() or np.isfinite(self.upper).any()
+        object.__setattr__(self, "is_bounded", bool(bounded))
+        object.__setattr__(self, "is_periodic", bool(np.isfinite(self.period).any()))
 
     @classmethod
     def of(cls, system: PiecewiseSystem) -> Box:
@@ -74,16 +84,6 @@ class Box:
                 f"periodic, got {period[~(period > 0.0)][0]}"
             )
         return cls(lower, upper, period)
-
-    @property
-    def is_bounded(self) -> bool:
-        """Whether there is any bound."""
-        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
-
-    @property
-    def is_periodic(self) -> bool:
-        """Whether any unknown is periodic."""
-        return bool(np.isfinite(self.period).any())
 
     def contains(self, z: Array, error: Array) -> bool:
         """Tell whether z is inside, or outside by no more than ``error``, both shape (n,)."""

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, finite_array
+from pwscont.basics.arrays import Array, Matrix, finite_array, indices, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
@@ -72,12 +72,12 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
     if not isinstance(label := system.label(character), str):
         raise InvalidSystemError(f"{type(system).__name__}.label must return a text, got {label!r}")
-    beyond = [i for i in system.bounding_tests(character) if not 0 <= i < m]
-    if beyond:
+    bounding = indices(system.bounding_tests(character))
+    if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
         raise InvalidSystemError(
             f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
         )
-    if not np.array_equal(z, given):
+    if not is_everywhere(z == given):
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
@@ -142,8 +142,9 @@ def check_names(system: PiecewiseSystem) -> None:
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise InvalidSystemError(f"{method} must return {shown_size(system)} texts, got {given!r}")
     names = Quantities(tuple(given)).names(shown_size(system))
-    if twice := [name for name, number in Counter(names).items() if number > 1]:
-        raise InvalidSystemError(f"{method} gives several unknowns the name {twice[0]!r}")
+    if len(set(names)) < len(names):
+        twice = next(name for name, number in Counter(names).items() if number > 1)
+        raise InvalidSystemError(f"{method} gives several unknowns the name {twice!r}")
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:

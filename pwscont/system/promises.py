@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
@@ -72,8 +72,10 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
     x = sample.x
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
     straight = isinstance(system, PiecewiseLinearSystem)
-    dx[-1] *= straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / np.diff(interval)[0]
-    if not np.isfinite(sample.residual).all():
+    dx[-1] *= (
+        straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / (interval[1] - interval[0])
+    )
+    if not are_finite(sample.residual):
         raise InvalidSystemError(
             f"{type(system).__name__}.residual in {system.label(sample.character)} returned "
             f"{sample.residual} at {at(x)}, where linear pieces are finite"
@@ -99,7 +101,10 @@ def refuse_bent(
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
     excess = _bend(value, residual, jacobian, dx)
-    if (excess > 0.0).any() and (excess > GUARD * EPS * _sizes(system, there, character)).any():
+    if (
+        is_anywhere(excess > 0.0)
+        and (excess > GUARD * EPS * _sizes(system, there, character)).any()
+    ):
         raise InvalidSystemError(_bent(system, f"residual in {system.label(character)}", dx))
 
 
@@ -319,7 +324,10 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
 
 def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
-    for index, times in Counter(index for claim in claims for index in claim).items():
+    claimed = [index for claim in claims for index in claim]
+    if len(set(claimed)) == len(claimed) and all(0 <= index < limit for index in claimed):
+        return
+    for index, times in Counter(claimed).items():
         if not 0 <= index < limit:
             raise InvalidSystemError(f"{name}: there is no {what} {index}, only 0 to {limit - 1}")
         if times > 1:

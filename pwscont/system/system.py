@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from functools import lru_cache
+from itertools import chain, product
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -115,7 +116,7 @@ class PiecewiseSystem(ABC):
         """
         twin: Self = object.__new__(type(self))
         for name in _slots(type(self)):
-            if name not in OWN and hasattr(self, name):
+            if hasattr(self, name):
                 object.__setattr__(twin, name, getattr(self, name))
         scale = self.scale(lo, hi) if magnitudes is None else magnitudes
         differences = Differences(np.append(scale, hi - lo), lo, hi)
@@ -341,8 +342,9 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
         return type(self).kink is not PiecewiseLinearSystem.kink
 
 
-def _slots(owner: type) -> Iterator[str]:
-    """Yield the names of all slots of a class, that of its ``__dict__`` included."""
-    for base in owner.__mro__:
-        names = vars(base).get("__slots__", ())
-        yield from (names,) if isinstance(names, str) else names
+@lru_cache(maxsize=16)
+def _slots(owner: type) -> tuple[str, ...]:
+    """Return the names of the slots of a class that ``within`` copies, ``__dict__`` included."""
+    slots = (vars(base).get("__slots__", ()) for base in owner.__mro__)
+    names = chain.from_iterable((some,) if isinstance(some, str) else some for some in slots)
+    return tuple(name for name in names if name not in OWN)

@@ -42,10 +42,7 @@ class Bounds(TransitionDetector):
     is_affine = True
 
     def __init__(self, box: Box, names: Sequence[str]) -> None:
-        below, above = (
-            np.flatnonzero(np.isfinite(box.lower)),
-            np.flatnonzero(np.isfinite(box.upper)),
-        )
+        below, above = (np.flatnonzero(np.isfinite(ends)) for ends in (box.lower, box.upper))
         self._which = np.concatenate([below, above])
         self._limit = np.concatenate([box.lower[below], box.upper[above]])
         self._side = np.repeat([1.0, -1.0], [len(below), len(above)])
@@ -109,3 +106,7 @@ class Bounds(TransitionDetector):
         return SpecialPointFound(
             Kind.END, state.x, self._message(index), (Ray(curve, state).reversed(),)
         )
+
+
+#: The bounds of unknowns that have none.
+NO_BOUNDS = Bounds(Box(*np.empty((3, 0))), ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
@@ -23,7 +24,7 @@ from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.fold_at_end import fold_at_end
-from pwscont.transitions.rays import Ray, beyond, check_continuity, inward_ray, zeros
+from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
 from pwscont.transitions.standing import regular_border
 
 
@@ -69,12 +70,9 @@ class Standing:
         error = np.atleast_2d(error)  # searches may give one sample as a vector
         gradients = system.test_jacobian(x[:-1], float(x[-1]))
         zero = zeros(gradients, tests, x, error, metric.scale)
-        if not zero or not zero & _bounds_near(system, x, zero):
+        if all(zero.isdisjoint(side.bounding.tolist()) for side in _near(curve.selection, zero)):
             return cls(x, error, frozenset(), curve, None)
-        other = None
-        if len(zero) == 1:
-            (test,) = zero
-            other = Curve(Selection(system, beyond(curve.selection, x, test)), metric)
+        other = Curve(_beyond(curve.selection, *zero), metric) if len(zero) == 1 else None
         return cls(x, error, zero, curve, other)
 
     def departures(self) -> SpecialPointFound:
@@ -89,11 +87,14 @@ class Standing:
         return corner(self.curve, self.x, self.error, self.zero)
 
 
-def _bounds_near(system: PiecewiseSystem, x: Array, zero: frozenset[int]) -> set[int]:
-    """Return the tests that bound a cell next to ``x``, among those that vanish there."""
-    here = system.character(x[:-1], float(x[-1]))
-    sides = [here, *(here.flip(test) for test in zero)]
-    return {int(test) for side in sides for test in system.bounding_tests(side)}
+def _near(here: Selection, zero: frozenset[int]) -> Iterator[Selection]:
+    """Yield the selection of a point, and those beyond each of the tests that vanish there."""
+    yield here
+    yield from (_beyond(here, test) for test in zero)
+
+
+def _beyond(here: Selection, test: int) -> Selection:
+    return Selection(here.system, here.character.flip(test))
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:

@@ -38,8 +38,10 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
 
     None where it is not at an end, or alpha goes on beyond.
     """
+    if curve.selection.is_straight:
+        return None
     side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > LEVEL or curve.selection.is_straight:
+    if not side or abs(slope) > LEVEL:
         return None
     inwards = BESIDE if side * slope > 0.0 else -BESIDE
     here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)

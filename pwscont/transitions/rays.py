@@ -33,7 +33,7 @@ from pwscont.basics.generic import generic
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude, magnitude_of_values
+from pwscont.curve.error_samples import magnitude, rounding_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import MOST_CORRECTIONS, STALLED
 from pwscont.curve.root import joined
@@ -115,10 +115,8 @@ def is_zero(
 
     The other parameters are those of :func:`vanishing`.
     """
-    size = magnitude_of_values(gradients, x, error)
-    if scale is not None:
-        size += EPS * (abs(gradients) @ scale)
-    zero: Signs = np.abs(values) <= CONFIDENCE * size
+    sizes = np.abs(x) if scale is None else np.abs(x) + scale
+    zero: Signs = np.abs(values) <= CONFIDENCE * rounding_of_values(gradients, sizes, error)
     return zero
 
 
