@@ -18,7 +18,7 @@ from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.load_paths import AffineLoad
-from pwscont_coulomb.modes import modes
+from pwscont_coulomb.modes import mode_of
 from pwscont_coulomb.per_node import not_negative
 from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 
@@ -192,7 +192,7 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     def kink(self, before: Character, after: Character, test: int) -> Array:
         """Return c, shape (n + 2 p,): it changes the rows of one node, see :mod:`.states`."""
         node, which = divmod(test, 3)
-        old, new = modes(before)[node], self.modes(after)[node]
+        old, new = mode_of(node, before), mode_of(node, after)
         normal = self.body.n + node
         c = np.zeros(self.size)
         if which:  # kappa2 and kappa3 are x -+ F kappa1

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from functools import lru_cache
-from itertools import groupby
+from itertools import groupby, product
 from typing import TypeAlias, final
 
 import numpy as np
@@ -65,6 +65,11 @@ MODE_OF_SIGNS = np.repeat(
     [Mode.SLIP_PLUS, Mode.STICK, Mode.SLIP_MINUS, Mode.NO_CONTACT], [2, 1, 1, 4]
 )
 DIGITS = np.array([4, 2, 1], dtype=np.uint8)
+#: The same for the three signs as bytes.
+MODE_OF_BYTES = {
+    bytes(signs): int(mode)
+    for signs, mode in zip(product((0, 1), repeat=3), MODE_OF_SIGNS, strict=True)
+}
 
 
 @lru_cache(maxsize=32)
@@ -78,6 +83,11 @@ def modes(character: Character) -> Indices:
     found: Indices = MODE_OF_SIGNS.take(signs @ DIGITS)
     found.flags.writeable = False
     return found
+
+
+def mode_of(node: int, character: Character) -> int:
+    """Return the mode of one node, counted from zero, without those of the others."""
+    return MODE_OF_BYTES[character.array[3 * node : 3 * node + 3].tobytes()]
 
 
 def bounds(mode: Indices, without_friction: Flags, guided: Flags) -> Flags:
@@ -106,7 +116,7 @@ def label(character: Character) -> str:
 
 def word(node: int, character: Character) -> str:
     """Return the mode of one node, counted from zero."""
-    return WORDS[int(modes(character)[node])]
+    return WORDS[mode_of(node, character)]
 
 
 def describe(character: Character) -> str:

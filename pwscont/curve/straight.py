@@ -180,7 +180,7 @@ class StraightCell:
             return False
         self._slopes = (self._lines @ gradient) / pivot
         self._wide[:-1] = w  # alpha of the lines does not change
-        blas.dger(-1.0, self._wide, self._slopes, a=self._lines.T, overwrite_a=1)
+        _add(self._lines, -self._slopes, self._wide)
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self._is_tame()
@@ -268,9 +268,14 @@ class StraightCell:
         """Return samples of the error of a point that a test of this rounding locates."""
         lines, slopes = self._lines, self._slopes
         last = rounding * samples(lines.shape[1])[:, -1] - slopes[1:]
-        beside: Array = (last / slopes[0])[:, np.newaxis] * lines[0]
-        beside += lines[1:]
+        beside: Array = lines[1:].copy()
+        _add(beside, last / slopes[0], lines[0])
         return beside
+
+
+def _add(rows: Array, factors: Array, row: Array) -> None:
+    """Add multiples of a row to rows, in place."""
+    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # no strides, and only rows change
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:

@@ -122,7 +122,7 @@ def factorised(matrix: Array, overwrite: bool = False) -> tuple[Array, Indices]:
 
 def solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
     """Return the solution for one right-hand side, shape (n,), or several, shape (l, n)."""
-    solution: Array = lapack.dgetrs(lu, pivots, rhs.T, trans=int(transposed))[0]
+    solution: Array = lapack.dgetrs(lu, pivots, rhs.T, int(transposed))[0]
     return solution.T
 
 

@@ -313,13 +313,13 @@ class Changes:
 
     def _solved(self, rhs: Array, transposed: int) -> Array:
         lower = self._lower[: self.count, : self.count]
-        parts: Array = lapack.dtrtrs(lower, rhs, lower=1, trans=transposed)[0]
+        parts: Array = lapack.dtrtrs(lower, rhs, 1, transposed)[0]  # lower
         return parts if rhs.ndim > 1 else parts.reshape(-1)
 
 
 def _most(a: Array, b: Array) -> float:
     """Return the sum of the magnitudes of the terms of a scalar product."""
-    return float(np.abs(a).dot(np.abs(b)))
+    return float(blas.dasum(a * b))
 
 
 def _product(inverse: Array, rhs: Array) -> Array:
