@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Matrix, Signs, dense
+from pwscont.basics.arrays import Array, Matrix, Signs, dense, largest
 from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import sign_of_superlu, superlu
 from pwscont.linear.factor import Factor, power_of_two
@@ -37,6 +37,9 @@ __all__ = [
     "last_unit",
     "power_of_two",
 ]
+
+#: Of no more rows LAPACK finds the largest entries faster than numpy.
+FEW_ROWS = 32
 
 
 @final
@@ -85,21 +88,22 @@ class DenseFactor(Factor):
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
-        norm = lapack.dlange("1", self._matrix * self._columns)
+        norm = largest(np.abs(self._matrix).sum(axis=0) * self._columns)
         if self.failed or not math.isfinite(norm):
             return True
-        lu = np.where(below(len(self._lu)), self._lu, self._lu * self._columns)
+        lu = self._lu * self._columns
+        np.copyto(lu, self._lu, where=below(len(lu)))
         rcond = lapack.dgecon(lu, norm)[0]
         return not rcond >= len(lu) * EPS  # nor where it is nan
 
 
 def _row_factors(matrix: Array) -> Array:
     """Return powers of two by which the rows are multiplied; one for a row of zeros."""
-    factors, *_, has_zeros = lapack.dgeequb(matrix)
-    if has_zeros:
-        factors = 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
-    rows: Array = factors
-    return rows
+    if len(matrix) <= FEW_ROWS:
+        factors, *_, has_zeros = lapack.dgeequb(matrix)
+        if not has_zeros:
+            return np.asarray(factors)
+    return 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
 
 
 @final
@@ -159,7 +163,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
 @lru_cache(maxsize=2)
 def below(size: int) -> Signs:
     """Tell which entries of a square matrix are below its diagonal, not to be written to."""
-    entries = np.tri(size, k=-1, dtype=bool)
+    entries = np.asfortranarray(np.tri(size, k=-1, dtype=bool))  # as LAPACK stores matrices
     entries.flags.writeable = False
     return entries
 
