@@ -8,7 +8,7 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.outcome import Failure
 from pwscont.continuation.plan import Plan
-from pwscont.curve.error_samples import magnitude
+from pwscont.curve.error_samples import is_inside
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.system.contract import checked_size
 from pwscont.system.hidden import completed, shown_size
@@ -78,7 +78,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
             f"the solution nearest to {name} lies outside the interval {plan.interval}"
         )
     x, error = on_curve
-    if plan.box.is_bounded and not plan.box.contains(x[:-1], magnitude(x, error)[:-1]):
+    if not is_inside(plan.box, x, error):
         raise StartNotFoundError(
             f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
             f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"

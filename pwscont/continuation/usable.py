@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.curve.error_samples import has_digits, magnitude
+from pwscont.curve.error_samples import has_digits, is_inside
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
 from pwscont.system.box import Box
@@ -30,12 +30,11 @@ class Usable:
         self._uncertain = 0
 
     def __iter__(self) -> Iterator[Found]:
-        is_bounded = self._box.is_bounded
         for x, given in self._starts:
             error = np.atleast_2d(given)  # searches may give one sample as a vector
             if not has_digits(x, error, self._metric.scale):
                 self._uncertain += 1
-            elif not is_bounded or self._box.contains(x[:-1], magnitude(x, error)[:-1]):
+            elif is_inside(self._box, x, error):
                 yield x, error
 
     def lowered(self, searched: SearchScope) -> SearchScope:

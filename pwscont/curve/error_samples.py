@@ -15,6 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, is_everywhere, largest, smallest
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
+from pwscont.system.box import Box
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
 SMALL = 16
@@ -86,6 +87,13 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
     sizes = np.abs(x)
     known = ONE_DIGIT * np.maximum(sizes, scale)
     return largest(sizes) < np.inf and is_everywhere(magnitude_beside(sizes, error) <= known)
+
+
+def is_inside(box: Box, x: Array, error: Array) -> bool:
+    """Tell whether a solution with samples of its error may lie within the bounds of unknowns."""
+    if not box.is_bounded:
+        return True  # nearly always, and magnitudes cost something
+    return box.contains(x[:-1], magnitude(x, error)[:-1])
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:

@@ -23,7 +23,7 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Quantities
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import has_digits, is_same, magnitude, slack_of_values
+from pwscont.curve.error_samples import has_digits, is_inside, is_same, magnitude, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import (
     Face,
@@ -101,7 +101,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         found = solve_surely(system, metric, alpha)
         solutions = [_solution(system, metric, point) for point in found.points]
     pairs = zip(solutions, found.points, strict=True)
-    within = [s for s, p in pairs if box.contains(p.x[:-1], magnitude(p.x, p.error)[:-1])]
+    within = [s for s, p in pairs if is_inside(box, p.x, p.error)]
     return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
 
 
