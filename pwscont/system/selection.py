@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import final
+from typing import cast, final
 
 import numpy as np
 
@@ -37,8 +37,6 @@ class Selection:
         adjacent_cells: tuple[Character, ...] = (),
     ) -> None:
         self.system = system
-        #: Whether the selection and its tests are affine, so that its curve is a straight line.
-        self.is_straight = isinstance(system, PiecewiseLinearSystem)
         self.character = character
         self.adjacent_cells = adjacent_cells
         tests, inside = _bounds(system, character)
@@ -54,6 +52,11 @@ class Selection:
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
+
+    @cached_property
+    def is_straight(self) -> bool:
+        """Whether the selection and its tests are affine, so that its curve is a straight line."""
+        return isinstance(self.system, PiecewiseLinearSystem)
 
     @property
     def cell(self) -> bytes:
@@ -100,8 +103,8 @@ class Selection:
 
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""
-        assert isinstance(self.system, PiecewiseLinearSystem)
-        return kink_at(self.system, before.character, self.character, test)
+        system = cast("PiecewiseLinearSystem", self.system)  # asking it takes a while
+        return kink_at(system, before.character, self.character, test)
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""
