@@ -26,10 +26,7 @@ class Rows:
     """
 
     def __init__(self, matrix: Matrix) -> None:
-        thin = sp.issparse(matrix) or (
-            matrix.size > LARGE and np.count_nonzero(matrix) < SPARSE * matrix.size
-        )
-        self.matrix: Any = _sparse(matrix) if thin else np.array(matrix, dtype=float)
+        self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
 
     @cached_property
     def magnitudes(self) -> Any:
@@ -56,14 +53,21 @@ class Rows:
         return rows
 
 
-def _sparse(matrix: Matrix) -> Any:
-    """Return rows of their own, with each entry once; of dense ones faster than scipy does."""
-    if isinstance(matrix, np.ndarray):
-        places = matrix.ravel().nonzero()[0]
-        rows, columns = np.divmod(places, matrix.shape[1])
-        starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
-        entries = matrix.ravel()[places].astype(float)
-        return sp.csr_matrix((entries, columns, starts), shape=matrix.shape)
+def _summed(matrix: Matrix) -> Any:
+    """Return sparse rows of their own, with each entry once."""
     stored = sp.csr_matrix(matrix, copy=True)
     stored.sum_duplicates()
     return stored
+
+
+def _thinned(matrix: Array) -> Any:
+    """Return dense rows of their own, sparse where few entries are not zero."""
+    own = np.array(matrix, dtype=float)
+    if own.size <= LARGE:
+        return own
+    places = (own.ravel() != 0.0).nonzero()[0]
+    if len(places) >= SPARSE * own.size:
+        return own
+    rows, columns = np.divmod(places, own.shape[1])  # what scipy does takes longer
+    starts = np.searchsorted(rows, np.arange(len(own) + 1))
+    return sp.csr_matrix((own.ravel()[places], columns, starts), shape=own.shape)
