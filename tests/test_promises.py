@@ -339,3 +339,86 @@ def test_tests_whose_number_changes_are_refused():
 def test_a_double_curve_ends_in_words():
     graph = trace(one(lambda z, a, on: (z - a) ** 2, lambda z, a: z - 5.0), ([0.5], 0.5), (-1, 1))
     assert "a piece was stopped" in graph.guarantee
+
+
+class TwoTests(PiecewiseLinearSystem):
+    """A kink at z_0 = 0.3, and a test that never vanishes; what one method says is changed."""
+
+    size = 2
+
+    def __init__(self, method="", changed=None):
+        self.method, self.changed = method, changed
+
+    def said(self, method, value, *of):
+        return self.changed(value, *of) if method == self.method else value
+
+    def test_functions(self, z, alpha):
+        return self.said("test_functions", z - np.array([0.3, 50.0]))
+
+    def test_jacobian(self, z, alpha):
+        return self.said("test_jacobian", np.eye(2, 3))
+
+    def residual(self, z, alpha, character):
+        kink = 0.5 if character.signs[0] else -0.5
+        return z - alpha + np.array([kink * (z[0] - 0.3), 0.0])
+
+    def jacobian(self, z, alpha, character):
+        kink = 0.5 if character.signs[0] else -0.5
+        value = np.array([[1.0 + kink, 0.0, -1.0], [0.0, 1.0, -1.0]])
+        return self.said("jacobian", value, character.signs[0])
+
+    def bounding_tests(self, character):
+        return self.said("bounding_tests", [0, 1])
+
+
+def nan_in_row_1(value):
+    value[1] = np.nan
+    return value
+
+
+WAYS = {
+    "trace": lambda system: trace(system, ([-1.0, -1.0], -1.0), (-1.0, 1.0)),
+    "explore": lambda system: explore(system, (-1.0, 1.0)),
+    "enumerate": lambda system: enumerate_solutions(system, 0.2),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("method", "changed", "words"),
+    [
+        ("test_jacobian", nan_in_row_1, "test_jacobian returned numbers that are not finite"),
+        ("jacobian", lambda J, on: nan_in_row_1(J) if on else J, "jacobian in cell .* not finite"),
+        ("jacobian", lambda J, on: J if on else nan_in_row_1(J), "jacobian in cell .* not finite"),
+    ],
+)
+def test_derivatives_that_are_not_finite(way, method, changed, words):
+    """One row is enough: comparisons with what is no number hide all others."""
+    assert WAYS[way](TwoTests())
+    with pytest.raises(InvalidSystemError, match=words):
+        WAYS[way](TwoTests(method, changed))
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e-160, 1e160, 1e300])
+def test_tests_in_units_in_which_squares_are_no_numbers(unit):
+    class Units(TwoTests):
+        def test_functions(self, z, alpha):
+            return unit * super().test_functions(z, alpha)
+
+        def test_jacobian(self, z, alpha):
+            return unit * super().test_jacobian(z, alpha)
+
+    for way in ("trace", "explore"):
+        with pytest.raises(InvalidSystemError, match="test function 0 of Units typically changes"):
+            WAYS[way](Units())
+
+
+@pytest.mark.parametrize("given", [None, {0, 1}, iter([0, 1]), 0, np.array([[0, 1]])])
+def test_bounding_tests_that_are_no_sequence(given):
+    with pytest.raises(InvalidSystemError, match="must return a sequence of the numbers of tests"):
+        explore(TwoTests("bounding_tests", lambda _: given), (-1.0, 1.0))
+
+
+def test_gradients_in_a_matrix_of_numpy_are_refused():
+    with pytest.raises(InvalidSystemError, match=r"numpy\.matrix: return an array"):
+        explore(TwoTests("test_jacobian", lambda rows: rows.view(np.matrix)), (-1.0, 1.0))

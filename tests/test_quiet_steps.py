@@ -1,5 +1,6 @@
 """Steps on which nothing is read: nothing would have been found."""
 
+import numpy as np
 import pytest
 from circle import Circle
 from pwscont_coulomb.scenes import example2, example3, fig10, fig12, fig13
@@ -7,6 +8,7 @@ from test_contracts import At
 from test_smooth_special_points import make, pitchfork, transcritical
 
 from pwscont import PseudoArclength, StepSize, check_detector, explore
+from pwscont.extending import Reading
 from pwscont.transitions.detection import first_on_curve
 from pwscont.transitions.watch import Watch
 
@@ -61,3 +63,34 @@ class AlwaysQuiet(At):
 
 def test_a_detector_that_is_quiet_where_its_function_vanishes():
     assert "is_quiet() must not be true" in str(check_detector(AlwaysQuiet()))
+
+
+def lists(values):
+    return Reading(values, [0.0, 0.0])
+
+
+def one_buffer(values, buffer=np.zeros(2)):  # noqa: B008  one for all readings
+    buffer[:] = values
+    return Reading(buffer, np.zeros(2))
+
+
+def one_reading(values, reading=Reading(np.zeros(2), np.zeros(2))):  # noqa: B008
+    reading.values[:] = values
+    return reading
+
+
+@pytest.mark.parametrize("given", [lists, one_buffer, one_reading])
+def test_detectors_may_return_lists_and_one_buffer_for_all_readings(given):
+    """Readings at both ends of a step are compared, and the end is read after the beginning."""
+
+    class Somewhere(At):
+        def read(self, curve, state):
+            return given(super().read(curve, state).values)
+
+    system, interval = CASES["circle"]()
+    marks = [
+        [point.alpha for point in explore(system, interval, detectors=[detector]).special_points()]
+        for detector in (At(), Somewhere())
+    ]
+    assert len(marks[0]) > len(explore(system, interval).special_points())
+    assert marks[0] == pytest.approx(marks[1], abs=1e-12)

@@ -14,6 +14,7 @@ from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
+from pwscont_coulomb.fixed import Fixed
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
 SYMMETRIC = 1e-10
@@ -22,7 +23,7 @@ PART = 64
 
 
 @final
-class ContactBody:
+class ContactBody(Fixed):
     """Stiffness, contact operators and gaps of a body with p contact nodes.
 
     Parameters
@@ -54,8 +55,10 @@ class ContactBody:
     InvalidInputError
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
         a gap is negative, the tangential displacement of a guided node is coupled with others,
-        or anything is not finite.
+        or anything is not finite, or an attribute is set.
     """
+
+    _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness"})
 
     def __init__(self, A: Any, N: Any, T: Any, gap: Any = None, guided: Any = None) -> None:
         self.A = _matrix("A", A)
@@ -93,11 +96,9 @@ class ContactBody:
 
     def with_nodes(self, kept: Indices) -> ContactBody:
         """Return the same body with only some of its contact nodes."""
-        body = copy(self)
-        body.N, body.T, body.gap = self.N[kept], self.T[kept], self.gap[kept]
-        body.p, body.stiffness = len(kept), self.stiffness[kept]
-        body.guided = self.guided[kept]
-        body.numbers = tuple(self.numbers[i] for i in kept)
+        body, by_node = copy(self), ("N", "T", "gap", "guided", "stiffness")
+        body.__setstate__({name: getattr(self, name)[kept] for name in by_node})
+        body.p, body.numbers = len(kept), tuple(self.numbers[i] for i in kept)
         return body
 
     def reach(self, loads: Array) -> Array:

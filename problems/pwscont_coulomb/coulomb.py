@@ -47,6 +47,7 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
+from pwscont_coulomb.fixed import Fixed
 from pwscont_coulomb.free_unknowns import FreeUnknowns
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
@@ -70,7 +71,7 @@ MOST_BOUNDED = 128
 MANY_NODES = 32
 
 
-class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -81,6 +82,7 @@ class Coulomb(SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         of each node, so that results do not depend on units.
     """
 
+    _given = frozenset({"body", "r", "load", "friction", "force", "profile"})
     #: Nodes with F = 0 whatever the parameter, shape (p,).
     _without_friction: contact.Flags
     #: One solution more with positive than with negative determinant, whatever f and F >= 0.

@@ -111,7 +111,7 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
-        rate, (_, at_rest) = self._load_rate(alpha), self._of_cell(character)
+        rate, (_, at_rest) = self._load_rate(alpha), self._of_cell(character, alpha)
         if at_rest is not None:
             jacobian = at_rest.copy()
             jacobian[: self.body.n, -1] = -rate
@@ -122,23 +122,23 @@ class CoulombLoad(Coulomb):
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the terms of H that are linear in z, in an array of their own."""
-        terms: Array = self._of_cell(character)[0].dot(z)
+        terms: Array = self._of_cell(character, alpha)[0].dot(z)
         return terms
 
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
-        return self._of_cell(character)[0]
+        return self._of_cell(character, alpha)[0]
 
-    def _of_cell(self, character: Character) -> Constant:
+    def _of_cell(self, character: Character, alpha: float) -> Constant:
         """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; those of some are kept."""
-        last, friction = self._last, self.friction.tobytes()
+        last, friction = self._last, self.friction_at(alpha).tobytes()
         if last is None or last[0] is not character or last[1] != friction:
             key = character, friction
-            found = self._constant.get(key) or self._constant.put(key, self._made(character))
+            found = self._constant.get(key) or self._constant.put(key, self._made(character, alpha))
             self._last = last = character, friction, found
         return last[2]
 
-    def _made(self, character: Character) -> Constant:
-        matrix = super()._matrix_at(character, 0.0)
+    def _made(self, character: Character, alpha: float) -> Constant:
+        matrix = super()._matrix_at(character, alpha)
         is_dense = isinstance(matrix, np.ndarray)
         at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
         return matrix, at_rest

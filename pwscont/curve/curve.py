@@ -27,7 +27,7 @@ class Curve:
 
         It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
-        slope: float = state.tangent.item(-1) / self.metric.width
+        slope = float(state.tangent[-1]) / self.metric.width
         return slope if abs(slope) > GUARD * EPS else 0.0
 
 
@@ -69,7 +69,7 @@ class State:
     @property
     def alpha(self) -> float:
         """The parameter value."""
-        return self.x.item(-1)
+        return float(self.x[-1])
 
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""

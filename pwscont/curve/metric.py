@@ -100,7 +100,7 @@ class Metric:
     def admits(self, x: Array) -> bool:
         """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
         lo, hi = self.interval
-        alpha = x.item(-1)
+        alpha = float(x[-1])
         if lo <= alpha <= hi:
             return True
         end = lo if alpha < lo else hi
@@ -173,7 +173,7 @@ class Metric:
         It is relative to z, and no more than rounding of alpha: how far the interval lies from zero
         does not make two of its alphas one.
         """
-        alpha, z = abs(x.item(-1)) / self.width, x[:-1] / self.scale[:-1]
+        alpha, z = abs(float(x[-1])) / self.width, x[:-1] / self.scale[:-1]
         return tolerance * (1.0 + math.sqrt(z.dot(z))) + GUARD * EPS * alpha
 
     def covector(self, t: Array) -> Array:

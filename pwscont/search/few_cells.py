@@ -275,7 +275,7 @@ class _OnLines:
 
 def _root(error: Array) -> Array:
     """Return the root of the sum of squares of samples, shape (k, l)."""
-    root: Array = np.sqrt(np.square(error).sum(axis=1))
+    root: Array = np.abs(np.hypot.reduce(error, axis=1))  # squares may overflow
     return root
 
 

@@ -100,7 +100,7 @@ class PseudoArclength(Stepper):
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
         corrected: Corrected | Failure = OUTSIDE
-        if lo < predicted.item(-1) < hi:
+        if lo < float(predicted[-1]) < hi:
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size)

@@ -139,7 +139,7 @@ class CurvedSegment(Segment):
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
         (leaving, by), (arriving, to) = self.leaving, self.arriving
-        return leaving.item(-1) * by, self.chord.item(-1), arriving.item(-1) * to
+        return float(leaving[-1]) * by, float(self.chord[-1]), float(arriving[-1]) * to
 
     def position(self, x: Array) -> float:
         """Return the distance of the projection of ``x`` on the chord."""

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, finite_array, indices, is_everywhere
+from pwscont.basics.arrays import Array, Indices, Matrix, finite_array, indices, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
@@ -70,9 +70,13 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     jacobian = jacobian_at(system, z, alpha, character)
     gradients = system.test_jacobian(z, alpha)
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
+    if isinstance(gradients, np.matrix):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.test_jacobian returned a numpy.matrix: return an array"
+        )
     if not isinstance(label := system.label(character), str):
         raise InvalidSystemError(f"{type(system).__name__}.label must return a text, got {label!r}")
-    bounding = indices(system.bounding_tests(character))
+    bounding = _bounding(system, character)
     if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
         raise InvalidSystemError(
             f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
@@ -82,6 +86,19 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
     return Sample(np.append(z, alpha), character, tests, gradients, residual, jacobian)
+
+
+def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
+    """Return the tests that bound a cell, or say that they are no numbers of tests."""
+    found = system.bounding_tests(character)
+    if isinstance(found, range | list | tuple | np.ndarray):
+        numbers = indices(found)
+        if numbers.ndim == 1:
+            return numbers
+    raise InvalidSystemError(
+        f"{type(system).__name__}.bounding_tests must return a sequence of the numbers of tests, "
+        f"got {short(repr(found))}"
+    )
 
 
 def check_attributes(system: PiecewiseSystem) -> None:

@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_anywhere
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
@@ -31,12 +31,13 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.system.blocks import Block
 from pwscont.system.contract import Sample, residual_at
 from pwscont.system.selection import Selection
-from pwscont.system.shapes import expect
+from pwscont.system.shapes import expect, refuse_infinite
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
+from pwscont.system.units import refuse_extreme_tests
 
 #: A function promised to be affine may differ from its affine model by this part of its terms: far
 #: more than rounding, far less than a curved function does over typical magnitudes.
@@ -82,6 +83,7 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
         )
     refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
     refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
+    refuse_extreme_tests(system, sample.gradients, np.abs(dx))
 
 
 def refuse_bent(
@@ -101,10 +103,10 @@ def refuse_bent(
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
     excess = _bend(value, residual, jacobian, dx)
-    if (
-        is_anywhere(excess > 0.0)
-        and (excess > GUARD * EPS * _sizes(system, there, character)).any()
-    ):
+    if is_everywhere(excess <= 0.0):
+        return  # nearly always
+    refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
+    if (excess > GUARD * EPS * _sizes(system, there, character)).any():
         raise InvalidSystemError(_bent(system, f"residual in {system.label(character)}", dx))
 
 
@@ -115,12 +117,17 @@ def refuse_bent_tests(
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
     if is_bent(there, tests, gradients, dx):
-        raise InvalidSystemError(_bent(system, "test_functions", dx))
+        refuse_infinite(system, "test_jacobian", gradients)
+        if (_bend(there, tests, gradients, dx) > 0.0).any():
+            raise InvalidSystemError(_bent(system, "test_functions", dx))
 
 
 def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
-    """Tell whether ``value`` is not ``origin + matrix @ dx``, by more than a part of the terms."""
-    return bool((_bend(value, origin, matrix, dx) > 0.0).any())
+    """Tell whether ``value`` is not ``origin + matrix @ dx``, by more than a part of the terms.
+
+    What is not finite cannot be told from it, and counts as bent.
+    """
+    return not (_bend(value, origin, matrix, dx) <= 0.0).all()
 
 
 def _bend(value: Array, origin: Array, matrix: Matrix, dx: Array) -> Array:

@@ -83,19 +83,19 @@ class Selection:
 
     def residual(self, x: Array) -> Array:
         """Return H_chi(x), shape (n,), in an array of its own."""
-        return residual_at(self.system, x[:-1], x.item(-1), self.character)
+        return residual_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) and one value more, shape (n + 1,): the bordered equations at x."""
         both = np.empty(len(x))
-        value_there = self.system.residual(x[:-1], x.item(-1), self.character)
+        value_there = self.system.residual(x[:-1], float(x[-1]), self.character)
         both[:-1] = checked_array(self.system, "residual", value_there, (len(both) - 1,))
         both[-1] = value
         return both
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
-        return jacobian_at(self.system, x[:-1], x.item(-1), self.character)
+        return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def lent_jacobian(self, x: Array) -> Matrix:
         """Return the same, of use until the system is asked for anything else."""
@@ -108,17 +108,17 @@ class Selection:
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""
-        return self.side * self.system.some_tests(x[:-1], x.item(-1), self.bounding)
+        return self.side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
 
     def test(self, x: Array, index: int) -> float:
         """Return one of :meth:`tests`."""
         which = self.bounding[index : index + 1]
-        values = self.system.some_tests(x[:-1], x.item(-1), which)
+        values = self.system.some_tests(x[:-1], float(x[-1]), which)
         return float(self.side[index] * values[0])
 
     def unsigned_gradients(self, x: Array) -> Matrix:
         """Return the gradients of the bounding tests themselves, without their :attr:`side`."""
-        return self.system.some_test_gradients(x[:-1], x.item(-1), self.bounding)
+        return self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
 
     def test_gradients(self, x: Array) -> Matrix:
         """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
@@ -128,7 +128,7 @@ class Selection:
     def test_gradient(self, x: Array, index: int) -> Array:
         """Return the gradient of one of :meth:`tests`, shape (n + 1,)."""
         which = self.bounding[index : index + 1]
-        rows = self.system.some_test_gradients(x[:-1], x.item(-1), which)
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
         gradient: Array = self.side[index] * dense(rows)[0]
         return gradient
 

@@ -81,3 +81,18 @@ def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> N
             f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
             "is expected"
         )
+
+
+def refuse_infinite(system: object, what: str, matrix: Matrix) -> None:
+    """Refuse the derivatives of linear pieces where they are not finite.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    lost = np.flatnonzero(~np.isfinite(abs(matrix) @ np.ones(matrix.shape[1])))
+    if len(lost):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{what} returned numbers that are not finite in row "
+            f"{lost[0]}, and linear pieces have finite derivatives"
+        )

@@ -42,7 +42,7 @@ class IntervalEnds(TransitionDetector):
         alpha, same = segment.end.alpha, SAME_ALPHA * (self.hi - self.lo)
         if not (alpha - self.lo > same and self.hi - alpha > same):
             return False
-        return segment.start.tangent.item(-1) * segment.end.tangent.item(-1) >= 0.0
+        return float(segment.start.tangent[-1]) * float(segment.end.tangent[-1]) >= 0.0
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""

@@ -54,6 +54,7 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
+        self._copied = [detector in added for detector in detectors]
         self._are_affine = all(detector.is_affine for detector in detectors)
         self._looking = [
             (i, detector)
@@ -68,7 +69,7 @@ class Watch:
 
     def read(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read at ``state``, each when it is asked for."""
-        return Readings(self._detectors, curve, state)
+        return Readings(self._detectors, self._copied, curve, state)
 
     def first(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read where a piece begins, and check those of users' own.
@@ -79,14 +80,16 @@ class Watch:
             If a detector returns something else than its contract says.
         """
         reading = self.read(curve, state)
-        for detector, part in zip(self._detectors, reading.parts, strict=True):
-            if detector not in self._added:
+        for i, detector in enumerate(self._detectors):
+            if not self._copied[i]:
                 continue
+            part = detector.read(curve, state)
             if not isinstance(part, Reading):
                 raise broken(detector, "read", "a Reading", part)
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 what = "values and slopes that are vectors alike"
                 raise broken(detector, "read", what, part)
+            reading.keep(i, part)
         return reading
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
@@ -205,20 +208,35 @@ class Watch:
 class Readings:
     """What all detectors read at a state, each when it is first asked for.
 
-    Values depend on the state alone: read late, they are what they were.
+    Values depend on the state alone: read late, they are what they were. Those of users' detectors,
+    which may use the same arrays for the next state, are copied.
     """
 
-    __slots__ = ("_curve", "_detectors", "_parts", "_state")
+    __slots__ = ("_copied", "_curve", "_detectors", "_parts", "_state")
 
-    def __init__(self, detectors: Sequence[TransitionDetector], curve: Curve, state: State) -> None:
-        self._detectors, self._curve, self._state = detectors, curve, state
+    def __init__(
+        self,
+        detectors: Sequence[TransitionDetector],
+        copied: Sequence[bool],
+        curve: Curve,
+        state: State,
+    ) -> None:
+        self._detectors, self._copied = detectors, copied
+        self._curve, self._state = curve, state
         self._parts: list[Reading | None] = [None] * len(detectors)
 
     def part(self, place: int) -> Reading:
         """Return what one of the detectors reads."""
         part = self._parts[place]
         if part is None:
-            self._parts[place] = part = self._detectors[place].read(self._curve, self._state)
+            part = self.keep(place, self._detectors[place].read(self._curve, self._state))
+        return part
+
+    def keep(self, place: int, part: Reading) -> Reading:
+        """Keep what one of the detectors has read, and return it."""
+        if self._copied[place]:
+            part = Reading(np.array(part.values), np.array(part.slopes))
+        self._parts[place] = part
         return part
 
     @property
@@ -228,7 +246,7 @@ class Readings:
 
     def having(self, place: int, part: Reading) -> Readings:
         """Return the same with another reading of one detector."""
-        other = Readings(self._detectors, self._curve, self._state)
+        other = Readings(self._detectors, self._copied, self._curve, self._state)
         other._parts = [*self._parts[:place], part, *self._parts[place + 1 :]]
         return other
 
@@ -257,7 +275,7 @@ class Joined:
 def _keeps_signs(first: Reading, last: Reading) -> bool:
     """Tell that no function may vanish on a step: all are positive, and no slope changes sign."""
     before, after = first.values, last.values
-    if not (type(before) is type(after) is np.ndarray and len(before) == len(after)):
+    if not before.shape == after.shape == first.slopes.shape == last.slopes.shape:
         return False
     if not len(after):
         return True
