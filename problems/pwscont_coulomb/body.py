@@ -61,10 +61,8 @@ class ContactBody(Fixed):
     _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness"})
 
     def __init__(self, A: Any, N: Any, T: Any, gap: Any = None, guided: Any = None) -> None:
-        self.A = _matrix("A", A)
+        self.A = _symmetric(_matrix("A", A))
         n = self.A.shape[0]
-        if self.A.shape != (n, n):
-            raise InvalidInputError(f"A must be square, got shape {self.A.shape}")
         self.N, self.T = _matrix("N", N), _matrix("T", T)
         p = self.N.shape[0]
         for name, matrix in (("N", self.N), ("T", self.T)):
@@ -142,11 +140,6 @@ class ContactBody(Fixed):
         return np.asarray(solutions).reshape(forces.shape)
 
     def _check(self) -> None:
-        asymmetry = abs(self.A - self.A.T).max()
-        if asymmetry > SYMMETRIC * abs(self.A).max():
-            raise InvalidInputError(f"A is not symmetric: |A - A^T| reaches {asymmetry:.3g}")
-        if asymmetry:  # rounding: what reads half of A has to see the same matrix
-            self.A = 0.5 * (self.A + self.A.T)
         if not _is_positive_definite(self.A):
             raise InvalidInputError(
                 "A is not positive definite; is the body clamped well enough to hold still?"
@@ -200,6 +193,17 @@ def _matrix(name: str, values: Any) -> Matrix:
     if array.ndim != 2 or array.size == 0:
         raise InvalidInputError(f"{name} must be a matrix, got shape {array.shape}")
     return array
+
+
+def _symmetric(A: Matrix) -> Matrix:
+    """Return a square matrix that is symmetric but for rounding, without its rounding."""
+    if A.shape[0] != A.shape[1]:
+        raise InvalidInputError(f"A must be square, got shape {A.shape}")
+    asymmetry = abs(A - A.T).max()
+    if asymmetry > SYMMETRIC * abs(A).max():
+        raise InvalidInputError(f"A is not symmetric: |A - A^T| reaches {asymmetry:.3g}")
+    # what reads half of A has to see the same matrix
+    return 0.5 * (A + A.T) if asymmetry else A
 
 
 def _diagonal(matrix: Matrix) -> Array:
