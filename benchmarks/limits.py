@@ -112,10 +112,14 @@ def small() -> Iterator[Row]:
     yield Row("wedge, 14 nodes, a piece", folded(), 12e3 / 53, " µs")
     yield Row("one point of a curve, fig10", 1e3 * per_point(20), 60.0, " µs")
     yield Row("import, above numpy and scipy", imported(), 100.0, " ms")
-    body = CoulombLoad(*strip(14), 0.3)
-    yield Row(
-        "explore by default, strip, 14 nodes", seconds(lambda: explore(body, INTERVAL)), 0.3, " s"
-    )
+    wedged = wedge_body(7).condensed().along_load()
+    bodies = {
+        "strip": (CoulombLoad(*strip(14), 0.3), INTERVAL),
+        "wedge": (wedged, wedge().interval),
+    }
+    for name, body in bodies.items():
+        work = f"explore by default, {name}, 14 nodes"
+        yield Row(work, seconds(partial(explore, *body)), 0.3, " s")
 
 
 def corners() -> Iterator[Row]:

@@ -16,7 +16,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import Quantities
 from pwscont.system.hidden import shown_size
-from pwscont.system.shapes import checked_matrix, expect, own_array, own_matrix
+from pwscont.system.shapes import checked_array, checked_matrix, expect, own_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
@@ -179,12 +179,14 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
     """Return c of H_after - H_before = c kappa_test as a system knows it, shape (n,).
 
+    In an array that the system may use for the next one.
+
     Raises
     ------
     InvalidSystemError
         If it is no vector of that length.
     """
-    return own_array(system, "kink", system.kink(before, after, test), (system.size,))
+    return checked_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:

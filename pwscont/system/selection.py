@@ -14,6 +14,9 @@ from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, resi
 from pwscont.system.shapes import checked_array
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
+#: The side of a test that is negative, and of one that is not.
+SIDES = np.array([-1.0, 1.0])
+
 
 @final
 class Selection:
@@ -48,7 +51,7 @@ class Selection:
         self._cell: bytes | None = None
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, by which it is positive inside.
-        self.side: Array = np.where(inside, 1.0, -1.0)
+        self.side: Array = SIDES.take(inside.view(np.uint8))
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
