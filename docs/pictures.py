@@ -34,7 +34,16 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
 
 
-WAYS = {"trace": "trace", "bare": "bare loop", "pass": "one pass over the matrix"}
+#: Path, way, line, color and words of each line over the sizes.
+LINES = (
+    ("strip", "trace", "D-", COLORS[0], "strip: trace"),
+    ("strip", "bare", "v-", COLORS[1], "strip: bare loop"),
+    ("strip", "pass", "--", "k", "strip: one pass over the matrix"),
+    ("string, banded", "trace", "D:", COLORS[0], "string: trace"),
+    ("string, banded", "by hand", "v:", COLORS[1], "string: loop by hand"),
+    ("LASSO", "trace", "*", COLORS[0], "LASSO: trace"),
+    ("LASSO", "bare", "P", COLORS[1], "LASSO: lars_path"),
+)
 STAGES = ("assembly", "condensation", "tracing", "recovery")
 
 
@@ -58,19 +67,24 @@ def draw_scale(into: Path) -> None:
 
 
 def draw_straight(into: Path) -> None:
-    """Draw the time of one transition of the strip by each way, over the contact nodes."""
+    """Draw the time of one transition of each path by each way, over the sizes."""
     data = json.loads((DATA / "scale.json").read_text(encoding="utf-8"))
-    figure = Figure(figsize=(5.6, 3.8), layout="constrained")
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
     ax = figure.subplots()
-    rows = [row | {"p": row["size"]} for row in data["straight"] if row["path"] == "strip"]
-    for name, line, color in zip(WAYS, ("D-", "v-", "--"), (*COLORS[:2], "k"), strict=True):
-        ax.loglog(*_series(rows, name), line, color=color, label=WAYS[name])
-    sizes = [row["p"] for row in rows]
+    rows = [row | {"p": row["size"]} for row in data["straight"]]
+    for path, way, line, color, words in LINES:
+        ax.loglog(
+            *_series([row for row in rows if row["path"] == path], way),
+            line,
+            color=color,
+            label=words,
+        )
+    sizes = sorted({row["p"] for row in rows} - {250})  # too near to 200
     ax.set_xticks([], minor=True)
     ax.set_xticks(sizes, [f"{p:,}" for p in sizes])
-    ax.set(xlabel="contact nodes p", ylabel="ms per transition")
+    ax.set(xlabel="contact nodes, nodes of the string, coefficients", ylabel="ms per transition")
     ax.grid(alpha=0.3)
-    ax.legend()
+    figure.legend(loc="outside right center")
     figure.savefig(into / "straight.png", dpi=110)
 
 
