@@ -83,7 +83,6 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
         )
     refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
     refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
-    refuse_extreme_tests(system, sample.gradients, np.abs(dx))
 
 
 def refuse_bent(
@@ -113,7 +112,11 @@ def refuse_bent(
 def refuse_bent_tests(
     system: PiecewiseSystem, x: Array, dx: Array, tests: Array, gradients: Matrix
 ) -> None:
-    """Refuse test functions that are not affine, as :func:`refuse_bent` refuses a selection."""
+    """Refuse test functions that are not affine, as :func:`refuse_bent` refuses a selection.
+
+    Refused are also those in units in which they cannot be computed with.
+    """
+    refuse_extreme_tests(system, gradients, np.abs(dx))
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
     if is_bent(there, tests, gradients, dx):
