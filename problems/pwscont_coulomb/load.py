@@ -120,11 +120,6 @@ class CoulombLoad(Coulomb):
         column[: self.body.n] = -rate
         return self.with_alpha_column(self._matrix_at(character, alpha), column)
 
-    def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the terms of H that are linear in z, in an array of their own."""
-        terms: Array = self._of_cell(character, alpha)[0].dot(z)
-        return terms
-
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
         return self._of_cell(character, alpha)[0]
 

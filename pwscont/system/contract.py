@@ -197,8 +197,7 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong here, even if it was right at other points.
     """
-    jacobian = system.jacobian(z, alpha, character)
-    return own_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))
+    return own_matrix(lent_jacobian_at(system, z, alpha, character))
 
 
 def lent_jacobian_at(

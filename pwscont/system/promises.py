@@ -101,7 +101,7 @@ def refuse_bent(
     """
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
-    excess = _bend(value, residual, jacobian, dx)
+    excess = _bend(value, residual, jacobian @ dx, abs(jacobian) @ np.abs(dx))
     if is_everywhere(excess <= 0.0):
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
@@ -116,13 +116,16 @@ def refuse_bent_tests(
 
     Refused are also those in units in which they cannot be computed with.
     """
-    refuse_extreme_tests(system, gradients, np.abs(dx))
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
-    if is_bent(there, tests, gradients, dx):
-        refuse_infinite(system, "test_jacobian", gradients)
-        if (_bend(there, tests, gradients, dx) > 0.0).any():
-            raise InvalidSystemError(_bent(system, "test_functions", dx))
+    changes = abs(gradients) @ np.abs(dx)
+    refuse_extreme_tests(system, changes)
+    excess = _bend(there, tests, gradients @ dx, changes)
+    if (excess <= 0.0).all():
+        return
+    refuse_infinite(system, "test_jacobian", gradients)
+    if (excess > 0.0).any():
+        raise InvalidSystemError(_bent(system, "test_functions", dx))
 
 
 def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
@@ -130,13 +133,13 @@ def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
 
     What is not finite cannot be told from it, and counts as bent.
     """
-    return not (_bend(value, origin, matrix, dx) <= 0.0).all()
+    return not (_bend(value, origin, matrix @ dx, abs(matrix) @ np.abs(dx)) <= 0.0).all()
 
 
-def _bend(value: Array, origin: Array, matrix: Matrix, dx: Array) -> Array:
-    """Return how far ``value`` is off ``origin + matrix @ dx``, beyond a part of the terms."""
-    terms = np.abs(value) + np.abs(origin) + abs(matrix) @ np.abs(dx)
-    excess: Array = np.abs(value - origin - matrix @ dx) - BENT * terms
+def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
+    """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
+    terms = np.abs(value) + np.abs(origin) + terms
+    excess: Array = np.abs(value - origin - change) - BENT * terms
     return excess
 
 

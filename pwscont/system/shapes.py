@@ -45,17 +45,9 @@ def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...
     return np.array(value, dtype=float)
 
 
-def own_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
-    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next.
-
-    Raises
-    ------
-    InvalidSystemError
-        If it is no matrix of that shape, even if earlier ones were.
-    """
-    checked = checked_matrix(system, method, matrix, shape)
-    is_copied = isinstance(checked, np.ndarray) or sp.issparse(checked)
-    return checked.copy() if is_copied else checked
+def own_matrix(matrix: Matrix) -> Matrix:
+    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
+    return matrix.copy() if isinstance(matrix, np.ndarray) or sp.issparse(matrix) else matrix
 
 
 def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.system import PiecewiseSystem
 
@@ -12,21 +12,19 @@ from pwscont.system.system import PiecewiseSystem
 LARGEST = 1e150
 
 
-def refuse_extreme_tests(system: PiecewiseSystem, gradients: Matrix, scale: Array) -> None:
+def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
     """Refuse tests whose typical changes are so large or small that their squares are no numbers.
 
     Parameters
     ----------
     system : PiecewiseSystem
-    gradients : ndarray or sparse matrix, shape (m, n + 1)
-    scale : ndarray, shape (n + 1,)
-        Typical magnitudes of (z, alpha).
+    changes : ndarray, shape (m,)
+        By how much each test changes over typical magnitudes of (z, alpha).
 
     Raises
     ------
     InvalidSystemError
     """
-    changes = abs(gradients) @ scale
     bad = np.flatnonzero((changes > LARGEST) | ((changes < 1.0 / LARGEST) & (changes > 0.0)))
     if len(bad):
         raise InvalidSystemError(
