@@ -112,10 +112,7 @@ def refuse_bent(
 def refuse_bent_tests(
     system: PiecewiseSystem, x: Array, dx: Array, tests: Array, gradients: Matrix
 ) -> None:
-    """Refuse test functions that are not affine, as :func:`refuse_bent` refuses a selection.
-
-    Refused are also those in units in which they cannot be computed with.
-    """
+    """Refuse test functions that are not affine, or in units that cannot be computed with."""
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
     changes = abs(gradients) @ np.abs(dx)
