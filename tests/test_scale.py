@@ -17,7 +17,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import first_digits, from_first_digits
-from pwscont.linear.cores import DenseCore, SparseCore, banded_core, superlu
+from pwscont.linear.cores import DenseCore, SparseCore, banded_core, factorised, superlu
 from pwscont.linear.factorise import DenseFactor, bordered, factor, power_of_two
 from pwscont.linear.inner import column
 from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
@@ -505,7 +505,7 @@ def test_several_right_hand_sides_are_solved_for_together(kind):
         "tridiagonal": lambda: banded_core(bands, 1, 1),
         "banded": lambda: banded_core(bands, 2, 2),
         "sparse": lambda: SparseCore(superlu(sp.csc_matrix(matrix))),
-        "dense": lambda: DenseCore(matrix),
+        "dense": lambda: DenseCore(*factorised(matrix)),
     }[kind]()
     rhs = rng.normal(size=(5, n))
     np.testing.assert_allclose(core.solve_all(rhs) @ matrix.T, rhs, atol=1e-12)

@@ -197,7 +197,12 @@ def test_work_of_a_transition_between_audits(monkeypatch):
 def test_an_audit_is_due_after_sixteen_transitions(monkeypatch):
     (few, _), (many, _) = (work(monkeypatch, last) for last in (114.0, 118.0))
     assert many["solve_all"] == few["solve_all"] + 1
-    assert many["inner"] == few["inner"] == 1
+
+
+def test_the_first_cell_has_the_factorisation_of_the_start(monkeypatch):
+    (few, _), (many, _) = (work(monkeypatch, last) for last in (104.0, 118.0))
+    assert many["inner"] == few["inner"] == 0
+    assert many["jacobian"] == few["jacobian"] + 1  # of an audit
 
 
 def test_a_piece_that_begins_inside_a_cell_is_not_searched(monkeypatch):

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import blas
 
 from pwscont.basics.errors import InvalidInputError
 
@@ -60,8 +61,16 @@ def is_anywhere(signs: Signs) -> bool:
 
 
 def are_finite(values: Array) -> bool:
-    """Tell whether some numbers, one at least, are all finite."""
-    return isfinite(largest(values)) and isfinite(smallest(values))
+    """Tell whether the numbers of a vector, one at least, are all finite."""
+    return isfinite(blas.dasum(values)) or bool(np.isfinite(values).all())  # sums may overflow
+
+
+def joined(vector: Array, value: float) -> Array:
+    """Return a vector with one more entry (numpy.append costs several times as much)."""
+    both = np.empty(len(vector) + 1)
+    both[:-1] = vector
+    both[-1] = value
+    return both
 
 
 def indices(numbers: Sequence[int] | Indices) -> Indices:

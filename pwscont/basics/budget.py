@@ -109,7 +109,7 @@ class Budget:
     def allows(self, pieces: int) -> bool:
         """Tell whether one more piece may be followed after so many."""
         most = self._limits.pieces
-        if not self.spent and most is not None and pieces >= most:
+        if most is not None and pieces >= most and not self.spent:
             self._reason = f"the limit of {most} piece{'' if most == 1 else 's'} was reached"
         return not self.spent
 
@@ -125,11 +125,11 @@ class Budget:
         """Handle Ctrl-C where the main thread has Python's own handler; return that one."""
         if threading.current_thread() is not threading.main_thread():
             return None
-        before = signal.getsignal(signal.SIGINT)
-        if before is not signal.default_int_handler:
-            return None
-        signal.signal(signal.SIGINT, self._on_interrupt)
-        return before
+        before = signal.signal(signal.SIGINT, self._on_interrupt)
+        if before is signal.default_int_handler:
+            return before
+        signal.signal(signal.SIGINT, before)
+        return None
 
     def _on_interrupt(self, _: int, __: FrameType | None) -> None:
         if self._is_interrupted:

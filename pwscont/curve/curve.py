@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import final
+from typing import NamedTuple, final
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.error_samples import magnitude
@@ -14,13 +14,35 @@ from pwscont.linear.factorise import Factor
 from pwscont.system.selection import Selection
 
 
+class Held(NamedTuple):
+    """A Jacobian, the unit row that borders it to a regular matrix, and the factorisation."""
+
+    jacobian: Matrix
+    row: Array
+    factor: Factor
+
+
 @final
 @dataclass(slots=True, eq=False)
 class Curve:
-    """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric."""
+    """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric.
+
+    Attributes
+    ----------
+    selection : Selection
+    metric : Metric
+    held : Held, optional
+        The Jacobian where the curve was entered, for the piece that begins there.
+    """
 
     selection: Selection
     metric: Metric
+    held: Held | None = field(default=None, repr=False)
+
+    def handed_on(self) -> Held | None:
+        """Return the Jacobian where the curve was entered, and let go of it."""
+        held, self.held = self.held, None
+        return held
 
     def slope(self, state: State) -> float:
         """Return d alpha / d arc length, exactly zero where it is zero to rounding.

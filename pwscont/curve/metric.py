@@ -8,11 +8,10 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, largest, smallest
+from pwscont.basics.arrays import Array, Indices, joined, largest, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.curve.root import joined
 from pwscont.linear.factorise import power_of_two
 from pwscont.linear.vectors import dot
 from pwscont.system.box import Box

@@ -30,11 +30,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, largest
+from pwscont.basics.arrays import Array, Matrix, joined, largest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve
-from pwscont.curve.root import Root, first_quotient, joined
+from pwscont.curve.root import Root, first_quotient
 from pwscont.curve.uncertainty import is_rounding
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.linear.vectors import times

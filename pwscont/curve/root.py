@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
-import numpy as np
-
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.rounding import CONVERGED
 from pwscont.linear.factorise import Factor
@@ -53,11 +51,3 @@ class Root:
 def first_quotient(sizes: Sequence[float]) -> float:
     """Return the ratio of the first two corrections, 0 where the first was small itself."""
     return sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] > SMALL else 0.0
-
-
-def joined(residual: Array, value: float) -> Array:
-    """Return the residual with one more entry (numpy.append costs several times as much)."""
-    rhs = np.empty(len(residual) + 1)
-    rhs[:-1] = residual
-    rhs[-1] = value
-    return rhs

@@ -27,14 +27,14 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, largest
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, largest
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import Root, joined
+from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import is_rounding, uncertainty
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
@@ -50,6 +50,7 @@ ARMIJO = 1e-4
 MOST_LEAPS = 3
 
 
+@np.errstate(over="ignore")  # the merit is infinite far away, where H is an exponential
 def semismooth_newton(
     system: PiecewiseSystem,
     metric: Metric,
@@ -221,8 +222,7 @@ class _Merit:
     def of(self, place: _Place) -> float:
         """Return the merit of a place."""
         scaled = place.residual / self.rows
-        with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
-            return float(scaled @ scaled) * _deflation(self.metric, self.known, place.x) ** 2
+        return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
 
 
 def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:

@@ -25,13 +25,15 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.linalg import blas
 
-from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere
+from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, joined
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
+from pwscont.linear.cores import Core
+from pwscont.linear.factorise import DenseFactor
 from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
 from pwscont.linear.structured import StructuredJacobian
@@ -106,12 +108,12 @@ class StraightCell:
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
         """Return the cell of a curve, factorised; None where it is next to singular."""
-        jacobian = curve.selection.jacobian(x)
-        core, n = inner(jacobian, curve.metric.binary), len(x) - 1
+        jacobian, core = _factorised(curve, x)
         if core is None:
             return None
+        n = len(x) - 1
         solver = ProductForm(core, n)
-        cell = cls(curve, solver, np.append(-solver.solve(column(jacobian, n)), 1.0))
+        cell = cls(curve, solver, joined(-solver.solve(column(jacobian, n)), 1.0))
         if not cell._is_told and _compares_columns(curve, jacobian):
             cell._jacobian = jacobian
         return cell if cell._is_tame() else None
@@ -271,6 +273,18 @@ class StraightCell:
         beside: Array = lines[1:].copy()
         _add(beside, last / slopes[0], lines[0])
         return beside
+
+
+def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Core | None]:
+    """Return the Jacobian of a curve and the factorisation of its part for z, where there is one.
+
+    A dense one that was factorised with alpha held, where the piece begins, serves as it is.
+    """
+    held = curve.handed_on()
+    if held and held.row[-1] and isinstance(held.factor, DenseFactor):
+        return held.jacobian, held.factor.without_border()
+    jacobian = curve.selection.jacobian(x)
+    return jacobian, inner(jacobian, curve.metric.binary)
 
 
 def _add(rows: Array, factors: Array, row: Array) -> None:

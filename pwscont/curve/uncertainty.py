@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, joined
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
-from pwscont.curve.root import Root, joined
+from pwscont.curve.root import Root
 from pwscont.linear.factorise import bordered
 
 

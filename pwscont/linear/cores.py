@@ -128,10 +128,10 @@ def solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> 
 
 @final
 class DenseCore(Core):
-    """LU with partial pivoting by LAPACK of a matrix with entries of about one."""
+    """LU with partial pivoting by LAPACK, as :func:`factorised` returns it."""
 
-    def __init__(self, matrix: Array) -> None:
-        self._lu, self._pivots = factorised(matrix)
+    def __init__(self, lu: Array, pivots: Indices) -> None:
+        self._lu, self._pivots = lu, pivots
 
     @property
     def sign(self) -> int:

@@ -23,7 +23,7 @@ from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array, Matrix, Signs, dense, largest
 from pwscont.basics.rounding import EPS
-from pwscont.linear.cores import sign_of_superlu, superlu
+from pwscont.linear.cores import Core, DenseCore, ScaledCore, sign_of_superlu, superlu
 from pwscont.linear.factor import Factor, power_of_two
 from pwscont.linear.sparse import bordered_sparse
 from pwscont.linear.structured import StructuredJacobian
@@ -85,6 +85,15 @@ class DenseFactor(Factor):
         """Return the solutions for several right-hand sides, shape (l, k)."""
         solutions: Array = lapack.dgetrs(self._lu, self._pivots, (rhs * self._rows).T, 0, 1)[0]
         return solutions.T
+
+    def without_border(self) -> Core:
+        """Return the factorisation of B, if the matrix is [[B, b], [0, 1]] and regular.
+
+        Its last row is never exchanged for another one.
+        """
+        n = len(self._lu) - 1
+        core = DenseCore(self._lu[:n, :n].copy(order="F"), self._pivots[:n])
+        return ScaledCore(core, 1.0 / self._rows[:n], np.ones(n))
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""

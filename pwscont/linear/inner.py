@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.linear.banded import BandedJacobian
-from pwscont.linear.cores import Core, DenseCore, ScaledCore
+from pwscont.linear.cores import Core, DenseCore, ScaledCore, factorised
 from pwscont.linear.equilibration import columns_scaled, largest_in_rows, rows_divided
 from pwscont.linear.factor import power_of_two
 from pwscont.linear.sparse import split
@@ -69,4 +69,4 @@ def _core(divided: Matrix) -> Core | None:
         return divided.split()[0]
     if sp.issparse(divided):
         return split(divided)[0]
-    return DenseCore(divided[:, :-1])
+    return DenseCore(*factorised(divided[:, :-1]))

@@ -23,14 +23,13 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, dense, indices, own_dense
+from pwscont.basics.arrays import Array, Indices, Signs, dense, indices, joined, own_dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import joined
 from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
 from pwscont.graph.accuracy import significant
 from pwscont.graph.records import FEW_DIGITS

@@ -10,7 +10,15 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, finite_array, indices, is_everywhere
+from pwscont.basics.arrays import (
+    Array,
+    Indices,
+    Matrix,
+    finite_array,
+    indices,
+    is_everywhere,
+    joined,
+)
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
@@ -85,7 +93,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
-    return Sample(np.append(z, alpha), character, tests, gradients, residual, jacobian)
+    return Sample(joined(z, alpha), character, tests, gradients, residual, jacobian)
 
 
 def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
@@ -138,7 +146,7 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
         If they are not as many positive numbers as there are unknowns.
     """
     scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
-    if scale.shape != (system.size,) or not (scale > 0.0).all():
+    if scale.shape != (system.size,) or not is_everywhere(scale > 0.0):
         raise InvalidSystemError(
             f"{type(system).__name__}.scale() must return {system.size} positive numbers"
         )

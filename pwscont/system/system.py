@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, indices
+from pwscont.basics.arrays import Array, Indices, Matrix, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
@@ -119,7 +119,7 @@ class PiecewiseSystem(ABC):
             if hasattr(self, name):
                 object.__setattr__(twin, name, getattr(self, name))
         scale = self.scale(lo, hi) if magnitudes is None else magnitudes
-        differences = Differences(np.append(scale, hi - lo), lo, hi)
+        differences = Differences(joined(scale, hi - lo), lo, hi)
         object.__setattr__(twin, "_differences", differences)
         return twin
 

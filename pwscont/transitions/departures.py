@@ -14,6 +14,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import FailureReason
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
@@ -103,11 +104,13 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
+    if curve.selection.is_straight:
+        curve.held = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.abs(error).max(axis=0)
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: one sign
-    state = State(x, tangent, error, factor.sign)
+    state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
     return SpecialPointFound(
         Kind.START, forth.state.x, f"start in {curve.selection.label}", (forth, forth.reversed())

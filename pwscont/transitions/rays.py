@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Matrix, Signs, joined
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
 from pwscont.basics.looks import at, named
@@ -36,7 +36,6 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import MOST_CORRECTIONS, STALLED
-from pwscont.curve.root import joined
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection

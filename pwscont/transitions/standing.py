@@ -9,17 +9,15 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.curve.curve import Curve
+from pwscont.curve.curve import Curve, Held
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton
-from pwscont.linear.factorise import Factor, bordered
+from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -46,14 +44,6 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
-
-
-class Held(NamedTuple):
-    """A Jacobian, the unit row that borders it to a regular matrix, and the factorisation."""
-
-    jacobian: Matrix
-    row: Array
-    factor: Factor
 
 
 def regular_border(curve: Curve, x: Array) -> Held | None:

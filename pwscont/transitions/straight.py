@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, are_finite
+from pwscont.basics.arrays import Array, Indices, Signs, are_finite, joined
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -239,7 +239,7 @@ class Gradients:
         """Return by how much the correction of a point changed all tests, shape (m,)."""
         changes: Array = found.along * rates
         if found.aside is not None:
-            changes += self.rows.matrix @ np.append(found.aside, 0.0)
+            changes += self.rows.matrix @ joined(found.aside, 0.0)
         return changes
 
     def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
