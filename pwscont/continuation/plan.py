@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, final
 
 import numpy as np
@@ -22,6 +22,7 @@ from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
+from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
 from pwscont.linear.threads import few_threads
@@ -126,6 +127,8 @@ class Plan:
     stepper : Stepper
     added : tuple of TransitionDetector
         The detectors that a user gave, beside the default ones.
+    last : LastHeld
+        What corrected a start leaves for its first piece.
     """
 
     system: PiecewiseSystem
@@ -136,6 +139,7 @@ class Plan:
     box: Box
     stepper: Stepper
     added: tuple[TransitionDetector, ...]
+    last: LastHeld = field(default_factory=LastHeld)
 
     @classmethod
     def of(
@@ -226,6 +230,7 @@ class Plan:
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
             standing = Standing.of(self.followed, self.metric, x, error)
+            standing.curve.held = self.last.handed_on(standing.curve)
             if not discovery.has(standing):
                 discovery.add(self._begun(standing.departures()))
             if budget.spent or (self.system.unique and discovery.spans(*self.interval)):

@@ -66,7 +66,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
         If there is no solution nearby, or it lies outside the bounds.
     """
     z, alpha = start
-    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
+    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha, last=plan.last)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "

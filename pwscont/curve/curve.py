@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, final
 
 from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.error_samples import magnitude
@@ -51,6 +52,26 @@ class Curve:
         """
         slope = float(state.tangent[-1]) / self.metric.width
         return slope if abs(slope) > GUARD * EPS else 0.0
+
+
+@final
+class LastHeld:
+    """The last Jacobian of a straight cell that Newton's method factorised, with alpha held.
+
+    The piece through the solution that was found begins with it.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[Character, Held] | None = None
+
+    def keep(self, character: Character, held: Held) -> None:
+        """Remember what belongs to a cell, and nothing else."""
+        self._last = character, held
+
+    def handed_on(self, curve: Curve) -> Held | None:
+        """Return what is remembered, if it belongs to the cell of a curve, and forget it."""
+        last, self._last = self._last, None
+        return last[1] if last and last[0] == curve.selection.character else None
 
 
 @final

@@ -32,6 +32,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.curve import Held, LastHeld
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.root import Root
@@ -57,6 +58,7 @@ def semismooth_newton(
     z: Array,
     alpha: float,
     known: Sequence[Array] = (),
+    last: LastHeld | None = None,
 ) -> tuple[Array, Array] | Failure:
     """Solve H(z, alpha) = 0 for z from a rough start.
 
@@ -68,6 +70,8 @@ def semismooth_newton(
     alpha : float
     known : sequence of ndarray, shape (n + 1,)
         Solutions (z, alpha) to keep away from: H is multiplied by 1 + 1 / distance^2 for each.
+    last : LastHeld, optional
+        Where the Jacobian at the solution is left, if it is that of a straight cell.
 
     Returns
     -------
@@ -87,12 +91,11 @@ def semismooth_newton(
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            solved = _is_solved(place.residual / linear.rows, x / metric.scale)
-            return (
-                (x + step, np.abs(step)[np.newaxis])
-                if solved
-                else Failure(FailureReason.NO_DESCENT)
-            )
+            if not _is_solved(place.residual / linear.rows, x / metric.scale):
+                return Failure(FailureReason.NO_DESCENT)
+            if last and isinstance(system, PiecewiseLinearSystem):
+                linear.leave(last)
+            return x + step, np.abs(step)[np.newaxis]
         damped = _line_search(_Merit(system, metric, linear.rows, known), place, step)
         if damped is None:
             parts = linear.jacobian, last_unit(len(x)), linear.factor, metric.scale, iteration
@@ -154,6 +157,12 @@ class _Linear:
             return None
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
         return cls(character, jacobian, rows, factor, factor.is_singular())
+
+    def leave(self, last: LastHeld) -> None:
+        """Leave the Jacobian, if it is regular, where the piece that begins here finds it."""
+        if not self.is_singular:
+            row = last_unit(len(self.rows) + 1)
+            last.keep(self.character, Held(self.jacobian, row, self.factor))
 
     def holds_at(self, system: PiecewiseSystem, place: _Place) -> bool:
         """Tell whether the Jacobian is known to be the same at another place."""

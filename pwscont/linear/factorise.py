@@ -107,12 +107,15 @@ class DenseFactor(Factor):
 
 
 def _row_factors(matrix: Array) -> Array:
-    """Return powers of two by which the rows are multiplied; one for a row of zeros."""
+    """Return powers of two by which the rows are multiplied; one for a row of zeros.
+
+    The matrix is overwritten.
+    """
     if len(matrix) <= FEW_ROWS:
         factors, *_, has_zeros = lapack.dgeequb(matrix)
         if not has_zeros:
             return np.asarray(factors)
-    return 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix), axis=1))
+    return 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix, out=matrix), axis=1))
 
 
 @final

@@ -62,12 +62,11 @@ def _summed(matrix: Matrix) -> Any:
 
 def _thinned(matrix: Array) -> Any:
     """Return dense rows of their own, sparse where few entries are not zero."""
-    own = np.array(matrix, dtype=float)
-    if own.size <= LARGE:
-        return own
-    places = (own.ravel() != 0.0).nonzero()[0]
-    if len(places) >= SPARSE * own.size:
-        return own
-    rows, columns = np.divmod(places, own.shape[1])  # what scipy does takes longer
-    starts = np.searchsorted(rows, np.arange(len(own) + 1))
-    return sp.csr_matrix((own.ravel()[places], columns, starts), shape=own.shape)
+    entries = matrix.ravel()
+    if len(entries) > LARGE:
+        places = (entries != 0.0).nonzero()[0]
+        if len(places) < SPARSE * len(entries):
+            rows, columns = np.divmod(places, matrix.shape[1])  # what scipy does takes longer
+            starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
+            return sp.csr_matrix((entries[places].astype(float), columns, starts), matrix.shape)
+    return np.array(matrix, dtype=float)

@@ -99,7 +99,7 @@ def _beyond(here: Selection, test: int) -> Selection:
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
-    held = regular_border(curve, x)
+    held = curve.held or regular_border(curve, x)
     if held is None:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
