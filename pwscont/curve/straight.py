@@ -23,7 +23,6 @@ from __future__ import annotations
 from typing import NamedTuple, final
 
 import numpy as np
-from scipy.linalg import blas
 
 from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, joined
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
@@ -37,6 +36,7 @@ from pwscont.linear.factorise import DenseFactor
 from pwscont.linear.inner import column, inner
 from pwscont.linear.product_form import ProductForm
 from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
@@ -182,7 +182,7 @@ class StraightCell:
             return False
         self._slopes = (self._lines @ gradient) / pivot
         self._wide[:-1] = w  # alpha of the lines does not change
-        _add(self._lines, -self._slopes, self._wide)
+        add_multiples(self._lines, -self._slopes, self._wide)
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self._is_tame()
@@ -271,7 +271,7 @@ class StraightCell:
         lines, slopes = self._lines, self._slopes
         last = rounding * samples(lines.shape[1])[:, -1] - slopes[1:]
         beside: Array = lines[1:].copy()
-        _add(beside, last / slopes[0], lines[0])
+        add_multiples(beside, last / slopes[0], lines[0])
         return beside
 
 
@@ -285,11 +285,6 @@ def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Core | None]:
         return held.jacobian, held.factor.without_border()
     jacobian = curve.selection.jacobian(x)
     return jacobian, inner(jacobian, curve.metric.binary)
-
-
-def _add(rows: Array, factors: Array, row: Array) -> None:
-    """Add multiples of a row to rows, in place."""
-    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # no strides, and only rows change
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:

@@ -39,7 +39,8 @@ class Rows:
             row: Array = self.matrix[index]
             return row
         row = np.zeros(self.matrix.shape[1])
-        first, last = self.matrix.indptr[index : index + 2]
+        starts = self.matrix.indptr
+        first, last = starts.item(index), starts.item(index + 1)
         row[self.matrix.indices[first:last]] = self.matrix.data[first:last]
         return row
 

@@ -32,6 +32,7 @@ from scipy.linalg import blas, lapack
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
 from pwscont.linear.cores import factorised, sign_of_pivots, solved
+from pwscont.linear.vectors import add_multiples
 
 #: Residual of a solution relative to the largest of solution and right-hand side beyond which the
 #: inverse has drifted. What is solved for are corrections and directions, whose points are
@@ -252,11 +253,10 @@ class Updating(RowSolver):
 
 @final
 class Changes:
-    """Rows that were replaced since an inverse was formed: M^-1 = (I - W L^-1 D) M_0^-1.
+    """Rows that were replaced since an inverse was formed: M^-1 = (I - V D) M_0^-1.
 
-    The columns of W are those of the inverses at the time of each change, the rows of D what was
-    added; L is lower triangular, with the pivots 1 + d.w on its diagonal, and d.w of earlier w
-    below.
+    The rows of D are what was added. With every change, M'^-1 = (I - w d^T / (1 + d.w)) M^-1, the
+    columns of V are taken on to the new inverse, so that there is no system to be solved.
 
     Parameters
     ----------
@@ -266,9 +266,8 @@ class Changes:
 
     def __init__(self, size: int) -> None:
         self.count = 0
-        self._w = np.empty((TOGETHER if size else 0, size))
-        self._d = np.empty_like(self._w)
-        self._lower = np.zeros((len(self._w), len(self._w)), order="F")
+        self._v = np.empty((TOGETHER if size else 0, size))  # the columns of V
+        self._d = np.empty_like(self._v)
 
     def forget(self) -> None:
         """Begin anew, in the same room: new room costs as much as what is written into it."""
@@ -279,8 +278,9 @@ class Changes:
         k, pivot = self.count, 1.0 + float(difference.dot(w))
         if not abs(pivot) > SMALL_PIVOT * (1.0 + _most(difference, w)):
             return 0.0
-        self._w[k], self._d[k] = w, difference
-        self._lower[k, :k], self._lower[k, k] = self._w[:k] @ difference, pivot
+        self._v[k], self._d[k] = w / pivot, difference
+        if k:
+            add_multiples(self._v[:k], -self._v[:k].dot(difference), self._v[k])
         self.count += 1
         return pivot
 
@@ -289,8 +289,7 @@ class Changes:
         k = self.count
         if not k:
             return solution
-        parts = self._solved(self._d[:k] @ solution.T, 0)
-        changed: Array = solution - parts.T @ self._w[:k]
+        changed: Array = solution - solution.dot(self._d[:k].T).dot(self._v[:k])
         return changed
 
     def transposed(self, rhs: Array) -> Array:
@@ -298,8 +297,7 @@ class Changes:
         k = self.count
         if not k:
             return rhs
-        parts = self._solved(self._w[:k] @ rhs.T, 1)
-        changed: Array = rhs - parts.T @ self._d[:k]
+        changed: Array = rhs - rhs.dot(self._v[:k].T).dot(self._d[:k])
         return changed
 
     def subtracted(self, inverse: Array) -> Array:
@@ -307,14 +305,9 @@ class Changes:
         k = self.count
         if not k:
             return inverse
-        parts = self._solved(self._d[:k] @ inverse, 0)
-        result: Array = blas.dgemm(-1.0, self._w[:k].T, parts, 1.0, inverse, overwrite_c=1)
+        parts = self._d[:k] @ inverse
+        result: Array = blas.dgemm(-1.0, self._v[:k].T, parts, 1.0, inverse, overwrite_c=1)
         return result
-
-    def _solved(self, rhs: Array, transposed: int) -> Array:
-        lower = self._lower[: self.count, : self.count]
-        parts: Array = lapack.dtrtrs(lower, rhs, 1, transposed)[0]  # lower
-        return parts if rhs.ndim > 1 else parts.reshape(-1)
 
 
 def _most(a: Array, b: Array) -> float:

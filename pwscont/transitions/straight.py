@@ -116,7 +116,7 @@ class StraightTests(TransitionDetector):
         """Cross the interface; where several meet, take every way on."""
         if self._last is None or self._last.state is not state:
             return self._slowly.arrive(curve, state, index)
-        return crossed(state.x, Ray(curve, state).reversed(), self._last.ray)
+        return crossed(state.x, Ray(curve, state.reversed()), self._last.ray)
 
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
