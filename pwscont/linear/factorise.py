@@ -58,11 +58,12 @@ class DenseFactor(Factor):
     """
 
     def __init__(self, matrix: Array, scale: Array) -> None:
-        self._columns, self._rows = scale, _row_factors(matrix * scale)
+        self._scaled = matrix * scale
+        self._columns, self._rows = scale, _row_factors(self._scaled)
         matrix *= self._rows[:, np.newaxis]
-        self._matrix = matrix
-        self._lu, self._pivots, info = lapack.dgetrf(matrix)
+        self._lu, self._pivots, info = lapack.dgetrf(matrix, True)  # in its own place
         self.failed = info > 0
+        self._verdict: bool | None = None
 
     @property
     def sign(self) -> int:
@@ -97,25 +98,31 @@ class DenseFactor(Factor):
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
-        norm = largest(np.abs(self._matrix).sum(axis=0) * self._columns)
-        if self.failed or not math.isfinite(norm):
+        if self._verdict is None:
+            self._verdict = self.failed or self._looks_singular()
+        return self._verdict
+
+    def _looks_singular(self) -> bool:
+        """Tell the same once: the room of the scaled matrix is used up."""
+        norm = largest(self._rows.dot(np.abs(self._scaled, out=self._scaled)))
+        if not math.isfinite(norm):
             return True
-        lu = self._lu * self._columns
+        lu = np.multiply(self._lu, self._columns, out=self._scaled)
         np.copyto(lu, self._lu, where=below(len(lu)))
         rcond = lapack.dgecon(lu, norm)[0]
         return not rcond >= len(lu) * EPS  # nor where it is nan
 
 
-def _row_factors(matrix: Array) -> Array:
+def _row_factors(scaled: Array) -> Array:
     """Return powers of two by which the rows are multiplied; one for a row of zeros.
 
-    The matrix is overwritten.
+    Of the entries no more than their magnitudes may be left.
     """
-    if len(matrix) <= FEW_ROWS:
-        factors, *_, has_zeros = lapack.dgeequb(matrix)
+    if len(scaled) <= FEW_ROWS:
+        factors, *_, has_zeros = lapack.dgeequb(scaled)
         if not has_zeros:
             return np.asarray(factors)
-    return 1.0 / power_of_two(np.maximum.reduce(np.abs(matrix, out=matrix), axis=1))
+    return 1.0 / power_of_two(np.maximum.reduce(np.abs(scaled, out=scaled), axis=1))
 
 
 @final
@@ -161,7 +168,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
         n = len(jacobian)
-        matrix = np.empty((n + 1, n + 1))
+        matrix = np.empty((n + 1, n + 1), order="F")
         matrix[:n] = jacobian
         matrix[n] = row
         return DenseFactor(matrix, scale)

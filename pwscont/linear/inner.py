@@ -34,6 +34,8 @@ def inner(jacobian: Matrix, scale: Array) -> Core | None:
     """
     if isinstance(jacobian, StructuredJacobian) and not isinstance(jacobian, BandedJacobian):
         return jacobian.inner(scale)
+    if isinstance(jacobian, np.ndarray):
+        return _dense(jacobian, scale)
     scaled = columns_scaled(jacobian, scale)
     rows = power_of_two(largest_in_rows(scaled))
     divided = rows_divided(scaled, rows)
@@ -65,8 +67,12 @@ def _sparse_column(jacobian: Any, index: int) -> Array:
 
 
 def _core(divided: Matrix) -> Core | None:
-    if isinstance(divided, BandedJacobian):
-        return divided.split()[0]
-    if sp.issparse(divided):
-        return split(divided)[0]
-    return DenseCore(*factorised(divided[:, :-1]))
+    return divided.split()[0] if isinstance(divided, BandedJacobian) else split(divided)[0]
+
+
+def _dense(jacobian: Array, scale: Array) -> Core:
+    """Factorise in one array: room for more costs as much as what is done in it."""
+    own = np.multiply(jacobian, scale, order="F")
+    rows = power_of_two(np.maximum(own.max(axis=1), -own.min(axis=1)))
+    own /= rows[:, np.newaxis]
+    return ScaledCore(DenseCore(*factorised(own[:, :-1], overwrite=True)), rows, scale[:-1])
