@@ -157,8 +157,8 @@ class Discovery:
             here.stop(walk.arrival.message)
             return
         key, end = here.keys[index], place_of_arrival(walk.arrival)
-        keys, begun = keys_at_end(walk, ray, key, end), KnownRay(node, index, key)
-        reached = self._reach(walk, end, keys, begun)
+        keys = keys_at_end(walk, ray, key, end)
+        reached = self._reach(walk, end, keys, KnownRay(node, index, key))
         track = Track(key.place, walk.inner, end)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(edge)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import final
 
 import numpy as np
@@ -160,11 +160,9 @@ class Metric:
 
     @cached_property
     def _sketching(self) -> Array:
-        """What a direction is multiplied by: fixed random rows, so that two runs are identical."""
+        """What a direction is multiplied by: nothing but units, or projections of many unknowns."""
         size = len(self.scale)
-        if size <= WHOLE:
-            return 1.0 / self.scale
-        return np.random.default_rng(size).normal(size=(PROJECTIONS, size)) / self.scale
+        return (_projections(size) if size > WHOLE else 1.0) / self.scale
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
@@ -183,3 +181,9 @@ class Metric:
         """Return t with length one."""
         unit: Array = t / self.norm(t)
         return unit
+
+
+@lru_cache(maxsize=4)
+def _projections(size: int) -> Array:
+    """Return fixed random rows, so that two runs are identical."""
+    return np.random.default_rng(size).normal(size=(PROJECTIONS, size))

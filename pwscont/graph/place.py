@@ -102,7 +102,7 @@ class WorkedOut(Place):
 
 def first_digits(error: Array) -> npt.NDArray[np.uint16]:
     """Return estimates of errors, not negative, in two bytes each; rounded up by up to 6 %."""
-    bits = np.ascontiguousarray(error, dtype=float).view(np.uint64)
+    bits = np.asarray(error, dtype=float).view(np.uint64)
     return ((bits + ROUND_UP) >> DROPPED).astype(np.uint16)
 
 

@@ -23,7 +23,14 @@ from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array, Matrix, Signs, dense, largest
 from pwscont.basics.rounding import EPS
-from pwscont.linear.cores import Core, DenseCore, ScaledCore, sign_of_superlu, superlu
+from pwscont.linear.cores import (
+    Core,
+    DenseCore,
+    ScaledCore,
+    sign_of_pivots,
+    sign_of_superlu,
+    superlu,
+)
 from pwscont.linear.factor import Factor, power_of_two
 from pwscont.linear.sparse import bordered_sparse
 from pwscont.linear.structured import StructuredJacobian
@@ -38,7 +45,7 @@ __all__ = [
     "power_of_two",
 ]
 
-#: Of no more rows LAPACK finds the largest entries faster than numpy.
+#: Of no more rows LAPACK finds the largest entries faster than numpy, and Python the sign.
 FEW_ROWS = 32
 
 
@@ -70,6 +77,8 @@ class DenseFactor(Factor):
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
+        if len(self._lu) > FEW_ROWS:
+            return sign_of_pivots(self._lu.diagonal(), self._pivots)
         odd = False
         pivots, exchanges = self._lu.diagonal().tolist(), self._pivots.tolist()
         for row, (pivot, exchange) in enumerate(zip(pivots, exchanges, strict=True)):
