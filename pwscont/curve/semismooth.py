@@ -94,7 +94,7 @@ def semismooth_newton(
             if not _is_solved(place.residual / linear.rows, x / metric.scale):
                 return Failure(FailureReason.NO_DESCENT)
             if last and isinstance(system, PiecewiseLinearSystem):
-                linear.leave(last)
+                linear.leave(last, place.character)
             return x + step, np.abs(step)[np.newaxis]
         damped = _line_search(_Merit(system, metric, linear.rows, known), place, step)
         if damped is None:
@@ -158,11 +158,11 @@ class _Linear:
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
         return cls(character, jacobian, rows, factor, factor.is_singular())
 
-    def leave(self, last: LastHeld) -> None:
+    def leave(self, last: LastHeld, character: Character) -> None:
         """Leave the Jacobian, if it is regular, where the piece that begins here finds it."""
         if not self.is_singular:
             row = last_unit(len(self.rows) + 1)
-            last.keep(self.character, Held(self.jacobian, row, self.factor))
+            last.keep(character, Held(self.jacobian, row, self.factor))
 
     def holds_at(self, system: PiecewiseSystem, place: _Place) -> bool:
         """Tell whether the Jacobian is known to be the same at another place."""

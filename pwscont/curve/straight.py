@@ -150,7 +150,7 @@ class StraightCell:
 
     def settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
         """Return a point of the piece where a function vanishes, as :meth:`cross` does."""
-        self._slopes = self._lines @ gradient
+        self._slopes = self._lines.dot(gradient)
         return self._settled(x, gradient, value)
 
     def _settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
@@ -160,7 +160,7 @@ class StraightCell:
             aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
-            self._slopes = self._lines @ gradient
+            self._slopes = self._lines.dot(gradient)
         elif not is_everywhere(np.abs(residual) <= self._bound):
             aside = self._solver.solve(residual)
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
@@ -180,7 +180,7 @@ class StraightCell:
         pivot = self._solver.change(w, gradient[:-1])
         if pivot == 0.0:
             return False
-        self._slopes = (self._lines @ gradient) / pivot
+        self._slopes = self._lines.dot(gradient) / pivot
         self._wide[:-1] = w  # alpha of the lines does not change
         add_multiples(self._lines, -self._slopes, self._wide)
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
@@ -246,7 +246,7 @@ class StraightCell:
         """
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
-        magnitudes, astray = abs(jacobian), jacobian @ along
+        magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
         terms = magnitudes @ (self._most + CONVERGED * metric.scale)
         typical = magnitudes @ metric.scale
@@ -259,9 +259,9 @@ class StraightCell:
         asked = np.empty((2 + len(rounding), n))
         asked[0], asked[1], asked[2:] = residual, astray, rounding
         solved = self._solver.solve_all(asked)
-        self._lines = np.zeros((len(solved) - 1, n + 1))
-        self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
-        self._lines[1:, :-1] = solved[2:]
+        lines = np.zeros((len(solved) - 1, n + 1))
+        np.subtract(along[:-1], solved[1], out=lines[0, :-1])
+        lines[0, -1], lines[1:, :-1], self._lines = 1.0, solved[2:], lines
         self.length, self._since = metric.norm(self.along), 0
         correction: Array = solved[0]
         return correction

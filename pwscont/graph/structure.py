@@ -50,13 +50,18 @@ class Structure:
         #: The unknowns and recorded quantities of its states, by name.
         self.quantities = _quantities([*given, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
-        self._nodes = {point.id: _asked(point, self.quantities) for point in given}
+        self._given = given
         self._by_id = {piece.id: piece for piece in sorted(pieces, key=lambda piece: piece.id)}
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """All pieces by id."""
         return tuple(self._by_id.values())
+
+    @cached_property
+    def _nodes(self) -> dict[int, SpecialPoint]:
+        """The special points by id, whose states are asked by the names of the graph."""
+        return {point.id: _asked(point, self.quantities) for point in self._given}
 
     @cached_property
     def _points(self) -> tuple[SpecialPoint, ...]:
