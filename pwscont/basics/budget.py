@@ -125,11 +125,11 @@ class Budget:
         """Handle Ctrl-C where the main thread has Python's own handler; return that one."""
         if threading.current_thread() is not threading.main_thread():
             return None
-        before = signal.signal(signal.SIGINT, self._on_interrupt)
-        if before is signal.default_int_handler:
-            return before
-        signal.signal(signal.SIGINT, before)
-        return None
+        before = signal.getsignal(signal.SIGINT)  # None where another language has installed one
+        if before is not signal.default_int_handler:
+            return None
+        signal.signal(signal.SIGINT, self._on_interrupt)
+        return before
 
     def _on_interrupt(self, _: int, __: FrameType | None) -> None:
         if self._is_interrupted:
