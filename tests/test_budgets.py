@@ -244,6 +244,17 @@ def test_a_handler_of_the_program_is_left_alone():
     assert graph.guarantee.startswith("the limit of 3 pieces")
 
 
+def test_a_handler_of_another_language_is_left_alone(monkeypatch):
+    """Python does not know it, and could not put it back."""
+
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(signal, "getsignal", lambda _: None)
+    monkeypatch.setattr(signal, "signal", refuse)
+    assert helix().pieces
+
+
 def test_in_another_thread():
     found = []
     thread = threading.Thread(target=lambda: found.append(helix(limits=Limits(pieces=5))))

@@ -1,0 +1,230 @@
+"""Dense matrices: factorised in their own room, changed by rank one, handed on from a start."""
+
+import numpy as np
+import pytest
+
+from pwscont import PiecewiseLinearSystem, trace
+from pwscont.bench.calls import counted
+from pwscont.curve.curve import Curve, LastHeld
+from pwscont.curve.metric import Metric
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.linear.factor import power_of_two
+from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.inner import inner
+from pwscont.linear.rows import Rows
+from pwscont.linear.updates import TOGETHER, Changes
+from pwscont.system.selection import Selection
+
+SIZES = [1, 2, 5, 31, 32, 33, 120]
+
+
+def in_units(n, seed):
+    """Return a Jacobian (n, n + 1) in units of many magnitudes, and typical magnitudes."""
+    rng = np.random.default_rng([n, seed])
+    scale, rows = 10.0 ** rng.integers(-8, 9, size=n + 1), 10.0 ** rng.integers(-8, 9, size=n)
+    plain = rng.normal(size=(n, n + 1)) + np.sqrt(n) * np.eye(n, n + 1)
+    return rows[:, np.newaxis] * plain / scale, power_of_two(scale)
+
+
+def defect(matrix, solution, rhs):
+    """Return how far a solution is off, as a part of the terms of each row."""
+    terms = np.abs(matrix) @ np.abs(solution) + np.abs(rhs)
+    return float((np.abs(matrix @ solution - rhs) / terms).max())
+
+
+# -- factorisations --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("n", SIZES)
+def test_the_part_for_z_is_factorised_and_the_jacobian_is_not_written_to(n, order):
+    jacobian, scale = in_units(n, 0)
+    given = np.asarray(jacobian, order=order)
+    core, rhs = inner(given, scale), jacobian @ np.ones(n + 1)
+    np.testing.assert_array_equal(given, jacobian)
+    assert defect(jacobian[:, :-1], core.solve(rhs), rhs) < 1e-13
+    assert core.sign == np.linalg.slogdet(jacobian[:, :-1] * scale[:-1])[0]
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_the_factorisation_with_alpha_held_has_that_of_the_part_for_z(n):
+    jacobian, scale = in_units(n, 1)
+    whole = bordered(jacobian, last_unit(n + 1), scale)
+    part, rhs = whole.without_border(), np.random.default_rng(n).normal(size=(3, n))
+    rhs *= np.abs(jacobian) @ scale
+    assert part.sign == whole.sign == np.linalg.slogdet(jacobian[:, :-1] * scale[:-1])[0]
+    for one, solution in zip(rhs, part.solve_all(rhs), strict=True):
+        assert defect(jacobian[:, :-1], solution, one) < 1e-12
+        np.testing.assert_allclose(solution, part.solve(one), rtol=1e-9)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_a_matrix_is_solved_with_after_it_was_looked_at_as_before(n):
+    jacobian, scale = in_units(n, 2)
+    row = np.random.default_rng(n).normal(size=n + 1) / scale
+    factor, rhs = bordered(jacobian, row, scale), np.append(jacobian @ scale, row @ scale)
+    before, sign = factor.solve(rhs), factor.sign
+    assert [factor.is_singular() for _ in range(3)] == [False] * 3
+    np.testing.assert_array_equal(factor.solve(rhs), before)
+    assert factor.sign == sign
+    np.testing.assert_allclose(before / scale, np.ones(n + 1), rtol=1e-8)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_a_singular_matrix_stays_singular(n):
+    jacobian, scale = in_units(n, 3)
+    row = 3.0 * jacobian[0] / np.abs(jacobian[0] * scale).max()
+    factor = bordered(jacobian, row, scale)
+    assert factor.is_singular()
+    assert factor.is_singular()
+
+
+# -- changes of rank one ---------------------------------------------------------------------------
+
+
+def changed(seed, smallest):
+    """Return a matrix, what it became by changes of its rows with small pivots, and the changes."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 60))
+    first = rng.normal(size=(n, n)) + 2.0 * np.sqrt(n) * np.eye(n)
+    inverse, matrix, changes, undone = np.linalg.inv(first), first.copy(), Changes(n), []
+    for _ in range(TOGETHER):
+        row, difference = int(rng.integers(n)), rng.normal(size=n)
+        w = changes.applied(inverse[:, row])
+        if undone and rng.random() < 0.4:
+            row, difference = undone.pop()
+            w = changes.applied(inverse[:, row])
+        elif rng.random() < 0.3:  # nearly singular, until it is undone
+            pivot = smallest ** rng.random() * rng.choice([-1.0, 1.0])
+            difference -= (1.0 + difference @ w - pivot) / (w @ w) * w
+            undone.append((row, -difference))
+        if changes.add(w, difference):
+            matrix[row] += difference
+    return first, matrix, changes
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_changes_lead_to_the_matrix_as_it_is(seed):
+    """Solutions, also with the transposed matrix, and the inverse itself."""
+    first, matrix, changes = changed(seed, 1e-4)
+    rng, bound = np.random.default_rng(seed), 1e-10 * np.linalg.cond(matrix)
+    assert changes.count > TOGETHER // 2
+    rhs = rng.normal(size=(3, len(matrix)))
+    solved = changes.applied(np.linalg.solve(first, rhs.T).T)
+    exact = np.linalg.solve(matrix, rhs.T).T
+    np.testing.assert_allclose(solved, exact, rtol=0.0, atol=bound * np.abs(exact).max())
+    alone = changes.applied(np.linalg.solve(first, rhs[0]))
+    np.testing.assert_allclose(alone, exact[0], rtol=0.0, atol=bound * np.abs(exact).max())
+    transposed = np.linalg.solve(first.T, changes.transposed(rhs[0]))
+    exact = np.linalg.solve(matrix.T, rhs[0])
+    np.testing.assert_allclose(transposed, exact, rtol=0.0, atol=bound * np.abs(exact).max())
+    inverse = changes.subtracted(np.asfortranarray(np.linalg.inv(first)))
+    exact = np.linalg.inv(matrix)
+    np.testing.assert_allclose(inverse, exact, rtol=0.0, atol=bound * np.abs(exact).max())
+
+
+def test_a_change_that_loses_its_digits_is_not_taken():
+    changes, w = Changes(3), np.array([1.0, 1e9, 0.0])
+    assert changes.add(w, np.array([-1.0 + 1e-12, 0.0, 0.0])) == 0.0
+    assert changes.add(w, np.array([1.0, -1e-9, 0.0])) == pytest.approx(1.0)
+    assert changes.count == 1
+
+
+# -- constant rows ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [float, int, np.float32])
+@pytest.mark.parametrize("part", [0.0, 0.02, 0.5])
+@pytest.mark.parametrize("shape", [(20, 30), (300, 200)])
+def test_rows_are_kept_as_they_were(shape, part, dtype):
+    rng = np.random.default_rng(1)
+    given = np.where(rng.random(shape) < part, rng.integers(-9, 10, shape), 0).astype(dtype)
+    for matrix in (given.copy(), np.asfortranarray(given)):
+        rows = Rows(matrix)
+        matrix[:] = 7
+        x = rng.normal(size=shape[1])
+        np.testing.assert_allclose(rows.matrix.dot(x), given.astype(float) @ x, atol=1e-12)
+        np.testing.assert_array_equal(rows.one(shape[0] - 1), given[-1])
+        np.testing.assert_array_equal(rows.some(np.array([3, 0])), given[[3, 0]])
+
+
+# -- starts ----------------------------------------------------------------------------------------
+
+
+class Absolute(PiecewiseLinearSystem):
+    """A z + b |z| = q + alpha q1, written into one array, with a test that bounds nothing."""
+
+    def __init__(self, n, seed):
+        rng = np.random.default_rng(seed)
+        self.size, self.A = n, rng.normal(size=(n, n)) + 4.0 * np.sqrt(n) * np.eye(n)
+        self.b, (self.q, self.q1) = rng.uniform(0.2, 0.8, size=n), rng.normal(size=(2, n))
+        self._buffer = np.empty((n, n + 1))
+
+    def test_functions(self, z, alpha):
+        return np.append(z, alpha)
+
+    def test_jacobian(self, z, alpha):
+        return np.eye(self.size + 1)
+
+    def bounding_tests(self, character):
+        return np.arange(self.size)
+
+    def signs(self, character):
+        return np.where(character.array[:-1], 1.0, -1.0)
+
+    def residual(self, z, alpha, character):
+        return self.A @ z + self.b * self.signs(character) * z - self.q - alpha * self.q1
+
+    def jacobian(self, z, alpha, character):
+        self._buffer[:, :-1] = self.A + np.diag(self.b * self.signs(character))
+        self._buffer[:, -1] = -self.q1
+        return self._buffer
+
+    def scale(self, lo, hi):
+        return np.ones(self.size)
+
+    def true(self, alpha):
+        """Return the only solution, by a fixed point of its signs."""
+        z = np.zeros(self.size)
+        for _ in range(100):
+            z = np.linalg.solve(self.A + np.diag(self.b * np.sign(z)), self.q + alpha * self.q1)
+        return z
+
+
+@pytest.mark.parametrize("n", [2, 9, 40])
+@pytest.mark.parametrize("seed", range(5))
+def test_pieces_from_rough_starts_are_those_of_the_system(n, seed):
+    """Newton crosses cells on its way, and its matrix is one that the system writes to."""
+    system = Absolute(n, seed)
+    start = 10.0 * np.random.default_rng(seed).normal(size=n)
+    graph = trace(system, (start, 0.3), (-2.0, 2.0))
+    for alpha in (-2.0, -0.7, 0.3, 1.1, 2.0):
+        (found,) = graph.solutions(alpha)
+        np.testing.assert_allclose(found.z, system.true(alpha), atol=1e-12)
+
+
+def test_a_piece_begins_with_the_jacobian_of_its_start():
+    """Checks ask for a Jacobian, and Newton does; direction and cell do not."""
+    system = Absolute(40, 1)
+    start, alone = (system.true(0.3), 0.3), (0.3, 0.3 + 1e-6)
+    with counted(system) as calls:
+        graph = trace(system, start, alone)
+    assert len(graph.pieces) == 1
+    assert calls["jacobian"] == 2
+
+
+def test_only_the_cell_of_the_start_is_handed_its_jacobian_and_once():
+    system = Absolute(5, 3)
+    metric, last = Metric.of(system, (-2.0, 2.0)), LastHeld()
+
+    def left():
+        x, _ = semismooth_newton(system, metric, np.zeros(5), 0.3, last=last)
+        return x, system.character(x[:-1], 0.3)
+
+    x, character = left()
+    other = Curve(Selection(system, character.flip(0)), metric)
+    assert last.handed_on(other) is None
+    x, character = left()
+    held = last.handed_on(here := Curve(Selection(system, character), metric))
+    np.testing.assert_array_equal(held.jacobian, system.jacobian(x[:-1], 0.3, character))
+    assert last.handed_on(here) is None
