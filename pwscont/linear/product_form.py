@@ -1,9 +1,9 @@
 """Solves with matrices that differ from a factorised one by changes of rank one (product form).
 
 B' = B + c g^T has the inverse (I - w g^T / (1 + g.w)) B^-1 with w = B^-1 c (Sherman and Morrison).
-The vectors of all changes since the factorisation are kept: the product form of the inverse of the
-simplex method (Dantzig and Orchard-Hays 1954). A solve costs one with the factorised matrix, and
-two products with the vectors.
+The vectors of all changes since the factorisation are kept, as in the product form of the inverse
+of the simplex method (Dantzig and Orchard-Hays 1954), multiplied out: a solve costs one with the
+factorised matrix, and two products with the vectors.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Where row r of M is replaced, M' = M + e_r d^T, the inverse changes by a matrix of rank one (Sherman
 and Morrison): M'^-1 = M^-1 - w d^T M^-1 / (1 + d.w), with w column r of M^-1. The changes since the
-inverse was formed are kept as vectors w and d (the product form); after a number of them
+inverse was formed are kept as pairs of vectors, see :class:`Changes`; after a number of them
 they are subtracted from the inverse all at once, by products of matrices. The sign of the
 determinant is multiplied by that of 1 + d.w, so that no determinant is ever computed (docs/theory,
 F10).
