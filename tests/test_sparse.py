@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 
-from pwscont import ExactLinear, PseudoArclength, explore, trace
+from pwscont import ExactLinear, PiecewiseLinearSystem, PseudoArclength, explore, trace
 
 FORMATS = [sp.csr_matrix, sp.csc_matrix, sp.coo_matrix]
 CASES = [(2, 1), (2, 8), (3, 3), (3, 5)]
@@ -87,3 +87,44 @@ def test_rough_start():
     start = (np.ones(body.n + 6), 0.3)
     systems = [CoulombLoad(make(body), load, 0.5) for make in (sparse_body, contact_body)]
     assert_same_graph(*(trace(system, start, (-1.0, 1.0)) for system in systems))
+
+
+class Corner(PiecewiseLinearSystem):
+    """2 z + |z| / 2 = alpha for two unknowns, whose tests both vanish at the start."""
+
+    size = 2
+
+    def __init__(self, kind):
+        self.kind = kind
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def test_jacobian(self, z, alpha):
+        return self.kind(np.eye(2, 3))
+
+    def slopes(self, character):
+        return 2.0 + 0.5 * np.where(character.array, 1.0, -1.0)
+
+    def residual(self, z, alpha, character):
+        return self.slopes(character) * z - alpha
+
+    def jacobian(self, z, alpha, character):
+        return self.kind(np.column_stack([np.diag(self.slopes(character)), -np.ones(2)]))
+
+
+KINDS = ["csr", "csc", "coo", "bsr", "dia", "dok", "lil"]
+
+
+@pytest.mark.parametrize(
+    "kind", [f"{kind}_{what}" for kind in KINDS for what in ("matrix", "array")]
+)
+def test_starts_in_a_corner_with_any_storage(kind):
+    system = Corner(getattr(sp, kind))
+    for graph in (
+        explore(system, (-1.0, 1.0), starts=[(np.zeros(2), 0.0)]),
+        trace(system, (np.zeros(2), 0.0), (-1.0, 1.0)),
+    ):
+        for alpha, slope in ((-1.0, 1.5), (1.0, 2.5)):
+            (found,) = graph.solutions(alpha)
+            np.testing.assert_allclose(found.z, alpha / slope, rtol=1e-14)

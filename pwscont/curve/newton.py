@@ -151,7 +151,7 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     along = root.factor.solve(unit)
     if not root.stale:
         return root.factor, metric.normalised(along)
-    jacobian = curve.selection.jacobian(root.x)
+    jacobian = curve.selection.lent_jacobian(root.x)
     for _ in range(MOST_CHORDS):
         # along the border nothing is corrected: only the length of the direction would change
         correction = root.factor.solve(joined(jacobian.dot(along), 0.0))

@@ -51,7 +51,6 @@ ARMIJO = 1e-4
 MOST_LEAPS = 3
 
 
-@np.errstate(over="ignore")  # the merit is infinite far away, where H is an exponential
 def semismooth_newton(
     system: PiecewiseSystem,
     metric: Metric,
@@ -231,7 +230,8 @@ class _Merit:
     def of(self, place: _Place) -> float:
         """Return the merit of a place."""
         scaled = place.residual / self.rows
-        return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
+        with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
+            return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
 
 
 def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:

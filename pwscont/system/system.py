@@ -156,7 +156,9 @@ class PiecewiseSystem(ABC):
     def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
         """Return some rows, or say that there are fewer here than elsewhere."""
         try:
-            return rows.take(which, 0) if isinstance(rows, np.ndarray) else rows[which]
+            if isinstance(rows, np.ndarray):
+                return rows.take(which, 0)
+            return (rows.tocsr() if hasattr(rows, "tocsr") else rows)[which]
         except IndexError as error:
             raise InvalidSystemError(
                 f"{type(self).__name__} has {rows.shape[0]} test functions at alpha = "
