@@ -86,6 +86,11 @@ def dense(matrix: Matrix) -> Array:
     return whole
 
 
+def by_rows(matrix: Matrix) -> Matrix:
+    """Return a matrix of which rows can be taken: a sparse one in any storage stored by rows."""
+    return matrix.tocsr() if hasattr(matrix, "tocsr") else matrix
+
+
 def own_dense(matrix: Matrix) -> Array:
     """Return any matrix as an array of its own: its owner may use the same one for the next."""
     return np.array(dense(matrix), dtype=float)

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, indices, joined
+from pwscont.basics.arrays import Array, Indices, Matrix, by_rows, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
@@ -156,9 +156,7 @@ class PiecewiseSystem(ABC):
     def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
         """Return some rows, or say that there are fewer here than elsewhere."""
         try:
-            if isinstance(rows, np.ndarray):
-                return rows.take(which, 0)
-            return (rows.tocsr() if hasattr(rows, "tocsr") else rows)[which]
+            return rows.take(which, 0) if isinstance(rows, np.ndarray) else by_rows(rows)[which]
         except IndexError as error:
             raise InvalidSystemError(
                 f"{type(self).__name__} has {rows.shape[0]} test functions at alpha = "
