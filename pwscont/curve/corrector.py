@@ -102,7 +102,7 @@ class MoorePenrose(Corrector):
             factor = bordered(selection.jacobian(x), metric.covector(t), metric.binary)
             if factor.failed:
                 return Failure(FailureReason.SINGULAR)
-            dx = factor.solve(np.append(selection.residual(x), 0.0))
+            dx = factor.solve(selection.residual_and(x, 0.0))
             t = metric.normalised(factor.solve(last_unit(len(x))))
             dx = dx - metric.covector(t).dot(dx) * t
             x = x - dx

@@ -259,9 +259,9 @@ class StraightCell:
         asked = np.empty((2 + len(rounding), n))
         asked[0], asked[1], asked[2:] = residual, astray, rounding
         solved = self._solver.solve_all(asked)
-        lines = np.zeros((len(solved) - 1, n + 1))
-        np.subtract(along[:-1], solved[1], out=lines[0, :-1])
-        lines[0, -1], lines[1:, :-1], self._lines = 1.0, solved[2:], lines
+        self._lines = np.zeros((len(solved) - 1, n + 1))
+        self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
+        self._lines[1:, :-1] = solved[2:]
         self.length, self._since = metric.norm(self.along), 0
         correction: Array = solved[0]
         return correction

@@ -64,7 +64,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     metric = curve.metric
     if not metric.admits(x):
         return None
-    jacobian, rest = curve.selection.jacobian(x), joined(curve.selection.residual(x), value)
+    jacobian, rest = curve.selection.jacobian(x), curve.selection.residual_and(x, value)
     factor = bordered(jacobian, row, metric.binary)
     if factor.failed:
         return None

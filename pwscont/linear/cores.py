@@ -22,6 +22,8 @@ from pwscont.basics.rounding import EPS
 
 #: LAPACK's tridiagonal routines are wrapped for matrices of at least this size.
 SMALLEST_TRIDIAGONAL = 3
+#: Of no more pivots Python finds the sign of their product faster than numpy.
+FEW_PIVOTS = 32
 
 
 class Core(ABC):
@@ -161,9 +163,14 @@ def regularise(pivots: Array) -> None:
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     """Return the sign of the determinant."""
-    negative = np.count_nonzero(pivots < 0.0)
-    odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
-    return -1 if (negative + odd) % 2 else 1
+    if len(pivots) > FEW_PIVOTS:
+        negative = np.count_nonzero(pivots < 0.0)
+        odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
+        return -1 if (negative + odd) % 2 else 1
+    is_odd = False
+    for row, (pivot, exchange) in enumerate(zip(pivots.tolist(), exchanges.tolist(), strict=True)):
+        is_odd ^= (pivot < 0.0) != (exchange != row)
+    return -1 if is_odd else 1
 
 
 @final

@@ -45,7 +45,7 @@ __all__ = [
     "power_of_two",
 ]
 
-#: Of no more rows LAPACK finds the largest entries faster than numpy, and Python the sign.
+#: Of no more rows LAPACK finds the largest entries faster than numpy.
 FEW_ROWS = 32
 
 
@@ -75,15 +75,7 @@ class DenseFactor(Factor):
     @property
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
-        if self.failed:
-            return 0
-        if len(self._lu) > FEW_ROWS:
-            return sign_of_pivots(self._lu.diagonal(), self._pivots)
-        odd = False
-        pivots, exchanges = self._lu.diagonal().tolist(), self._pivots.tolist()
-        for row, (pivot, exchange) in enumerate(zip(pivots, exchanges, strict=True)):
-            odd ^= (pivot < 0.0) != (exchange != row)
-        return -1 if odd else 1
+        return 0 if self.failed else sign_of_pivots(self._lu.diagonal(), self._pivots)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for one right-hand side."""

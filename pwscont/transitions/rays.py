@@ -134,7 +134,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     selection, metric = curve.selection, curve.metric
     if test not in selection.bounding:
         return None
-    jacobian, rest = selection.jacobian(x), joined(selection.residual(x), 0.0)
+    jacobian, rest = selection.jacobian(x), selection.residual_and(x, 0.0)
     factor = bordered(jacobian, gradient_of(selection, x, test), metric.binary, rest)
     if factor.is_singular():
         return None
@@ -155,7 +155,7 @@ def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
     if state.located_by is None or test not in selection.bounding:
         return None
     there = _Beyond(selection.jacobian(x), -gradient_of(selection, x, test), state)
-    some, rest = metric.scale * generic(len(x)), joined(selection.residual(x), 0.0)
+    some, rest = metric.scale * generic(len(x)), selection.residual_and(x, 0.0)
     asked = np.stack([there @ some, rest, there.excess(there.before)])
     same, defect, change = there.solve_all(asked)
     agree = metric.norm(same - some) <= STALLED * metric.norm(some)
@@ -235,7 +235,7 @@ def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
     factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
     if factor.is_singular():
         return State(x, tangent, error, factor.sign)
-    defect = factor.solve(np.append(curve.selection.residual(x), 0.0))
+    defect = factor.solve(curve.selection.residual_and(x, 0.0))
     return moved(x, defect, tangent, error, factor.sign)
 
 
