@@ -149,8 +149,9 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     """
     metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
-    if not root.stale:
-        return root.factor, metric.normalised(along)
+    length = metric.norm(along)
+    if not root.stale and abs(along[-1]) > TURNED * metric.width * length:
+        return root.factor, times(1.0 / length, along)
     jacobian = curve.selection.lent_jacobian(root.x)
     for _ in range(MOST_CHORDS):
         # along the border nothing is corrected: only the length of the direction would change

@@ -33,6 +33,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
+from pwscont.curve.predictor import arc
 from pwscont.curve.root import Root
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.uncertainty import uncertainty
@@ -91,6 +92,7 @@ def accepted(
     if not strain <= 1.0:
         return Failure(FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
+    end.comes_from(state, arc(segment.length, cosine))
     return segment
 
 

@@ -34,8 +34,10 @@ class SmoothFolds(TransitionDetector):
 
     def is_quiet(self, segment: CurvedSegment) -> bool:
         """Tell that alpha goes the same way at both ends, and does not turn between them."""
-        first, last = segment.curve.slope(segment.start), segment.curve.slope(segment.end)
-        return first * last > 0.0 and not _turns_twice(segment)
+        curve = segment.curve
+        if curve.slope(segment.start) * curve.slope(segment.end) <= 0.0:
+            return False
+        return curve.selection.is_straight or not _turns_twice(segment)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
