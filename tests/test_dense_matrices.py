@@ -204,13 +204,13 @@ def test_pieces_from_rough_starts_are_those_of_the_system(n, seed):
 
 
 def test_a_piece_begins_with_the_jacobian_of_its_start():
-    """Checks ask for a Jacobian, and Newton does; direction and cell do not."""
+    """The checks ask for a Jacobian; Newton, direction and cell do not."""
     system = Absolute(40, 1)
     start, alone = (system.true(0.3), 0.3), (0.3, 0.3 + 1e-6)
     with counted(system) as calls:
         graph = trace(system, start, alone)
     assert len(graph.pieces) == 1
-    assert calls["jacobian"] == 2
+    assert calls["jacobian"] == 1
 
 
 def test_only_the_cell_of_the_start_is_handed_its_jacobian_and_once():

@@ -33,7 +33,7 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         raise InvalidInputError(f"{name} must be an array of numbers: {error}") from error
     if shape is not None and array.shape != shape:
         raise InvalidInputError(f"{name} has shape {array.shape}, expected {shape}")
-    if not np.isfinite(array).all():
+    if array.size and not is_everywhere(np.isfinite(array)):
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         entry = name + (str(list(where)) if where else "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")

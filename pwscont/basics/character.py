@@ -138,7 +138,8 @@ class Character:
         return signs == others if packed == packed_too else self._signs == other._signs
 
     def __hash__(self) -> int:
-        return hash(self._signs)
+        signs, packed = self._stored
+        return hash(self._signs if packed else signs)
 
     def __repr__(self) -> str:
         size = self.array.size

@@ -67,6 +67,22 @@ def _check_entry(name: Any, function: Any, taken: frozenset[str]) -> None:
         raise InvalidInputError(f"record {name!r} must be a function of (z, alpha)")
 
 
+def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
+    """Return the names of all unknowns, or say what is wrong with them.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    if len(names) != size:
+        raise InvalidSystemError(
+            f"names() must return {size} names, one for each unknown, got {len(names)}"
+        )
+    if not all(isinstance(name, str) for name in names):
+        raise InvalidSystemError("names() must return texts")
+    return names
+
+
 @final
 class Quantities:
     """The names of the unknowns of a system, and the quantities that a user records.
@@ -121,13 +137,7 @@ class Quantities:
         """
         if not self.is_named:
             return tuple(f"z[{i}]" for i in range(size))
-        if len(self._names) != size:
-            raise InvalidSystemError(
-                f"names() must return {size} names, one for each unknown, got {len(self._names)}"
-            )
-        if not all(isinstance(name, str) for name in self._names):
-            raise InvalidSystemError("names() must return texts")
-        return self._names
+        return checked_names(self._names, size)
 
     def value(self, name: str, z: Array, alpha: float) -> float:
         """Return an unknown, or a recorded quantity, at a state.

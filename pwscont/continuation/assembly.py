@@ -21,7 +21,7 @@ from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.packing import Lifted, WithoutHidden
-from pwscont.graph.passages import Change, Passage, Said
+from pwscont.graph.passages import Begun, Change, Passage, Said
 from pwscont.graph.place import Place, Stored
 from pwscont.graph.track import Track
 from pwscont.system.box import Box
@@ -57,7 +57,7 @@ def assemble(
     lift = Lift(system, reduction, metric, accuracy, isinstance(system, HidesUnknowns))
     edges = [_Directed(edge, width, lift) for edge in discovery.edges]
     order = list(_in_order(edges))
-    numbers = {node: number for number, node in enumerate(_nodes_in_order(order, discovery))}
+    numbers = _numbers(order, discovery)
     points = [
         _special_point(number, discovery.nodes[node], meeting, lift)
         for (node, number), meeting in zip(numbers.items(), _meetings(order, numbers), strict=True)
@@ -203,13 +203,10 @@ def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
             node = edge.end
 
 
-def _nodes_in_order(order: list[_Directed], discovery: Discovery) -> Iterator[int]:
-    """Yield each node once: first those of the pieces in their order, then isolated ones."""
-    seen: set[int] = set()
-    for node in [*(n for edge in order for n in (edge.start, edge.end)), *discovery.nodes]:
-        if node not in seen:
-            seen.add(node)
-            yield node
+def _numbers(order: list[_Directed], discovery: Discovery) -> dict[int, int]:
+    """Return a number for each node: first for those of the pieces in order, then isolated ones."""
+    ends = [node for edge in order for node in (edge.start, edge.end)]
+    return {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
 
 
 def _special_point(number: int, node: Node, meeting: _Meeting, lift: Lift) -> SpecialPoint:
@@ -236,8 +233,8 @@ def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | 
     if edge.begun_at is None:
         return None
     place = lift.place(edge.begun_at)
-    said = Said(f"start in {directed.naming(directed.character)}")
-    return SpecialPoint(-1, Kind.START, place, said, piece, lift.accuracy)
+    begun = Begun(lift.system, directed.character)
+    return SpecialPoint(-1, Kind.START, place, begun, piece, lift.accuracy)
 
 
 def _passage(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Passage:

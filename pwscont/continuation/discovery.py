@@ -132,7 +132,7 @@ class Discovery:
     def close(self, why: str) -> None:
         """Mark the nodes with rays that were not followed, and say why; ends the discovery."""
         for node in self.nodes.values():
-            left = sum(ray is not None for ray in node.rays)
+            left = len(node.rays) - node.rays.count(None)
             if left:
                 node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
                 node.kind = Kind.STOPPED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import Any, final
 
 import numpy as np
@@ -67,7 +68,7 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
         lo, hi = (float(end) for end in interval)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"interval must be two numbers, got {interval!r}") from error
-    if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
+    if not (isfinite(lo) and isfinite(hi) and lo < hi):
         raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
     low, high = system.domain
     if lo < low or hi > high:

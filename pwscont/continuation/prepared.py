@@ -39,9 +39,12 @@ def prepared(
     z, alpha = start
     checked_size(system)
     check_names(system)
-    check_abilities(system)
+    check_abilities(type(system))
     plan = Plan.of(system, interval, stepper, detectors)
-    check_promises(plan.system, interval, check_contract(plan.system, z, alpha))
+    sample = check_contract(plan.system, z, alpha)
+    check_promises(plan.system, interval, sample)
+    if plan.followed is plan.system:
+        plan.last.begin(sample)
     return plan
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple, final
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import Factor
+from pwscont.system.contract import Sample
 from pwscont.system.selection import Selection
 
 
@@ -58,11 +59,22 @@ class Curve:
 class LastHeld:
     """The last Jacobian of a straight cell that Newton's method factorised, with alpha held.
 
-    The piece through the solution that was found begins with it.
+    The piece through the solution that was found begins with it. Newton's method itself begins with
+    what the system returned when it was checked, if that was at the start.
     """
 
     def __init__(self) -> None:
         self._last: tuple[Character, Held] | None = None
+        self._sample: Sample | None = None
+
+    def begin(self, sample: Sample) -> None:
+        """Remember what the system returned when it was checked."""
+        self._sample = sample
+
+    def begun(self, x: Array) -> Sample | None:
+        """Return what it returned, if that was at this point, and forget it."""
+        sample, self._sample = self._sample, None
+        return sample if sample and is_everywhere(sample.x == x) else None
 
     def keep(self, character: Character, held: Held) -> None:
         """Remember what belongs to a cell, and nothing else."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, is_everywhere, largest, smallest
+from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, largest, smallest
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
@@ -51,9 +51,10 @@ def _root_of_squares(error: Array) -> Array:
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
     """
     spread: Array = np.sqrt(_ones(len(error)).dot(np.square(error)))
-    if smallest(spread) < UNDERFLOW:
+    if len(spread) and smallest(spread) < UNDERFLOW:  # most of these are zero
         lost = spread < UNDERFLOW
-        spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
+        if is_anywhere(np.logical_and(error, lost)):
+            spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
     return spread
 
 
@@ -64,8 +65,7 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
     """Return the same where the terms of ``x`` are of these sizes."""
-    spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))
-    estimate: Array = EPS * (abs(rows) @ sizes) + spread
+    estimate: Array = EPS * (abs(rows) @ sizes) + _root_of_squares((rows @ error.T).T)
     return estimate
 
 

@@ -78,7 +78,7 @@ def semismooth_newton(
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
         of its error where that is all conditioning allows; or a Failure.
     """
-    place, linear, leaps = _Place.at(system, joined(z, alpha)), None, 0
+    place, linear, leaps = _Place.first(system, joined(z, alpha), last), None, 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         if linear is None or not linear.holds_at(system, place):
@@ -110,11 +110,20 @@ def semismooth_newton(
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """A point (z, alpha), the character of its cell, and the residual there."""
+    """A point (z, alpha), the character of its cell, the residual and, if known, the Jacobian."""
 
     x: Array
     character: Character
     residual: Array
+    jacobian: Matrix | None = None
+
+    @classmethod
+    def first(cls, system: PiecewiseSystem, x: Array, last: LastHeld | None) -> _Place:
+        """Return the same of a start, of what the system returned when it was checked there."""
+        known = last.begun(x) if last else None
+        return (
+            cls(x, known.character, known.residual, known.jacobian) if known else cls.at(system, x)
+        )
 
     @classmethod
     def at(cls, system: PiecewiseSystem, x: Array) -> _Place:
@@ -149,8 +158,9 @@ class _Linear:
     @classmethod
     def of(cls, system: PiecewiseSystem, metric: Metric, place: _Place) -> _Linear | None:
         """Return the Jacobian at a place, factorised; None where it is not finite."""
-        x, character = place.x, place.character
-        jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
+        x, character, jacobian = place.x, place.character, place.jacobian
+        if jacobian is None:
+            jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
         rows = _row_scale(jacobian, metric)
         if not are_finite(rows):
             return None
@@ -176,7 +186,7 @@ def _is_solved(scaled: Array, size: Array) -> bool:
 
     Where the Jacobian is singular the regularised step may vanish where the residual does not.
     """
-    most = math.sqrt(CONVERGED) + CONVERGED * float(np.abs(size).sum())
+    most = math.sqrt(CONVERGED) + CONVERGED * float(np.add.reduce(np.abs(size)))
     return largest(np.abs(scaled)) <= most
 
 
@@ -197,8 +207,9 @@ def _as_good_as_it_gets(
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     """Return the largest scaled coefficient of z in each row."""
-    scaled = abs(jacobian) @ joined(metric.scale[:-1], 0.0)
-    return np.where(scaled != 0.0, scaled, 1.0)  # what is not finite stays so
+    scaled: Array = abs(jacobian) @ joined(metric.scale[:-1], 0.0)
+    scaled[scaled == 0.0] = 1.0  # what is not finite stays so
+    return scaled
 
 
 def _direction(linear: _Linear, residual: Array, metric: Metric) -> Array:
@@ -230,18 +241,19 @@ class _Merit:
     def of(self, place: _Place) -> float:
         """Return the merit of a place."""
         scaled = place.residual / self.rows
-        with np.errstate(over="ignore"):  # infinite far away, where H is an exponential
-            return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
+        return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
 
 
 def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:
     """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
-    before, length = merit.of(place), 1.0
-    for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
-        trial = _Place.at(merit.system, place.x + length * step)
-        if merit.of(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
-            return trial
-        length *= 0.5
+    length = 1.0
+    with np.errstate(over="ignore"):  # the merit is infinite far away, where H is an exponential
+        before = merit.of(place)
+        for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
+            trial = _Place.at(merit.system, place.x + length * step)
+            if merit.of(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
+                return trial
+            length *= 0.5
     return None
 
 

@@ -45,8 +45,9 @@ TINY, AUDIT = 16, 16
 #: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
 #: more.
 SMALL = 64
-#: A residual is corrected from this part on of what the stated error of the point covers.
-COVERED = 0.75
+#: A residual is corrected from this part of the terms of its row on: three quarters of what the
+#: stated error of the point covers.
+UNSEEN = 0.75 * CONFIDENCE * EPS
 #: Errors are estimated afresh where an unknown is larger than this times all of its kind were.
 GROWN = 2.0
 #: A direction is on its selection where its residual is below this part of its terms.
@@ -86,6 +87,8 @@ class StraightCell:
     Attributes
     ----------
     curve : Curve
+    along : ndarray, shape (n + 1,)
+        Direction of the piece, with an alpha of one; not to be kept, for it changes with the cell.
     turn : int
         The sign of 1 + g.w where the cell was entered: -1 at a fold.
     length : float
@@ -98,11 +101,13 @@ class StraightCell:
         system = curve.selection.system
         self._is_told = isinstance(system, PiecewiseLinearSystem) and system.knows_kinks
         self._jacobian: Matrix | None = None
-        #: The direction of the piece, and samples of the error of its points.
-        self._lines = along[np.newaxis].copy()
+        #: The direction of the piece, and samples of the error of its points, of which alpha is 0.
+        self._lines = np.zeros((1 + len(samples(len(along))), len(along)))
+        self._lines[0] = along
+        self.along: Array = self._lines[0]
         self._wide = np.zeros(len(along))
         self._slopes = np.empty(0)  # of the last test crossed, along all of these
-        self._bound = np.empty(0)
+        self._terms = np.empty(0)  # of the rows of H, as large as they were at the last audit
         self._most, self._since = np.empty(0), AUDIT
 
     @classmethod
@@ -117,12 +122,6 @@ class StraightCell:
         if not cell._is_told and _compares_columns(curve, jacobian):
             cell._jacobian = jacobian
         return cell if cell._is_tame() else None
-
-    @property
-    def along(self) -> Array:
-        """Direction of the piece, with an alpha of one, shape (n + 1,)."""
-        along: Array = self._lines[0]
-        return along
 
     def cross(
         self, other: Curve, x: Array, test: int, gradient: Array, value: float
@@ -161,7 +160,7 @@ class StraightCell:
             if aside is None:
                 return None
             self._slopes = self._lines.dot(gradient)
-        elif not is_everywhere(np.abs(residual) <= self._bound):
+        elif not is_everywhere(np.abs(residual) <= UNSEEN * self._terms):
             aside = self._solver.solve(residual)
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 
@@ -248,21 +247,19 @@ class StraightCell:
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
-        terms = magnitudes @ (self._most + CONVERGED * metric.scale)
+        self._terms = magnitudes @ (self._most + CONVERGED * metric.scale)
         typical = magnitudes @ metric.scale
-        if not is_everywhere(np.abs(astray) <= ASTRAY * metric.largest(np.abs(along)) * typical):
+        if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, for which it is no more at hand
-        rounding = EPS * terms * samples(n + 1)[:, :n]
-        self._bound = COVERED * CONFIDENCE * EPS * terms
+        rounding = samples(n + 1)[:, :n] * (EPS * self._terms)
         asked = np.empty((2 + len(rounding), n))
         asked[0], asked[1], asked[2:] = residual, astray, rounding
         solved = self._solver.solve_all(asked)
-        self._lines = np.zeros((len(solved) - 1, n + 1))
-        self._lines[0, :-1], self._lines[0, -1] = along[:-1] - solved[1], 1.0
+        along[:-1] -= solved[1]
         self._lines[1:, :-1] = solved[2:]
-        self.length, self._since = metric.norm(self.along), 0
+        self.length, self._since = metric.norm(along), 0
         correction: Array = solved[0]
         return correction
 

@@ -28,6 +28,29 @@ class Said:
 
 @final
 @dataclass(slots=True, eq=False)
+class Begun:
+    """That tracing began inside a cell, put into words when it is asked for.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+        Has the words.
+    character : Character
+    """
+
+    system: PiecewiseSystem
+    character: Character
+
+    def __call__(self, orientation: int) -> str:
+        """Return the message."""
+        return f"start in {self.system.label(self.character)}"
+
+    def __reduce__(self) -> tuple[type[Said], tuple[str]]:
+        return Said, (self(1),)  # copies, also in other processes, have no system
+
+
+@final
+@dataclass(slots=True, eq=False)
 class Change:
     """What changes from one cell to another, put into words when it is asked for.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -25,16 +25,11 @@ VARIABLES = (
 SMALL = 1000
 
 
-@contextmanager
-def few_threads(size: int) -> Iterator[None]:
+def few_threads(size: int) -> AbstractContextManager[Any]:
     """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
     decided = size > SMALL or any(name in os.environ for name in VARIABLES)
     controller = None if decided else _controller()
-    if controller is None:
-        yield
-        return
-    with controller.limit(limits=1, user_api="blas"):
-        yield
+    return controller.limit(limits=1, user_api="blas") if controller else nullcontext()
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
@@ -13,8 +15,9 @@ from pwscont.system.system import PiecewiseSystem
 ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
 
 
-def check_abilities(system: PiecewiseSystem) -> None:
-    """Refuse a method that would never be called, for the system does not say that it has it.
+@lru_cache(maxsize=64)  # no more than that of classes that nobody uses any more are kept
+def check_abilities(kind: type[PiecewiseSystem]) -> None:
+    """Refuse a method that would never be called, for its class does not say that it has it.
 
     Raises
     ------
@@ -22,10 +25,9 @@ def check_abilities(system: PiecewiseSystem) -> None:
     """
     for ability in ABILITIES:
         for method in sorted(ability.__abstractmethods__):
-            given = getattr(type(system), method, None)
-            if callable(given) and not isinstance(system, ability):
-                kind = type(system).__name__
+            if callable(getattr(kind, method, None)) and not issubclass(kind, ability):
+                name = kind.__name__
                 raise InvalidSystemError(
-                    f"{kind}.{method} would never be called, for {kind} does not derive from "
+                    f"{name}.{method} would never be called, for {name} does not derive from "
                     f"pwscont.extending.{ability.__name__}: let it, or give the method another name"
                 )

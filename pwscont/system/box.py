@@ -130,7 +130,7 @@ class Box:
 
 def _are_infinite(lower: Any, upper: Any, period: Any) -> bool:
     """Tell whether bounds and periods are the numbers that say that there are none."""
-    are_numbers = all(type(value) is float for value in (lower, upper, period))
+    are_numbers = type(lower) is type(upper) is type(period) is float
     return are_numbers and (lower, upper, period) == (-np.inf, np.inf, np.inf)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from inspect import isfunction, signature
 from typing import Any, final
 
@@ -22,7 +23,7 @@ from pwscont.basics.arrays import (
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
-from pwscont.basics.quantities import Quantities
+from pwscont.basics.quantities import checked_names
 from pwscont.system.hidden import shown_size
 from pwscont.system.shapes import checked_array, checked_matrix, expect, own_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
@@ -118,13 +119,19 @@ def check_attributes(system: PiecewiseSystem) -> None:
     """
     checked_size(system)
     kind = type(system).__name__
-    for name, arguments in METHODS.items():
+    for name in (*_not_functions(type(system)), *(METHODS.keys() & vars(system))):
         if not callable(given := getattr(system, name, checked_size)):
-            what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
+            what = f"must be a method, def {name}({METHODS[name]}), got {short(repr(given))}"
             raise InvalidSystemError(f"{kind}.{name} {what}")
     for name in VALUES:
         if callable(getattr(system, name)):
             raise InvalidSystemError(f"{kind}.{name} must be a value, not a method: {name} = ...")
+
+
+@lru_cache(maxsize=64)  # no more than that of classes that nobody uses any more are kept
+def _not_functions(kind: type[PiecewiseSystem]) -> tuple[str, ...]:
+    """Return the methods that are no functions of a class, such as properties."""
+    return tuple(name for name in METHODS if not isfunction(getattr(kind, name, checked_size)))
 
 
 def checked_size(system: PiecewiseSystem) -> int:
@@ -164,9 +171,9 @@ def check_names(system: PiecewiseSystem) -> None:
         return
     method = f"{type(system).__name__}.names()"
     given = system.names()
-    if isinstance(given, str) or not isinstance(given, Iterable):
+    if isinstance(given, str) or not isinstance(given, tuple | list | Iterable):
         raise InvalidSystemError(f"{method} must return {shown_size(system)} texts, got {given!r}")
-    names = Quantities(tuple(given)).names(shown_size(system))
+    names = checked_names(tuple(given), shown_size(system))
     if len(set(names)) < len(names):
         twice = next(name for name, number in Counter(names).items() if number > 1)
         raise InvalidSystemError(f"{method} gives several unknowns the name {twice!r}")

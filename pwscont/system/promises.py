@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -118,7 +119,7 @@ def refuse_bent_tests(
     changes = abs(gradients) @ np.abs(dx)
     refuse_extreme_tests(system, changes)
     excess = _bend(there, tests, gradients @ dx, changes)
-    if (excess <= 0.0).all():
+    if not len(excess) or is_everywhere(excess <= 0.0):
         return
     refuse_infinite(system, "test_jacobian", gradients)
     if (excess > 0.0).any():
@@ -305,7 +306,7 @@ def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:
     _check_owners(name, "row", system.size, [block.rows for block in blocks])
     _check_owners(name, "test function", tests, [block.tests for block in blocks])
     for number, block in enumerate(blocks):
-        if not block.modes or any(len(mode) != len(block.tests) for mode in block.modes):
+        if set(map(len, block.modes)) != {len(block.tests)}:
             raise InvalidSystemError(
                 f"{name}: every mode of block {number} needs {len(block.tests)} signs, one for "
                 "each of its tests"
@@ -334,8 +335,9 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
 
 def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
-    claimed = [index for claim in claims for index in claim]
-    if len(set(claimed)) == len(claimed) and all(0 <= index < limit for index in claimed):
+    claimed = list(chain.from_iterable(claims))
+    fits = not claimed or (min(claimed) >= 0 and max(claimed) < limit)
+    if fits and len(set(claimed)) == len(claimed):
         return
     for index, times in Counter(claimed).items():
         if not 0 <= index < limit:

@@ -7,7 +7,7 @@ from typing import cast, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
@@ -82,7 +82,7 @@ class Selection:
 
     def is_bounded_by(self, test: int) -> bool:
         """Tell whether a test bounds the cell."""
-        return bool(np.count_nonzero(self.bounding == test))
+        return bool(len(self.bounding)) and is_anywhere(self.bounding == test)
 
     def residual(self, x: Array) -> Array:
         """Return H_chi(x), shape (n,), in an array of its own."""

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.kind import Kind
@@ -62,13 +62,12 @@ class Standing:
             If a test is not finite there.
         """
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        if not np.isfinite(tests).all():
+        if len(tests) and not are_finite(tests):
             raise InvalidSystemError(
                 f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
                 f"{x[-1]:.6g}: all must be finite"
             )
         curve = Curve(Selection(system, Character.of(tests)), metric)
-        error = np.atleast_2d(error)  # searches may give one sample as a vector
         gradients = system.test_jacobian(x[:-1], float(x[-1]))
         zero = zeros(gradients, tests, x, error, metric.scale)
         if all(zero.isdisjoint(side.bounding.tolist()) for side in _near(curve.selection, zero)):
@@ -107,13 +106,14 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     if curve.selection.is_straight:
         curve.held = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
-    known = np.abs(error).max(axis=0)
+    known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: one sign
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
+    rays = forth, forth.reversed()
     return SpecialPointFound(
-        Kind.START, forth.state.x, f"start in {curve.selection.label}", (forth, forth.reversed())
+        Kind.START, forth.state.x, lambda: f"start in {curve.selection.label}", rays
     )
 
 

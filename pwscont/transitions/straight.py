@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, are_finite, joined
+from pwscont.basics.arrays import Array, Indices, Signs, are_finite, is_everywhere, joined
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -255,7 +255,8 @@ class Gradients:
         extent = metric.largest(np.abs(state.x)), metric.largest(state.size)
         if not len(tests) or not are_finite(tests) or len(self.near_zero(tests, extent)):
             return False
-        return bool((selection.side * tests[selection.bounding] > 0.0).all())
+        inside = selection.side * tests[selection.bounding] > 0.0
+        return not len(inside) or is_everywhere(inside)
 
     def near_zero(self, tests: Array, extent: tuple[float, float]) -> Indices:
         """Return the tests that an error may have made zero, or a correction.
