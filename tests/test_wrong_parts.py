@@ -459,6 +459,30 @@ def test_attributes_that_do_not_fit_are_refused(given, words):
             check_system(system, [([0.0], 0.0)])
 
 
+@pytest.mark.parametrize("name", ["residual", "label", "bounding_tests"])
+def test_methods_of_one_object_are_looked_at_though_its_class_was_before(name):
+    trace(Lines(), (np.zeros(1), 0.0), (0.0, 2.0))
+    system = Lines()
+    setattr(system, name, 5)
+    with pytest.raises(InvalidSystemError, match=rf"Lines\.{name} must be a method"):
+        trace(system, (np.zeros(1), 0.0), (0.0, 2.0))
+
+
+def test_a_property_may_return_a_method():
+    class Chosen(Lines):
+        @property
+        def label(self):
+            return self.words
+
+        words = staticmethod(lambda character: "chosen")
+
+    graph = trace(Chosen(), (np.zeros(1), 0.0), (0.0, 2.0))
+    assert {piece.label for piece in graph.pieces} == {"chosen"}
+    Chosen.words = "not callable"
+    with pytest.raises(InvalidSystemError, match=r"Chosen\.label must be a method"):
+        trace(Chosen(), (np.zeros(1), 0.0), (0.0, 2.0))
+
+
 def test_a_reason_to_end_is_a_text():
     class Fuse(Straight, Ending):
         def test_functions(self, z, alpha):
