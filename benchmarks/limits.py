@@ -24,7 +24,7 @@ from figures import store
 from lasso import is_installed
 from pwscont_coulomb import CoulombLoad
 from pwscont_coulomb.elastic.scenes import block_body, wedge, wedge_body
-from pwscont_coulomb.scenes import fig7
+from pwscont_coulomb.scenes import fig7, fig10
 from scale import INTERVAL, memory, run
 from small import drawn, imported, least, per_point
 from strip import strip
@@ -110,7 +110,8 @@ def small() -> Iterator[Row]:
     yield Row("fig7, trace", least(lambda: trace(system, start, interval), 20), 1.0, " ms")
     yield Row("fig7, explore", least(lambda: explore(system, interval), 20), 2.5, " ms")
     yield Row("wedge, 14 nodes, a piece", folded(), 12e3 / 53, " µs")
-    yield Row("one point of a curve, fig10", 1e3 * per_point(20), 60.0, " µs")
+    yield Row("fig7 by arclength, a point", 1e3 * per_point(fig7(), 20), 60.0, " µs")
+    yield Row("fig10, curved, a point", 1e3 * per_point(fig10(), 20), 60.0, " µs")
     yield Row("import, above numpy and scipy", imported(), 100.0, " ms")
     wedged = wedge_body(7).condensed().along_load()
     bodies = {

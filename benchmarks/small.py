@@ -27,6 +27,7 @@ from scale import INTERVAL, run
 from strip import strip
 
 from pwscont import BranchGraph, PseudoArclength, StepSize, explore, plot, trace
+from pwscont.scenes.scene import Scene
 
 FRICTION = 0.3
 SOLVES = 1000
@@ -63,7 +64,8 @@ def small(runs: int) -> Iterator[tuple[str, float]]:
     yield "fig7, trace", least(lambda: trace(system, start, interval), runs)
     yield "fig7, explore", least(lambda: explore(system, interval), runs)
     yield "import, above numpy and scipy", imported()
-    yield "curved, per point", per_point(runs)
+    yield "fig7 by arclength, per point", per_point(fig7(), runs)
+    yield "curved, per point", per_point(fig10(), runs)
 
 
 def imported() -> float:
@@ -76,9 +78,9 @@ def imported() -> float:
     return 1e3 * min(float(fresh()) for _ in range(5))
 
 
-def per_point(runs: int) -> float:
-    """Return the time of one point on the curves of fig10, in milliseconds."""
-    system, interval = fig10().system, fig10().interval
+def per_point(scene: Scene, runs: int) -> float:
+    """Return the time of one point by short steps along a scene's curves, in milliseconds."""
+    system, interval = scene.system, scene.interval
     stepper = PseudoArclength(step_size=StepSize(largest=0.01))
 
     def follow() -> BranchGraph:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pwscont import (
     BorderedNewton,
@@ -481,6 +482,37 @@ def test_a_property_may_return_a_method():
     Chosen.words = "not callable"
     with pytest.raises(InvalidSystemError, match=r"Chosen\.label must be a method"):
         trace(Chosen(), (np.zeros(1), 0.0), (0.0, 2.0))
+
+
+class Crossing(PiecewiseSystem):
+    """z = (alpha, 3 alpha / 2) in every cell; both tests vanish at zero."""
+
+    size = 2
+
+    def __init__(self, stored=np.asarray, wrong=np.nan):
+        self.stored, self.wrong = stored, wrong
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return np.array([z[0] - alpha, z[1] - 1.5 * alpha])
+
+    def jacobian(self, z, alpha, character):
+        slope = self.wrong if character.signs == (True, True) else 1.0
+        return self.stored(np.array([[slope, 0.0, -1.0], [0.0, 1.0, -1.5]]))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    "stored", [np.asarray, sp.csr_matrix, sp.csc_array, sp.coo_matrix, sp.dia_matrix, sp.lil_array]
+)
+def test_a_jacobian_at_a_corner_is_refused_in_the_name_of_its_system(stored, wrong):
+    words = r"Crossing\.jacobian in cell \+\+ .* not finite in row 0, .* at alpha=0, z=\[0, 0\]"
+    with pytest.raises(InvalidSystemError, match=words):
+        trace(Crossing(stored, wrong), ([-1.0, -1.5], -1.0), (-1.0, 1.0))
+    graph = trace(Crossing(stored, 1.0), ([-1.0, -1.5], -1.0), (-1.0, 1.0))
+    np.testing.assert_allclose(graph.solutions(0.8)[0].z, [0.8, 1.2], atol=1e-12)
 
 
 def test_a_reason_to_end_is_a_text():

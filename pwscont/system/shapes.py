@@ -75,8 +75,10 @@ def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> N
         )
 
 
-def refuse_infinite(system: object, what: str, matrix: Matrix) -> None:
-    """Refuse the derivatives of linear pieces where they are not finite.
+def refuse_infinite(
+    system: object, what: str, matrix: Matrix, why: str = "linear pieces have finite derivatives"
+) -> None:
+    """Refuse derivatives that are not finite where they must be, as those of linear pieces.
 
     Raises
     ------
@@ -86,5 +88,5 @@ def refuse_infinite(system: object, what: str, matrix: Matrix) -> None:
     if len(lost):
         raise InvalidSystemError(
             f"{type(system).__name__}.{what} returned numbers that are not finite in row "
-            f"{lost[0]}, and linear pieces have finite derivatives"
+            f"{lost[0]}, and {why}"
         )

@@ -12,15 +12,19 @@ from typing import final
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense
 from pwscont.basics.character import Character
 from pwscont.basics.generic import generic
+from pwscont.basics.looks import at
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
+from pwscont.linear.structured import StructuredJacobian
 from pwscont.system.blocks import Block, number_of_cells
 from pwscont.system.contract import jacobian_at
+from pwscont.system.shapes import refuse_infinite
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.simple import MANY_TESTS, Admits, all_cells, names_its_cells
 
@@ -101,9 +105,18 @@ class Linearised(SlicewiseLinearSystem):
         if character not in self._known:
             if len(self._known) == FEW_KNOWN:
                 self._known.clear()
-            z, alpha = self._x[:-1], float(self._x[-1])
-            self._known[character] = jacobian_at(self._system, z, alpha, character)
+            self._known[character] = self._jacobian_of(character)
         return self._known[character]
+
+    def _jacobian_of(self, character: Character) -> Matrix:
+        """Return dH/dx of a cell that meets at the corner, or refuse one that is not finite."""
+        system, z, alpha = self._system, self._x[:-1], float(self._x[-1])
+        jacobian = jacobian_at(system, z, alpha, character)
+        if _is_finite(jacobian):
+            return jacobian
+        why = f"this cell meets others at {at(self._x)}, where H is continued into it"
+        refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
+        return jacobian
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the bounding tests of the cell that vanish at the corner."""
@@ -147,6 +160,14 @@ class Linearised(SlicewiseLinearSystem):
         cells = [cell.signs for cell in all_cells(self._system, here, self._zero)]
         rows = tuple(range(self.size - 1))
         return Block(tuple(range(len(here.signs))), rows, tuple(cells))
+
+
+def _is_finite(jacobian: Matrix) -> bool:
+    """Tell whether all entries are finite; those of a structured Jacobian are not at hand."""
+    if isinstance(jacobian, StructuredJacobian):
+        return True
+    entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian.ravel()
+    return not len(entries) or are_finite(entries)
 
 
 def in_parts(
