@@ -18,7 +18,7 @@ HEADINGS = (
 #: What is shown; tangent, secant, Moore-Penrose and steps by angle are in the data and the picture.
 SHOWN = {
     "exact linear": (None,),
-    "arclength, cubic, Newton": (0.1, 0.01),
+    "arclength, Hermite, Newton": (0.1, 0.01),
     "natural parameter": (0.01,),
 }
 KINDS = ("branch_max", "points_max", "transitions", "folds")

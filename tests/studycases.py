@@ -76,9 +76,9 @@ def scene_of_one_node(friction, f_nu=0.25):
     return Scene("one", "one node", system, interval)
 
 
-def slow_study():
-    """Return a study that takes a second."""
-    return Study(slow, {"number": range(100)}, {"pieces": number_of_pieces})
+def slow_study(cases=100):
+    """Return a study of which a hundred cases take a second."""
+    return Study(slow, {"number": range(cases)}, {"pieces": number_of_pieces})
 
 
 def number_of_pieces(graph):

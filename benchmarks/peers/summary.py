@@ -19,7 +19,7 @@ HEADINGS = (
 )
 #: How the names of pwscont's own steppers begin, and which of them are shown.
 OWN = ("exact linear", "arclength", "natural parameter")
-SHOWN = ("exact linear", "arclength, cubic, Newton")
+SHOWN = ("exact linear", "arclength, Hermite, Newton")
 KINDS = ("branch_max", "points_max", "folds")
 
 

@@ -74,14 +74,14 @@ def _natural(size: StepSize) -> Stepper:
 
 
 STEPPERS: dict[str, Callable[[StepSize], Stepper]] = {
-    "arclength, cubic, Newton": _newton,
+    "arclength, Hermite, Newton": _newton,
     "arclength, tangent, Newton": _tangent,
     "arclength, secant, Newton": _secant,
-    "arclength, cubic, Moore-Penrose": _moore_penrose,
+    "arclength, Hermite, Moore-Penrose": _moore_penrose,
     "natural parameter": _natural,
 }
 EXACT = "exact linear"
-BY_ANGLE = "arclength, cubic, Newton, by angle"
+BY_ANGLE = "arclength, Hermite, Newton, by angle"
 NAMES = (EXACT, *STEPPERS, BY_ANGLE)
 
 
