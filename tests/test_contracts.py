@@ -244,6 +244,17 @@ def test_a_start_that_leads_nowhere_says_so_once():
         explore(Bent(), (-2.0, 2.0)).point(99)
 
 
+@pytest.mark.parametrize("error", [[0.0, 0.0], [[0.0, 0.0]], np.zeros(2), np.zeros((3, 2))])
+def test_a_search_may_give_errors_as_lists(error):
+    class Known(Search):
+        def starts(self, system, metric, interval):
+            yield np.array([0.0, 0.0]), error
+
+    graph = explore(Bent(), (-2.0, 2.0), search=Known())
+    (solution,) = graph.solutions(1.0)
+    assert solution.z[0] + solution.z[0] ** 3 / 7.0 == pytest.approx(1.0, abs=1e-14)
+
+
 def test_a_search_that_yields_nothing_to_look_at():
     class Nothing(Search):
         def starts(self, system, metric, interval):

@@ -102,6 +102,23 @@ def test_a_step_of_another_size_long_ago_is_left_out(ratio):
     np.testing.assert_array_equal(x, cubic)
 
 
+def test_tangents_by_differences_are_too_rough_for_a_quintic():
+    """They may be off by a hundredth, which the quintic takes a few dozen times."""
+
+    class Rough(Wave):
+        jacobian = PiecewiseSystem.jacobian
+
+    last, before, earlier = wave(0.7), wave(0.65), wave(0.6)
+    last.comes_from(before, 0.06)
+    rough = Curve(Selection(Rough(), CURVE.selection.character), CURVE.metric)
+    cubic, _ = Hermite().predict(rough, before, last, 0.05)
+    before.comes_from(earlier, 0.06)
+    x, _ = Hermite().predict(rough, before, last, 0.05)
+    np.testing.assert_array_equal(x, cubic)
+    x, _ = Hermite().predict(CURVE, before, last, 0.05)
+    assert (x != cubic).any()
+
+
 def test_no_more_than_two_states_back_are_kept():
     states = [wave(0.1 * k) for k in range(5)]
     for behind, state in pairwise(states):

@@ -469,6 +469,23 @@ def test_methods_of_one_object_are_looked_at_though_its_class_was_before(name):
         trace(system, (np.zeros(1), 0.0), (0.0, 2.0))
 
 
+@pytest.mark.parametrize(
+    ("name", "given", "words"),
+    [
+        ("label", 5, r"Mine\.label must be a method"),
+        ("end", lambda self, *_: None, r"Mine\.end would never be called"),
+    ],
+)
+def test_a_class_that_was_changed_is_looked_at_again(name, given, words):
+    kind = type("Mine", (Lines,), {})
+    trace(kind(), (np.zeros(1), 0.0), (0.0, 2.0))
+    setattr(kind, name, given)
+    with pytest.raises(InvalidSystemError, match=words):
+        trace(kind(), (np.zeros(1), 0.0), (0.0, 2.0))
+    delattr(kind, name)
+    trace(kind(), (np.zeros(1), 0.0), (0.0, 2.0))
+
+
 def test_a_property_may_return_a_method():
     class Chosen(Lines):
         @property

@@ -39,7 +39,7 @@ def prepared(
     z, alpha = start
     checked_size(system)
     check_names(system)
-    check_abilities(type(system))
+    check_abilities(system)
     plan = Plan.of(system, interval, stepper, detectors)
     sample = check_contract(plan.system, z, alpha)
     check_promises(plan.system, interval, sample)

@@ -31,7 +31,7 @@ class Usable:
 
     def __iter__(self) -> Iterator[Found]:
         for x, given in self._starts:
-            error = given if given.ndim == 2 else given[np.newaxis]  # one sample may be a vector
+            error = np.atleast_2d(given)  # searches may give one sample as a vector
             if not has_digits(x, error, self._metric.scale):
                 self._uncertain += 1
             elif is_inside(self._box, x, error):

@@ -53,7 +53,7 @@ def _root_of_squares(error: Array) -> Array:
     spread: Array = np.sqrt(_ones(len(error)).dot(np.square(error)))
     if len(spread) and smallest(spread) < UNDERFLOW:  # most of these are zero
         lost = spread < UNDERFLOW
-        if is_anywhere(np.logical_and(error, lost)):
+        if len(error) and is_anywhere(np.logical_and(error, lost)):
             spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
     return spread
 
@@ -65,7 +65,8 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
     """Return the same where the terms of ``x`` are of these sizes."""
-    estimate: Array = EPS * (abs(rows) @ sizes) + _root_of_squares((rows @ error.T).T)
+    spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))  # rows are in any units
+    estimate: Array = EPS * (abs(rows) @ sizes) + spread
     return estimate
 
 

@@ -21,7 +21,6 @@ from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.differences import FINE_STEP, STEP
-from pwscont.system.system import PiecewiseSystem
 
 #: What differences of second and of fourth order are off by at least, relative to derivatives.
 CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
@@ -40,7 +39,7 @@ def polished(curve: Curve, state: State) -> Polished:
     """Return a state after one correction more, with a tangent to nearly all digits."""
     found = BorderedNewton().correct(curve, state.x, state.tangent)
     corrected = state if isinstance(found, Failure) else found.state
-    if type(curve.selection.system).jacobian is not PiecewiseSystem.jacobian:
+    if curve.selection.knows_jacobian:
         return Polished(corrected, GUARD * EPS)
     return _by_differences(curve, corrected)
 

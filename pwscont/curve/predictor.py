@@ -5,6 +5,8 @@ Failure modes and answers
 - Extrapolation far beyond the step before it goes wrong: the stepper halves its step, with which
   every predictor tends to the tangent.
 - The step before is so short that its chord is rounding: it is left out.
+- Tangents by differences may be off by a percent where a function changes within their steps, and
+  the quintic takes such errors dozens of times: there the cubic is as far as it goes.
 - A polynomial of the chord, along tangents of length one, is of fourth order whatever its degree:
   it is one of arc length, which the angle between the tangents tells well enough.
 """
@@ -70,9 +72,10 @@ class Secant(Predictor):
 class Hermite(Predictor):
     """Along the quintic through the last three points and their tangents: of sixth order.
 
-    Along the cubic, of fourth order, where there are two points only, or the two steps before
-    differ too much. What Newton has left to do is often rounding after one Jacobian (higher order
-    predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore 1991).
+    Along the cubic, of fourth order, where there are two points only, the two steps before differ
+    too much, or Jacobians are differences. What Newton has left to do is often rounding after one
+    Jacobian (higher order predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore
+    1991).
     """
 
     def predict(
@@ -86,6 +89,8 @@ class Hermite(Predictor):
             return _straight_on(state, length), state.tangent
         earlier, r = previous.behind, previous.arc
         if earlier is None or not s <= ALIKE * r <= ALIKE**2 * s:
+            return _cubic(state, previous, s, length), state.tangent
+        if not curve.selection.knows_jacobian:
             return _cubic(state, previous, s, length), state.tangent
         return _quintic(state, (previous, s), (earlier, s + r), length), state.tangent
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.compact import Compact
 from pwscont.system.ending import Ending
@@ -13,21 +11,22 @@ from pwscont.system.reduction import Reducible
 from pwscont.system.system import PiecewiseSystem
 
 ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
+#: The methods of all of them.
+METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 
 
-@lru_cache(maxsize=64)  # no more than that of classes that nobody uses any more are kept
-def check_abilities(kind: type[PiecewiseSystem]) -> None:
-    """Refuse a method that would never be called, for its class does not say that it has it.
+def check_abilities(system: PiecewiseSystem) -> None:
+    """Refuse a method that would never be called, for the system does not say that it has it.
 
     Raises
     ------
     InvalidSystemError
     """
-    for ability in ABILITIES:
-        for method in sorted(ability.__abstractmethods__):
-            if callable(getattr(kind, method, None)) and not issubclass(kind, ability):
-                name = kind.__name__
-                raise InvalidSystemError(
-                    f"{name}.{method} would never be called, for {name} does not derive from "
-                    f"pwscont.extending.{ability.__name__}: let it, or give the method another name"
-                )
+    kind = type(system)
+    for method, ability in METHODS:
+        if callable(getattr(kind, method, None)) and not isinstance(system, ability):
+            raise InvalidSystemError(
+                f"{kind.__name__}.{method} would never be called, for {kind.__name__} does not "
+                f"derive from pwscont.extending.{ability.__name__}: let it, or give the method "
+                "another name"
+            )

@@ -104,7 +104,7 @@ def check_system(
     solutions: list[Array] = []
     count = 0
     check_names(system)
-    check_abilities(type(system))
+    check_abilities(system)
     for x in _checked_points(system, points):
         _check_sizes(system, float(x[-1]))
         check_contract(system, x[:-1], float(x[-1]))

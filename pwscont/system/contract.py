@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from inspect import isfunction, signature
 from typing import Any, final
 
@@ -119,19 +118,21 @@ def check_attributes(system: PiecewiseSystem) -> None:
     """
     checked_size(system)
     kind = type(system).__name__
-    for name in (*_not_functions(type(system)), *(METHODS.keys() & vars(system))):
-        if not callable(given := getattr(system, name, checked_size)):
-            what = f"must be a method, def {name}({METHODS[name]}), got {short(repr(given))}"
-            raise InvalidSystemError(f"{kind}.{name} {what}")
+    if not _has_methods(system):
+        for name, arguments in METHODS.items():
+            if not callable(given := getattr(system, name, checked_size)):
+                what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
+                raise InvalidSystemError(f"{kind}.{name} {what}")
     for name in VALUES:
         if callable(getattr(system, name)):
             raise InvalidSystemError(f"{kind}.{name} must be a value, not a method: {name} = ...")
 
 
-@lru_cache(maxsize=64)  # no more than that of classes that nobody uses any more are kept
-def _not_functions(kind: type[PiecewiseSystem]) -> tuple[str, ...]:
-    """Return the methods that are no functions of a class, such as properties."""
-    return tuple(name for name in METHODS if not isfunction(getattr(kind, name, checked_size)))
+def _has_methods(system: PiecewiseSystem) -> bool:
+    """Tell whether all methods are those of the class, and functions: nearly always."""
+    kind = type(system)
+    given = [getattr(kind, name, checked_size) for name in METHODS]
+    return all(map(callable, given)) and METHODS.keys().isdisjoint(vars(system))
 
 
 def checked_size(system: PiecewiseSystem) -> int:

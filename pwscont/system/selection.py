@@ -61,6 +61,11 @@ class Selection:
         """Whether the selection and its tests are affine, so that its curve is a straight line."""
         return isinstance(self.system, PiecewiseLinearSystem)
 
+    @cached_property
+    def knows_jacobian(self) -> bool:
+        """Whether the system gives derivatives of its own, and not differences."""
+        return type(self.system).jacobian is not PiecewiseSystem.jacobian
+
     @property
     def cell(self) -> bytes:
         """The signs that name this selection."""
