@@ -172,7 +172,7 @@ def check_names(system: PiecewiseSystem) -> None:
         return
     method = f"{type(system).__name__}.names()"
     given = system.names()
-    if isinstance(given, str) or not isinstance(given, tuple | list | Iterable):
+    if isinstance(given, str) or not isinstance(given, Iterable):
         raise InvalidSystemError(f"{method} must return {shown_size(system)} texts, got {given!r}")
     names = checked_names(tuple(given), shown_size(system))
     if len(set(names)) < len(names):
