@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from paper_systems import CASES
 from pwscont_coulomb.scenes import fig12
+from pwscont_dynamics.scenes import border_collision
 from reference_enumeration import exact_pieces
 from scipy.optimize import brentq
 from sweeps import swept
@@ -142,6 +143,15 @@ def test_special_points_are_exact_whatever_the_step(cases, name, largest):
     assert not verdict(graph, case.truth, case.system)
     assert np.fmax(found.transitions, found.folds) < 1e-12
     assert found.points_max < 1e-12
+
+
+def test_alpha_turns_at_a_corner_too():
+    """Where all orbits of the border collision meet no kind is a fold, yet alpha turns there."""
+    case = case_of(border_collision())
+    graph = follow(case, Contestant(EXACT, None, ExactLinear()))
+    assert not graph.special_points("fold")
+    assert not graph.special_points("nonsmooth fold")
+    assert errors(graph, case.truth, case.system).folds < ROUNDING
 
 
 @pytest.mark.parametrize("name", swept(["fig10", "two-curves"], ["fig13", "example3"]))

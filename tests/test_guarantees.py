@@ -120,7 +120,8 @@ class Saturating(PiecewiseSystem):
 def test_a_piece_that_was_stopped():
     graph = trace(Saturating(), ([0.0], 0.0), (-0.5, 2.0))
     (stopped,) = graph.special_points("stopped")
-    assert stopped.alpha == pytest.approx(1.0, abs=1e-12)
+    # up to where differences, of a dozen digits, do not tell any more whether alpha changes
+    assert stopped.alpha == pytest.approx(1.0, abs=1e-11)
     assert_says(graph, "not balanced", "a piece was stopped at alpha = 1 (")
 
 

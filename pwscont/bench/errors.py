@@ -57,7 +57,7 @@ def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
     branch, points = _branch(graph, cells, truth), _stored(graph, cells, truth)
     nodes = [point for point in graph.special_points() if point.kind != Kind.START]
     places = [np.append(point.z, point.alpha) / truth.scale for point in nodes]
-    turning = [x for x, p in zip(places, nodes, strict=True) if p.kind in FOLDS]
+    turning = [x for x, p in zip(places, nodes, strict=True) if _turns(graph, p.id)]
     folds = [x[-1:] / truth.scale[-1] for x in truth.folds]
     return Errors(
         *summary(branch),
@@ -67,7 +67,10 @@ def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
     )
 
 
-FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
+def _turns(graph: BranchGraph, point: int) -> bool:
+    """Tell whether alpha turns at a special point, as :attr:`Truth.folds` does, of any kind."""
+    signs = [p.det_sign for p in graph.pieces for end in (p.start, p.end) if end == point]
+    return len(signs) > 1 and sum(signs) == 0
 
 
 def summary(distances: Array) -> tuple[float, float]:

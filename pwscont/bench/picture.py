@@ -25,6 +25,7 @@ from pwscont.bench.measure import Row
 from pwscont.bench.report import FLOOR
 
 WIDTH, HEIGHT, MOST_COLUMNS = 3.3, 2.7, 4  # inches; panels in a row
+MOST_LABELLED = 200.0  # up to this ratio of the longest time to the shortest there is room for 3
 LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3
 COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
 #: By the place of a name: always the same for a stepper; other programs come after all steppers.
@@ -71,13 +72,18 @@ def _panel(ax: Axes, title: str, rows: Sequence[Row], looks: Mapping[str, Look])
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(0.2 * FLOOR, 5.0)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    ax.xaxis.set_major_locator(LogLocator(subs=_labelled(*ax.get_xlim())))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.tick_params(axis="x", labelsize="small")
     ax.set_xlabel("time (ms)")
     ax.set_title(title, fontsize="medium")
     ax.grid(alpha=0.25)
+
+
+def _labelled(low: float, high: float) -> tuple[float, ...]:
+    """Return which multiples of powers of ten have labels between two times that do not touch."""
+    return (1.0, 3.0) if high < MOST_LABELLED * low else (1.0,)
 
 
 def _looks(rows: Sequence[Row]) -> dict[str, Look]:

@@ -8,12 +8,17 @@ from typing import NamedTuple, final
 from pwscont.basics.arrays import Array, Matrix, is_everywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude
+from pwscont.curve.finer import fine_slope
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import Factor
 from pwscont.system.contract import Sample
 from pwscont.system.selection import Selection
+
+#: Along a direction in which alpha changes by less than this part of the interval it may not change
+#: at all: neither differences nor a factorisation from next to the point tell.
+LEAN = GUARD * CONVERGED
 
 
 class Held(NamedTuple):
@@ -52,6 +57,10 @@ class Curve:
         It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
         slope = float(state.tangent[-1]) / self.metric.width
+        if abs(slope) > LEAN:
+            return slope  # nearly always
+        if not self.selection.knows_jacobian:
+            slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
         return slope if abs(slope) > GUARD * EPS else 0.0
 
 

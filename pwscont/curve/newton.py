@@ -32,8 +32,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, joined, largest
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, GUARD
-from pwscont.curve.curve import Curve
+from pwscont.basics.rounding import CONVERGED
+from pwscont.curve.curve import LEAN, Curve
 from pwscont.curve.root import Root, first_quotient
 from pwscont.curve.uncertainty import is_rounding
 from pwscont.linear.factorise import Factor, bordered, last_unit
@@ -51,9 +51,6 @@ STALLED = 0.1
 #: A factorisation is stale where it changes by more than this part within the last correction.
 #: A direction that such a factorisation corrects by no more than this part is right to rounding.
 TURNED = math.sqrt(CONVERGED)
-#: Where alpha changes by less than this part of the interval along a direction, a factorisation
-#: from next to the point does not tell whether it does not change at all.
-UPRIGHT = GUARD * CONVERGED
 
 
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
@@ -153,7 +150,7 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
     length = metric.norm(along)
-    if not root.stale and abs(along[-1]) > UPRIGHT * metric.width * length:
+    if not root.stale and abs(along[-1]) > LEAN * metric.width * length:
         return root.factor, times(1.0 / length, along)
     jacobian = curve.selection.lent_jacobian(root.x)
     for _ in range(MOST_CHORDS):

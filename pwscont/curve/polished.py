@@ -1,31 +1,19 @@
 """States of a curve whose tangents are as exact as can be, and how exact that is.
 
-Failure modes and answers
--------------------------
-- Newton is content with a point that is off the curve by a little more than rounding, where the
-  tangent is another one: the point is corrected once more.
-- A Jacobian of central differences has ten digits: its tangent is found again by differences of
-  fourth order, with twelve.
-- A function changes within the longer steps of fourth order: with errors d of second order, those
-  of fourth order are RATIO d^2, and are taken only where that is less.
+Newton is content with a point that is off the curve by a little more than rounding, where the
+tangent is another one: the point is corrected once more. A Jacobian of central differences has ten
+digits: its tangent is found again with twelve, see :mod:`pwscont.curve.finer`.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.linear.factorise import bordered, last_unit
-from pwscont.system.differences import FINE_STEP, STEP
-
-#: What differences of second and of fourth order are off by at least, relative to derivatives.
-CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
-#: Errors of both are (STEP / w)^2 and (FINE_STEP / w)^4 for a function that changes over a width w.
-RATIO = (FINE_STEP / STEP) ** 4
+from pwscont.curve.finer import CENTRAL, FINE, RATIO, finer
 
 
 class Polished(NamedTuple):
@@ -46,22 +34,11 @@ def polished(curve: Curve, state: State) -> Polished:
 
 def _by_differences(curve: Curve, state: State) -> Polished:
     """Return a state with the better one of two tangents."""
-    tangent = _of_fourth_order(curve, state)
-    if tangent is None:
+    found = finer(curve.selection, curve.metric, state.x, state.tangent)
+    if found is None:
         return Polished(state, CENTRAL)
-    apart = curve.metric.norm(tangent - state.tangent)
+    apart = curve.metric.norm(found.tangent - state.tangent)
     if RATIO * apart >= 1.0:
         return Polished(state, max(CENTRAL, apart))
-    better = State(state.x, tangent, state.error, state.orientation)
+    better = State(state.x, found.tangent, state.error, state.orientation)
     return Polished(better, max(FINE, RATIO * apart**2))
-
-
-def _of_fourth_order(curve: Curve, state: State) -> Array | None:
-    """Return the tangent by differences of fourth order, None where there is none."""
-    differences, metric = curve.selection.system.differences(state.alpha), curve.metric
-    jacobian = differences.to_fourth_order(curve.selection.residual, state.x)
-    factor = bordered(jacobian, metric.covector(state.tangent), metric.binary)
-    if factor.is_singular():
-        return None
-    tangent: Array = metric.normalised(factor.solve(last_unit(len(state.x))))
-    return tangent
