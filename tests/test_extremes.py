@@ -164,6 +164,31 @@ def test_digits_do_not_depend_on_units(power):
     np.testing.assert_allclose(digits[1], digits[0], atol=0.5)
 
 
+class BentCircle(PiecewiseSystem):
+    """z^2 + alpha^2 = 1, pressed flat beyond z = 0.3 a little, watched in any unit."""
+
+    size = 1
+
+    def __init__(self, unit):
+        self.unit = unit
+
+    def test_functions(self, z, alpha):
+        return self.unit * (z - 0.3)
+
+    def residual(self, z, alpha, character):
+        return z**2 + alpha**2 - 1.0 + 0.2 * character.array * (z - 0.3)
+
+
+@pytest.mark.parametrize("power", [-300, -170, -100, 100, 170, 300])
+def test_any_unit_of_a_test_of_curved_pieces(power):
+    """A direction along which such a test rises by one has a length whose square is no number."""
+    graph = trace(BentCircle(10.0**power), ([0.9], 0.0), (-2.0, 2.0))
+    kinds = [point.kind for point in graph.special_points() if point.kind != "start"]
+    assert sorted(kinds) == ["fold", "fold", "transition", "transition"]
+    crossed = sorted(point.alpha for point in graph.special_points("transition"))
+    np.testing.assert_allclose(crossed, np.sqrt(0.91) * np.array([-1.0, 1.0]), rtol=1e-14)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_unloaded_body_is_known_to_all_digits(seed):
     """z = 0 at alpha = 0, but for rounding of unknowns of the order of one."""

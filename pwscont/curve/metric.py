@@ -20,6 +20,8 @@ from pwscont.system.system import PiecewiseSystem
 
 #: Squares and products of magnitudes up to this one stay far from overflow.
 LARGEST = 1e120
+#: And down to this one far from underflow.
+SHORTEST = 1.0 / LARGEST
 #: What of the size of alpha counts where a correction is compared with CONVERGED.
 ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
 #: Up to this many unknowns directions are sketched whole, longer ones by so many projections.
@@ -87,10 +89,10 @@ class Metric:
     ) -> Metric:
         everything = joined(checked_scale(system, magnitudes), width)
         least, most = smallest(everything), largest(everything)
-        if most > LARGEST or least < 1.0 / LARGEST:
+        if most > LARGEST or least < SHORTEST:
             raise InvalidSystemError(
                 f"typical magnitudes from {least:.3g} to {most:.3g} leave the range "
-                f"[{1.0 / LARGEST:g}, {LARGEST:g}] in which their squares can be computed; choose "
+                f"[{SHORTEST:g}, {LARGEST:g}] in which their squares can be computed; choose "
                 "other units"
             )
         box = Box.of(system)
@@ -178,8 +180,12 @@ class Metric:
         return self._weight * t
 
     def normalised(self, t: Array) -> Array:
-        """Return t with length one."""
-        unit: Array = t / self.norm(t)
+        """Return t with length one, of whatever length it is."""
+        length = self.norm(t)
+        if not SHORTEST < length < LARGEST:  # its squares leave the range of numbers
+            t = t / self.largest(np.abs(t))
+            length = self.norm(t)
+        unit: Array = t / length
         return unit
 
 

@@ -34,6 +34,7 @@ from pwscont.basics.arrays import Array, Matrix, joined, largest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import LEAN, Curve
+from pwscont.curve.metric import LARGEST, SHORTEST
 from pwscont.curve.root import Root, first_quotient
 from pwscont.curve.uncertainty import is_rounding
 from pwscont.linear.factorise import Factor, bordered, last_unit
@@ -150,6 +151,8 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
     length = metric.norm(along)
+    if not SHORTEST < length < LARGEST:  # the border is in extreme units
+        along, length = metric.normalised(along), 1.0
     if not root.stale and abs(along[-1]) > LEAN * metric.width * length:
         return root.factor, times(1.0 / length, along)
     jacobian = curve.selection.lent_jacobian(root.x)

@@ -122,10 +122,10 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     x, error = start
     if np.shape(error) == ():
         raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
-    if np.shape(x) != (size + 1,) or np.shape(error)[-1:] != (size + 1,):
+    if np.shape(x) != (size + 1,) or not _are_samples(np.shape(error), size + 1):
         raise InvalidInputError(
             f"{what} must yield pairs (x, error) with x = (z, alpha) of shape ({size + 1},) and "
-            f"error of shape (k, {size + 1}), got shapes {np.shape(x)} and {np.shape(error)}"
+            f"error of shape (k, {size + 1}), k > 0, got shapes {np.shape(x)} and {np.shape(error)}"
         )
     x, (lo, hi) = finite_array(f"x of {what}", x), interval
     beyond = SAME_ALPHA * max(abs(lo), abs(hi))
@@ -136,6 +136,11 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     if np.isnan(error).any():
         raise InvalidInputError(f"{what} yields an error that is nan, at {at(x)}: {WANTED}")
     return x, error
+
+
+def _are_samples(shape: tuple[int, ...], length: int) -> bool:
+    """Tell whether an array of a shape is one sample of this length, or some below each other."""
+    return shape == (length,) or (len(shape) == 2 and shape[0] > 0 and shape[1] == length)
 
 
 def _refuse_off_curve(

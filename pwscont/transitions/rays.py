@@ -34,7 +34,7 @@ from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.curve.newton import MOST_CORRECTIONS, STALLED
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
@@ -202,9 +202,12 @@ class _Beyond:
     def direction(self, along: Array, metric: Metric) -> Array | None:
         """Return the direction in which the test rises, None where corrections do not converge.
 
-        It is right to rounding: a piece on which alpha does not change at all is known by it.
+        It is right to rounding: a piece on which alpha does not change at all is known by it. None
+        also where a test in extreme units makes it too short or too long for its squares.
         """
         before = math.inf
+        if not SHORTEST < metric.norm(along) < LARGEST:
+            return None
         for _ in range(MOST_CORRECTIONS):
             (change,) = self.solve_all(self.excess(along)[np.newaxis])
             along, size = along - change, metric.norm(change) / metric.norm(along)
