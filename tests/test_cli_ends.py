@@ -12,10 +12,12 @@ from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import scipy.sparse as sp
 from sweeps import swept
 
-from pwscont import BranchGraph, explore
+from pwscont import BranchGraph, PiecewiseLinearSystem, explore, trace
 from pwscont.basics.errors import BrokenSceneError
 from pwscont.commands.arguments import spread
 from pwscont.commands.cli import main
@@ -344,6 +346,34 @@ def test_small_matrices_have_one_thread(seen):
     scene = load_scene("fig7")
     explore(scene.system, scene.interval, report=seen.report)
     assert set(seen.numbers) == {1}
+
+
+class Chain(PiecewiseLinearSystem):
+    """Diodes side by side, of which each is on above zero."""
+
+    def __init__(self, size):
+        self.size = size
+        self.one, self.column = sp.eye_array(size, format="csr"), sp.csr_array(np.ones((size, 1)))
+
+    def test_functions(self, z, alpha):
+        return z - np.arange(self.size)
+
+    def test_jacobian(self, z, alpha):
+        return sp.hstack([self.one, 0.0 * self.column], format="csr")
+
+    def residual(self, z, alpha, character):
+        return z - alpha
+
+    def jacobian(self, z, alpha, character):
+        return sp.hstack([self.one, -self.column], format="csr")
+
+
+@pytest.mark.parametrize(("size", "threads"), [(3000, 1), (7000, 2)])
+def test_straight_pieces_of_thousands_of_unknowns_have_one_thread(seen, size, threads):
+    """A step is a product, which waits for memory: threads only wait for each other."""
+    start = np.full(size, -1.0), -1.0
+    trace(Chain(size), start, (-1.0, -0.5), report=seen.report)
+    assert set(seen.numbers) == {threads}
 
 
 def test_a_variable_of_the_user_wins(seen, monkeypatch):

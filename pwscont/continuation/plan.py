@@ -26,7 +26,7 @@ from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
-from pwscont.linear.threads import few_threads
+from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
@@ -214,8 +214,9 @@ class Plan:
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
         usable = Usable(starts, self.metric, self.box)
+        small = MULTIPLIED if isinstance(self.followed, PiecewiseLinearSystem) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
-        with few_threads(self.followed.size), np.errstate(all="ignore"):
+        with few_threads(self.followed.size, small), np.errstate(all="ignore"):
             try:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:

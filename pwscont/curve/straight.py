@@ -3,14 +3,15 @@
 With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
 vanishes, the direction beyond follows from the one before by the solution of J w = c alone. The
 same update holds for everything that was solved for: the samples of the error of a point are
-carried along. From time to time, in small systems always, an *audit* solves for all of them
-afresh, together with corrections of point and direction. Jacobians that are neither small nor at
-hand are asked for by audits alone.
+carried along. From time to time, in small systems always, and where residuals show that directions
+have drifted, an *audit* solves for all of them afresh, together with corrections of point and
+direction. Jacobians that are neither small nor at hand are asked for by audits alone.
 
 Failure modes and answers
 -------------------------
 - Rounding adds up from cell to cell: the residual of the system itself is asked for at every
-  transition, and the point is corrected where it is more than the stated error covers.
+  transition; where it is more than the stated error covers the point is corrected, and all is
+  audited if that was not done of late.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
   matrices in one array that it writes to, or c: an audit compares the direction with the new
   Jacobian, and the residual of the next point is more than rounding.
@@ -40,8 +41,10 @@ from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
-#: Systems of fewer unknowns are audited at every transition, others after so many.
-TINY, AUDIT = 16, 16
+#: Systems of fewer unknowns are audited at every transition, others after so many at the latest.
+TINY, AUDIT = 16, 64
+#: After so many a residual that is more than rounding asks for an audit: directions have drifted.
+DRIFTED = 8
 #: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
 #: more.
 SMALL = 64
@@ -155,12 +158,14 @@ class StraightCell:
     def _settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
         """Correct a point, and everything else now and then."""
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
-        if self._is_due(sizes):
+        is_due = self._is_due(sizes)
+        is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
+        if is_due or (is_off and self._since >= DRIFTED):
             aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
             self._slopes = self._lines.dot(gradient)
-        elif not is_everywhere(np.abs(residual) <= UNSEEN * self._terms):
+        elif is_off:
             aside = self._solver.solve(residual)
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 

@@ -14,6 +14,8 @@ from pwscont.basics.arrays import Array, Indices, Matrix
 SPARSE = 0.1
 #: Smaller matrices are stored as they are.
 LARGE = 10_000
+#: Of sparse rows with no more entries each, and up to so many in all, products are taken at once.
+FEW_ENTRIES, FEW = 4, 6_000
 
 
 @final
@@ -27,11 +29,21 @@ class Rows:
 
     def __init__(self, matrix: Matrix) -> None:
         self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
+        self._padded = None if isinstance(self.matrix, np.ndarray) else _padded(self.matrix)
 
     @cached_property
     def magnitudes(self) -> Any:
         """The magnitudes of all entries, for products with vectors that are not negative."""
         return abs(self.matrix)
+
+    def dot(self, x: Array) -> Array:
+        """Return the product with a vector, shape (m,)."""
+        if self._padded is None:
+            product: Array = self.matrix.dot(x)
+            return product
+        columns, entries, ones = self._padded
+        values: Array = ones.dot(x.take(columns) * entries)
+        return values
 
     def one(self, index: int) -> Array:
         """Return one row, dense, shape (k,), not to be written to."""
@@ -52,6 +64,25 @@ class Rows:
         for row, i in zip(rows, which, strict=True):
             row[:] = self.one(int(i))
         return rows
+
+
+def _padded(matrix: Any) -> tuple[Indices, Array, Array] | None:
+    """Return columns and entries of sparse rows, shape (k, m), and ones, shape (k,).
+
+    Shorter rows are filled up with zeros, at a column of their own, so that no row depends on other
+    unknowns. None where rows are empty or long, or so many that what scipy costs beside
+    the operations themselves does not matter.
+    """
+    starts, lengths = matrix.indptr, np.diff(matrix.indptr)
+    longest = int(lengths.max(initial=0))
+    if longest > FEW_ENTRIES or longest * len(lengths) > FEW or not lengths.all():
+        return None
+    row = np.repeat(np.arange(len(lengths)), lengths)
+    place = np.arange(len(row)) - starts[row]
+    columns = np.tile(matrix.indices[starts[:-1]].astype(np.intp), (longest, 1))
+    entries = np.zeros(columns.shape)
+    columns[place, row], entries[place, row] = matrix.indices, matrix.data
+    return columns, entries, np.ones(longest)
 
 
 def _summed(matrix: Matrix) -> Any:

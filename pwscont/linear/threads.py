@@ -1,7 +1,8 @@
 """One thread for BLAS while matrices are small, where threadpoolctl is installed.
 
-Threads that wait for each other cost more than the work on a matrix of a few hundred rows. The
-command line sets environment variables before BLAS is loaded; from Python it is too late for that.
+Threads that wait for each other cost more than the work on a matrix of a few hundred rows, and more
+than products with one of thousands, which wait for memory. The command line sets environment
+variables before BLAS is loaded; from Python it is too late for that.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
-#: With more unknowns several threads pay.
-SMALL = 1000
+#: With more unknowns several threads may pay: where matrices are factorised at every step, and
+#: where they are multiplied only. Below two threads took 1.5 to 5 times as long as one.
+FACTORISED, MULTIPLIED = 2000, 6000
 
 
-def few_threads(size: int) -> AbstractContextManager[Any]:
+def few_threads(size: int, small: int = FACTORISED) -> AbstractContextManager[Any]:
     """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
-    decided = size > SMALL or any(name in os.environ for name in VARIABLES)
+    decided = size > small or any(name in os.environ for name in VARIABLES)
     controller = None if decided else _controller()
     return controller.limit(limits=1, user_api="blas") if controller else nullcontext()
 

@@ -95,7 +95,7 @@ class StraightTests(TransitionDetector):
             return Reading(np.zeros(0), np.zeros(0))
         gradients = self._gradients_of(curve, state.x)
         values = selection.tests(state.x)
-        slopes = selection.side * gradients.rows.matrix.dot(state.tangent)[selection.bounding]
+        slopes = selection.side * gradients.rows.dot(state.tangent)[selection.bounding]
         riding = next_to_zero(values, slopes)
         riding = riding[gradients.are_flat(selection.bounding[riding], slopes[riding])]
         if len(riding):
@@ -144,7 +144,7 @@ class StraightTests(TransitionDetector):
         if gradients.may_end or not gradients.are_inside(curve, tests, state):
             return None
         cell = self._cell_of(curve, state)
-        return cell and Entered(state, ray, cell, tests, gradients.rows.matrix.dot(cell.along))
+        return cell and Entered(state, ray, cell, tests, gradients.rows.dot(cell.along))
 
     def _at_end(
         self, last: Entered, room: float, interval: tuple[float, float]
@@ -188,7 +188,7 @@ class StraightTests(TransitionDetector):
         settled = cell.cross(other, x, test, gradient, float(tests[test]))
         if settled is None:
             return None
-        rates = gradients.rows.matrix.dot(cell.along)
+        rates = gradients.rows.dot(cell.along)
         here = tests - gradients.changes(settled, rates)
         if not are_finite(here) or gradients.is_corner(tests, here, settled, test):
             return None
@@ -239,7 +239,7 @@ class Gradients:
         """Return by how much the correction of a point changed all tests, shape (m,)."""
         changes: Array = found.along * rates
         if found.aside is not None:
-            changes += self.rows.matrix.dot(joined(found.aside, 0.0))
+            changes += self.rows.dot(joined(found.aside, 0.0))
         return changes
 
     def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
