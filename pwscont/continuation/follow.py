@@ -15,7 +15,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
-from pwscont.curve.curve import Curve, State
+from pwscont.curve.curve import Curve
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
@@ -30,9 +30,9 @@ from pwscont.transitions.watch import Event, Readings, Watch
 MOST_STEPS = 20_000
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
-#: Where so many steps in a row were shorter than the one before them proposed, derivatives by
-#: differences are wrong: Newton's convergence does not improve with shorter steps. Else one in five
-#: is, and rarely thirty in a row.
+#: Where so many more steps than not were shorter than the one before them proposed, derivatives by
+#: differences are wrong: Newton's convergence does not improve with shorter steps. Else one in
+#: seven is.
 MOST_SHORTENED = 100
 #: What wrong derivatives may be the reason of.
 BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
@@ -142,7 +142,7 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            reached.go_to(segment.end, _is_shortened(segment, before))
+            reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
@@ -195,10 +195,6 @@ class PieceFollower(Follower):
         return first_on_curve(self.watch, segment, reading, after), after
 
 
-def _is_shortened(segment: CurvedSegment, before: Segment | None) -> bool:
-    return isinstance(before, CurvedSegment) and segment.length < SHORTENED * before.suggestion
-
-
 @final
 class _Reached:
     """The points of a walk so far, and its last state."""
@@ -208,11 +204,16 @@ class _Reached:
         self.blocked = self._shortened = 0
         self._part = part_of(self.curve)
 
-    def go_to(self, state: State, is_shortened: bool) -> None:
+    def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
         """Add a point, at the end of a step that may be shorter than the one before proposed."""
-        self.state = state
-        self.points.append(state.x)
-        self._shortened = self._shortened + 1 if is_shortened else 0
+        self.state = step.end
+        self.points.append(step.end.x)
+        if not isinstance(before, CurvedSegment):
+            return
+        if step.length < SHORTENED * before.suggestion:
+            self._shortened += 1
+        elif before.suggestion > before.length:  # else it was kept short, which says nothing
+            self._shortened = max(self._shortened - 1, 0)
         if self._shortened == MOST_SHORTENED:
             self.refines()
 

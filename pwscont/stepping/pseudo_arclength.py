@@ -56,9 +56,12 @@ class PseudoArclength(Stepper):
         """Halve the step until the corrector converges and the curve turns little."""
         previous, length = self._proposed(before)
         length, failure = min(length, longest), NOT_CONVERGED
+        wanted = length
         while length >= self.step_size.smallest:
             segment = self._try(curve, interval, previous, state, length)
             if not isinstance(segment, Failure):
+                if length < wanted:  # what was just refused is not tried again at once
+                    segment.suggestion = min(segment.suggestion, segment.length)
                 return segment
             failure, length = segment, 0.5 * length
         return failure
