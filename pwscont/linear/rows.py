@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, final
 
@@ -29,21 +30,15 @@ class Rows:
 
     def __init__(self, matrix: Matrix) -> None:
         self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
-        self._padded = None if isinstance(self.matrix, np.ndarray) else _padded(self.matrix)
+        is_short = not isinstance(self.matrix, np.ndarray) and _are_short(self.matrix)
+        #: The product with a vector, shape (m,).
+        self.dot: Callable[[Array], Array]
+        self.dot = Padded(self.matrix).dot if is_short else self.matrix.dot
 
     @cached_property
     def magnitudes(self) -> Any:
         """The magnitudes of all entries, for products with vectors that are not negative."""
         return abs(self.matrix)
-
-    def dot(self, x: Array) -> Array:
-        """Return the product with a vector, shape (m,)."""
-        if self._padded is None:
-            product: Array = self.matrix.dot(x)
-            return product
-        columns, entries, ones = self._padded
-        values: Array = ones.dot(x.take(columns) * entries)
-        return values
 
     def one(self, index: int) -> Array:
         """Return one row, dense, shape (k,), not to be written to."""
@@ -66,23 +61,40 @@ class Rows:
         return rows
 
 
-def _padded(matrix: Any) -> tuple[Indices, Array, Array] | None:
-    """Return columns and entries of sparse rows, shape (k, m), and ones, shape (k,).
+@final
+class Padded:
+    """Sparse rows of a few entries each, shorter ones filled up with zeros.
 
-    Shorter rows are filled up with zeros, at a column of their own, so that no row depends on other
-    unknowns. None where rows are empty or long, or so many that what scipy costs beside
-    the operations themselves does not matter.
+    Those are at a column of the row itself, so that no row depends on other unknowns.
+
+    Parameters
+    ----------
+    matrix : csr_matrix, shape (m, k)
+        No row is empty.
     """
-    starts, lengths = matrix.indptr, np.diff(matrix.indptr)
+
+    def __init__(self, matrix: Any) -> None:
+        starts, lengths = matrix.indptr, np.diff(matrix.indptr)
+        row = np.repeat(np.arange(len(lengths)), lengths)
+        place = np.arange(len(row)) - starts[row]
+        first, longest = matrix.indices[starts[:-1]].astype(np.intp), int(lengths.max())
+        self._columns = np.tile(first, (longest, 1))
+        self._entries = np.zeros(self._columns.shape)
+        self._columns[place, row], self._entries[place, row] = matrix.indices, matrix.data
+        self._ones = np.ones(longest)
+
+    def dot(self, x: Array) -> Array:
+        """Return the product with a vector, shape (m,)."""
+        values: Array = self._ones.dot(x.take(self._columns) * self._entries)
+        return values
+
+
+def _are_short(matrix: Any) -> bool:
+    """Tell whether what scipy's product costs beside the operations themselves matters."""
+    lengths = np.diff(matrix.indptr)
     longest = int(lengths.max(initial=0))
-    if longest > FEW_ENTRIES or longest * len(lengths) > FEW or not lengths.all():
-        return None
-    row = np.repeat(np.arange(len(lengths)), lengths)
-    place = np.arange(len(row)) - starts[row]
-    columns = np.tile(matrix.indices[starts[:-1]].astype(np.intp), (longest, 1))
-    entries = np.zeros(columns.shape)
-    columns[place, row], entries[place, row] = matrix.indices, matrix.data
-    return columns, entries, np.ones(longest)
+    is_short: bool = longest <= FEW_ENTRIES and longest * len(lengths) <= FEW
+    return is_short and bool(len(lengths)) and bool(lengths.all())
 
 
 def _summed(matrix: Matrix) -> Any:
