@@ -1,6 +1,7 @@
 """Which cases of a sweep are quick, how many threads a test has, and what tests leave behind."""
 
 import os
+import signal
 import sys
 from collections import Counter
 
@@ -10,6 +11,10 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     # the workers have a core each: threads of BLAS that wait for one another take thirty times
     # as long where several workers, or any other program, want the same core
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # a shell lets what it runs in the background ignore Ctrl-C, and so all that this begins
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from sweeps import Wanted
 
