@@ -74,3 +74,63 @@ def test_folds_of_the_smallest_waves_that_differences_see_are_found():
     folds = np.sort([point.z[0] for point in graph.special_points("fold") if point.z[0] > 0.0])
     np.testing.assert_allclose(folds, np.pi * (0.5 + np.arange(len(folds))), rtol=1e-5)
     assert len(folds) >= 6
+
+
+class Cubic(PiecewiseSystem):
+    """alpha = z^3 - 3 d^2 z, with folds at -d and d; a step may lead from one to the other."""
+
+    size = 1
+
+    def __init__(self, d):
+        self.d = d
+
+    def test_functions(self, z, alpha):
+        return z - 9.0
+
+    def residual(self, z, alpha, character):
+        return z**3 - 3.0 * self.d**2 * z - alpha
+
+
+class ExactCubic(Cubic):
+    def jacobian(self, z, alpha, character):
+        return np.array([[3.0 * z[0] ** 2 - 3.0 * self.d**2, -1.0]])
+
+
+@pytest.mark.parametrize("system", [Cubic, ExactCubic])
+@pytest.mark.parametrize("d", [0.02, 0.01, 0.005, 0.0025])
+@pytest.mark.parametrize("start", [-1.13, -1.07, -1.0])
+def test_a_step_from_fold_to_fold_is_no_vertical_piece(system, d, start):
+    graph = trace(system(d), ([start], start**3 - 3.0 * d**2 * start), (-1.5, 1.5))
+    folds = sorted(point.z[0] for point in graph.special_points("fold"))
+    np.testing.assert_allclose(folds, [-d, d], rtol=1e-6)
+    assert [piece.det_sign for piece in graph.pieces] == [1, -1, 1]
+    assert graph.count(0.0) == 3
+
+
+class Bent(PiecewiseSystem):
+    """alpha = z below zero and beyond -z^2, or what else is given: alpha turns where they meet."""
+
+    size = 1
+
+    def __init__(self, beyond):
+        self.beyond = beyond
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return (self.beyond(z) if character.array[0] else z) - alpha
+
+
+@pytest.mark.parametrize(
+    "beyond",
+    [lambda z: -(z**2), lambda z: -z, lambda z: -1e-9 * z - z**3, lambda z: -1e-12 * z - z**3],
+    ids=["parabola", "roof", "cubic", "flat cubic"],
+)
+def test_a_kink_at_which_alpha_turns_is_a_nonsmooth_fold(beyond):
+    """Also where the slope beyond is zero at the kink, or no more than rounding."""
+    graph = trace(Bent(beyond), ([-0.5], -0.5), (-0.75, 1.0))
+    (kink,) = [point for point in graph.special_points() if point.kind not in ("start", "end")]
+    assert kink.kind == "nonsmooth fold"
+    assert [piece.det_sign for piece in graph.pieces] == [1, -1]
+    assert kink.alpha == pytest.approx(0.0, abs=1e-15)

@@ -190,6 +190,8 @@ SOME = np.zeros((1, 2))
         (Own(np.zeros(2)), r"Own.starts yields x, array.*: .* pairs \(x, error\)"),
         (Own((np.zeros(3), SOME)), r"Own.starts .*got shapes \(3,\)"),
         (Own((np.zeros(2), SOME[:0])), r"of shape \(k, 2\), k > 0, got shapes \(2,\) and \(0, 2\)"),
+        (Own((np.zeros(2), [[0.0, 0.0], [0.0]])), r"Own.starts yields an error that is no array"),
+        (Own((np.zeros(2), ["a", "b"])), r"Own.starts yields an error that is no array of numbers"),
         (Own((np.zeros(2), [SOME])), r"Own.starts .*got shapes \(2,\) and \(1, 1, 2\)"),
         (Own((np.array([np.nan, 0.5]), SOME)), r"x of Own.starts must be finite"),
         (Own((np.array([0.1, 2.5]), SOME)), r"Own.starts .* alpha = 2.5, outside the interval"),

@@ -211,8 +211,23 @@ def _numbers(order: list[_Directed], discovery: Discovery) -> dict[int, int]:
 
 def _special_point(number: int, node: Node, meeting: _Meeting, lift: Lift) -> SpecialPoint:
     place = lift.place(_covering(node, meeting.places(), lift))
-    said = _passage(lift.system, node, meeting)
-    return SpecialPoint(number, node.kind, place, said, accuracy=lift.accuracy, lost=node.lost)
+    said, kind = _passage(lift.system, node, meeting), _kind(node, meeting)
+    return SpecialPoint(number, kind, place, said, accuracy=lift.accuracy, lost=node.lost)
+
+
+def _kind(node: Node, meeting: _Meeting) -> Kind | str:
+    """Return the kind of a node; where one cell is left for another alpha tells whether it turns.
+
+    Slopes at the node itself may be zero to rounding: a smooth fold may lie on the interface.
+    """
+    edges = [*meeting.before, *meeting.after]
+    if node.kind not in CROSSED or len(meeting.before) != 1 or len(meeting.after) != 1:
+        return node.kind
+    if any(directed.edge.followed.along_interface for directed in edges):
+        return node.kind  # their signs are those of several solutions close by
+    signs = edges[0].det_sign * edges[1].det_sign
+    turns = Kind.NONSMOOTH_FOLD if signs < 0 else Kind.TRANSITION
+    return turns if signs else node.kind
 
 
 def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:

@@ -119,7 +119,7 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
     if not (isinstance(start, tuple | list) and len(start) == 2):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(start))}")
-    x, error = start
+    x, error = start[0], _numbers(what, start[1])
     if np.shape(error) == ():
         raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
     if np.shape(x) != (size + 1,) or not _are_samples(np.shape(error), size + 1):
@@ -136,6 +136,16 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     if np.isnan(error).any():
         raise InvalidInputError(f"{what} yields an error that is nan, at {at(x)}: {WANTED}")
     return x, error
+
+
+def _numbers(what: str, error: Any) -> Any:
+    """Return an estimate of an error as an array, or say that it is none; None stays what it is."""
+    try:
+        return error if error is None else np.asarray(error, dtype=float)
+    except (TypeError, ValueError) as why:
+        raise InvalidInputError(
+            f"{what} yields an error that is no array of numbers, {short(repr(error))}: {WANTED}"
+        ) from why
 
 
 def _are_samples(shape: tuple[int, ...], length: int) -> bool:

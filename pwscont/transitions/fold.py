@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.polished import polished
 from pwscont.curve.uncertainty import uncertainty_beside
@@ -46,13 +46,12 @@ class SmoothFolds(TransitionDetector):
 
         The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone.
         On the step after a fold, which begins with slope zero, alpha may turn once. A step that
-        ends with slope zero must be shorter; where every shorter one does, the branch is flat.
+        ends with slope zero must be shorter, but along a vertical piece, on which alpha is the same
+        at both ends; where every shorter one does, the branch is flat.
         """
         first, last = float(start.values[0]), float(end.values[0])
-        if not (first or last):
-            return None  # a vertical piece
-        if first and not last:
-            return Failure(FailureReason.FLAT)
+        if not last:
+            return Failure(FailureReason.FLAT) if first or _rises(segment) else None
         return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -78,6 +77,12 @@ class SmoothFolds(TransitionDetector):
         forth = Ray(curve, state)
         message = f"fold on {curve.selection.label}"
         return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+
+
+def _rises(segment: CurvedSegment) -> bool:
+    """Tell whether alpha at both ends of a segment differs by more than Newton leaves."""
+    rise = segment.end.alpha - segment.start.alpha
+    return abs(rise) > CONVERGED * segment.curve.metric.width
 
 
 def _turns_twice(segment: CurvedSegment) -> bool:
