@@ -69,7 +69,7 @@ def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
 
 def _turns(graph: BranchGraph, point: int) -> bool:
     """Tell whether alpha turns at a special point, as :attr:`Truth.folds` does, of any kind."""
-    signs = [p.det_sign for p in graph.pieces for end in (p.start, p.end) if end == point]
+    signs = [piece.det_sign for piece in graph.pieces_at(point)]
     return len(signs) > 1 and sum(signs) == 0
 
 

@@ -10,7 +10,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude
-from pwscont.curve.finer import fine_slope
+from pwscont.curve.fourth_order import fine_slope
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import Factor
 from pwscont.system.contract import Sample

@@ -2,7 +2,7 @@
 
 Newton is content with a point that is off the curve by a little more than rounding, where the
 tangent is another one: the point is corrected once more. A Jacobian of central differences has ten
-digits: its tangent is found again with twelve, see :mod:`pwscont.curve.finer`.
+digits: its tangent is found again with twelve, see :mod:`pwscont.curve.fourth_order`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.finer import CENTRAL, FINE, RATIO, finer
+from pwscont.curve.fourth_order import CENTRAL, FINE, RATIO, finer
 
 
 class Polished(NamedTuple):

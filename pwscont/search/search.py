@@ -120,12 +120,13 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     if not (isinstance(start, tuple | list) and len(start) == 2):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(start))}")
     x, error = start[0], _numbers(what, start[1])
-    if np.shape(error) == ():
+    if not error.ndim:
         raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
-    if np.shape(x) != (size + 1,) or not _are_samples(np.shape(error), size + 1):
+    is_sampled = error.size and error.ndim <= 2 and error.shape[-1] == size + 1
+    if np.shape(x) != (size + 1,) or not is_sampled:
         raise InvalidInputError(
             f"{what} must yield pairs (x, error) with x = (z, alpha) of shape ({size + 1},) and "
-            f"error of shape (k, {size + 1}), k > 0, got shapes {np.shape(x)} and {np.shape(error)}"
+            f"error of shape (k, {size + 1}), k > 0, got shapes {np.shape(x)} and {error.shape}"
         )
     x, (lo, hi) = finite_array(f"x of {what}", x), interval
     beyond = SAME_ALPHA * max(abs(lo), abs(hi))
@@ -138,19 +139,14 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     return x, error
 
 
-def _numbers(what: str, error: Any) -> Any:
-    """Return an estimate of an error as an array, or say that it is none; None stays what it is."""
+def _numbers(what: str, error: Any) -> Array:
+    """Return an estimate of an error as an array, or say that it is none."""
     try:
-        return error if error is None else np.asarray(error, dtype=float)
+        return np.asarray(error, dtype=float)
     except (TypeError, ValueError) as why:
         raise InvalidInputError(
             f"{what} yields an error that is no array of numbers, {short(repr(error))}: {WANTED}"
         ) from why
-
-
-def _are_samples(shape: tuple[int, ...], length: int) -> bool:
-    """Tell whether an array of a shape is one sample of this length, or some below each other."""
-    return shape == (length,) or (len(shape) == 2 and shape[0] > 0 and shape[1] == length)
 
 
 def _refuse_off_curve(
