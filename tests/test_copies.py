@@ -280,11 +280,10 @@ def test_matrices_of_cells_are_those_of_the_friction_that_there_is():
 
 def test_what_is_kept_of_cells_is_little_and_stays_behind_in_copies():
     kept = Kept(3)
-    for number in range(8):
-        assert kept.put(number, -number) == -number
+    for number in (0, 0, *range(8)):
+        assert kept.of(number, lambda number: -number) == -number
         assert len(kept) <= 3
-        assert kept.get(number) == -number
+    assert kept.of(7, abs) == -7  # not made anew
     for copied in (copy.copy(kept), copy.deepcopy(kept), through_pickle(kept)):
         assert not copied
-        copied.put(0, 1)
-        assert kept.get(0) is None
+        assert copied.of(7, abs) == 7

@@ -44,6 +44,7 @@ from pwscont.extending import (
 )
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.cells import Cell
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
@@ -62,11 +63,11 @@ from pwscont_coulomb.rows import (
 )
 from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates, States
 
+#: Of so many cells it is kept what their signs say.
+MOST_CELLS = 128
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
-#: Of so many cells it is kept which tests bound them.
-MOST_BOUNDED = 128
 #: From this many contact nodes on, elimination by hand pays for itself.
 MANY_NODES = 32
 
@@ -101,8 +102,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
-        self._modes_of: tuple[Character, Indices] | None = None
-        self._bounded: Kept[Character, contact.Flags] = Kept(MOST_BOUNDED)
+        self._cells: Kept[Character, Cell] = Kept(MOST_CELLS)
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
@@ -179,12 +179,12 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return dH/dz in a cell, not to be written to."""
         return self.state_matrix(self.modes(character), self.friction_at(alpha))
 
+    def _made_cell(self, character: Character) -> Cell:
+        return Cell.of(character, self._without_friction, self.body.guided)
+
     def modes(self, character: Character) -> Indices:
-        """Return the mode of each node, shape (p,), not to be written to; the last are kept."""
-        last = self._modes_of
-        if last is None or last[0] is not character:
-            self._modes_of = last = character, contact.modes(character)
-        return last[1]
+        """Return the mode of each node, shape (p,), not to be written to."""
+        return self._cells.of(character, self._made_cell).mode
 
     def bounding_tests(self, character: Character) -> Indices:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
@@ -192,22 +192,11 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
         stick, too: otherwise points with tension would count as solutions.
         """
-        found: Indices = self._bounds(character).nonzero()[0]
-        return found
+        return self._cells.of(character, self._made_cell).bounding
 
     def cell(self, character: Character) -> bytes:
         """Return the signs that matter, 0 for a test that does not bound the cell."""
-        signs = character.array.view(np.uint8) + np.uint8(1)
-        return (signs * self._bounds(character)).tobytes()
-
-    def _bounds(self, character: Character) -> contact.Flags:
-        """Tell which tests bound the cell, shape (3 p,); some answers are kept."""
-        known = self._bounded.get(character)
-        if known is not None:
-            return known
-        mode = self.modes(character)
-        found = contact.bounds(mode, self._without_friction, self.body.guided)
-        return self._bounded.put(character, found)
+        return self._cells.of(character, self._made_cell).name
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""
@@ -216,6 +205,10 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
 
     def blocks(self) -> tuple[Block, ...]:
         """Return one block per contact node, of four modes or, where it is guided, two."""
+        return self._blocks
+
+    @cached_property
+    def _blocks(self) -> tuple[Block, ...]:
         n, p = self.body.n, self.body.p
         return tuple(
             Block((3 * i, 3 * i + 1, 3 * i + 2), (n + i, n + p + i), modes)

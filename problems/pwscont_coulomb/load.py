@@ -13,7 +13,7 @@ from scipy.linalg.blas import dasum
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
 from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.coulomb import Coulomb
+from pwscont_coulomb.coulomb import MOST_CELLS, Coulomb
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.kept import Kept
@@ -24,8 +24,8 @@ from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 
 #: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
 Constant: TypeAlias = tuple[Matrix, Array | None]
-#: Of bodies of so few unknowns the matrices of so many cells are kept.
-FEW_UNKNOWNS, MOST_CELLS = 16, 128
+#: Of bodies of so few unknowns the matrices of many cells are kept.
+FEW_UNKNOWNS = 16
 
 
 class CoulombLoad(Coulomb):
@@ -71,8 +71,7 @@ class CoulombLoad(Coulomb):
         self.load = load
         self._is_small = self.size <= FEW_UNKNOWNS
         most = MOST_CELLS if self._is_small else 1
-        self._constant: Kept[tuple[Character, bytes], Constant] = Kept(most)
-        self._last: tuple[Character, bytes, Constant] | None = None
+        self._constant: Kept[Character, Constant] = Kept(most)
         if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
             raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
@@ -111,29 +110,33 @@ class CoulombLoad(Coulomb):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
-        rate, (_, at_rest) = self._load_rate(alpha), self._of_cell(character, alpha)
+        rate, (matrix, at_rest) = self._load_rate(alpha), self._of_cell(character, alpha)
         if at_rest is not None:
             jacobian = at_rest.copy()
             jacobian[: self.body.n, -1] = -rate
             return jacobian
         column = np.zeros(self.size)
         column[: self.body.n] = -rate
-        return self.with_alpha_column(self._matrix_at(character, alpha), column)
+        return self.with_alpha_column(matrix, column)
 
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
         return self._of_cell(character, alpha)[0]
 
     def _of_cell(self, character: Character, alpha: float) -> Constant:
-        """Return dH/dz in a cell, and where it is dense [dH/dz | 0]; those of some are kept."""
-        last, friction = self._last, self.friction_at(alpha).tobytes()
-        if last is None or last[0] is not character or last[1] != friction:
-            key = character, friction
-            found = self._constant.get(key) or self._constant.put(key, self._made(character, alpha))
-            self._last = last = character, friction, found
-        return last[2]
+        """Return dH/dz in a cell, and where it is dense [dH/dz | 0].
 
-    def _made(self, character: Character, alpha: float) -> Constant:
-        matrix = super()._matrix_at(character, alpha)
+        Those of some cells are kept, where a subclass does not let F change.
+        """
+        friction = self.friction_at(alpha)
+        if friction is self.friction:
+            return self._constant.of(character, self._made)
+        return self._with(friction, character)
+
+    def _made(self, character: Character) -> Constant:
+        return self._with(self.friction, character)
+
+    def _with(self, friction: Array, character: Character) -> Constant:
+        matrix = self.state_matrix(self.modes(character), friction)
         is_dense = isinstance(matrix, np.ndarray)
         at_rest = self.with_alpha_column(matrix, np.zeros(self.size)) if is_dense else None
         return matrix, at_rest

@@ -73,6 +73,12 @@ def joined(vector: Array, value: float) -> Array:
     return both
 
 
+def product(matrix: Matrix, x: Array) -> Array:
+    """Return ``matrix @ x``; of few dense entries numpy's ``dot`` takes a third of the time."""
+    result: Array = matrix.dot(x) if type(matrix) is np.ndarray else matrix @ x
+    return result
+
+
 def indices(numbers: Sequence[int] | Indices) -> Indices:
     """Return integers as an array; of a range numpy makes one number by number."""
     if isinstance(numbers, range):

@@ -12,13 +12,23 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, largest, smallest
+from pwscont.basics.arrays import (
+    Array,
+    Matrix,
+    is_anywhere,
+    is_everywhere,
+    largest,
+    product,
+    smallest,
+)
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
 
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
 SMALL = 16
+#: So many numbers, and fewer, are squared and added one by one in less time.
+FEW = 256
 #: A point is known to one digit where its error is at most this part of it.
 ONE_DIGIT = 0.1
 #: Squares of smaller numbers lose digits.
@@ -46,11 +56,15 @@ def magnitude_beside(sizes: Array, error: Array) -> Array:
 
 
 def _root_of_squares(error: Array) -> Array:
-    """Return the root of the sum of squares of each column; ``hypot`` takes many times as long.
+    """Return the root of the sum of squares of each column; of many ``hypot`` takes far longer.
 
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
     """
-    spread: Array = np.sqrt(_ones(len(error)).dot(np.square(error)))
+    spread: Array
+    if error.size <= FEW:
+        spread = np.abs(np.hypot.reduce(error, axis=0))
+        return spread
+    spread = np.sqrt(_ones(len(error)).dot(np.square(error)))
     if len(spread) and smallest(spread) < UNDERFLOW:  # most of these are zero
         lost = spread < UNDERFLOW
         if len(error) and is_anywhere(np.logical_and(error, lost)):
@@ -65,8 +79,8 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
     """Return the same where the terms of ``x`` are of these sizes."""
-    spread = np.abs(np.hypot.reduce(rows @ error.T, axis=1))  # rows are in any units
-    estimate: Array = EPS * (abs(rows) @ sizes) + spread
+    spread = np.abs(np.hypot.reduce(product(rows, error.T), axis=1))  # rows are in any units
+    estimate: Array = EPS * product(abs(rows), sizes) + spread
     return estimate
 
 

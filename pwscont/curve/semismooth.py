@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, largest
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, largest, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
@@ -207,7 +207,7 @@ def _as_good_as_it_gets(
 
 def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
     """Return the largest scaled coefficient of z in each row."""
-    scaled: Array = abs(jacobian) @ joined(metric.scale[:-1], 0.0)
+    scaled: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
     scaled[scaled == 0.0] = 1.0  # what is not finite stays so
     return scaled
 

@@ -25,7 +25,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, joined
+from pwscont.basics.arrays import Array, Matrix, is_anywhere, is_everywhere, joined, product
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude_beside, samples
@@ -252,8 +252,8 @@ class StraightCell:
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
-        self._terms = magnitudes @ (self._most + CONVERGED * metric.scale)
-        typical = magnitudes @ metric.scale
+        self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
+        typical = product(magnitudes, metric.scale)
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
             return None
         if self._solver.is_full:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, joined, largest
+from pwscont.basics.arrays import Array, Matrix, joined, largest, product
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
@@ -77,7 +77,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
 
 def _rounding(jacobian: Matrix, row: Matrix, size: Array) -> Array:
     """Return samples of the rounding of all rows, for unknowns of a size."""
-    terms = joined(abs(jacobian) @ size, (abs(row) @ size).item())
+    terms = joined(product(abs(jacobian), size), product(abs(row), size).item())
     rounding: Array = EPS * terms * samples(len(size))
     return rounding
 

@@ -23,7 +23,7 @@ from itertools import chain
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_everywhere
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_everywhere, product
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.generic import generic
@@ -102,7 +102,7 @@ def refuse_bent(
     """
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
-    excess = _bend(value, residual, jacobian @ dx, abs(jacobian) @ np.abs(dx))
+    excess = _bend(value, residual, product(jacobian, dx), product(abs(jacobian), np.abs(dx)))
     if is_everywhere(excess <= 0.0):
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
@@ -116,9 +116,9 @@ def refuse_bent_tests(
     """Refuse test functions that are not affine, or in units that cannot be computed with."""
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
-    changes = abs(gradients) @ np.abs(dx)
+    changes = product(abs(gradients), np.abs(dx))
     refuse_extreme_tests(system, changes)
-    excess = _bend(there, tests, gradients @ dx, changes)
+    excess = _bend(there, tests, product(gradients, dx), changes)
     if not len(excess) or is_everywhere(excess <= 0.0):
         return
     refuse_infinite(system, "test_jacobian", gradients)

@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, are_finite, is_everywhere, joined
+from pwscont.basics.arrays import Array, Indices, Signs, are_finite, is_everywhere, joined, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -217,7 +217,7 @@ class Gradients:
     def __init__(self, curve: Curve, x: Array) -> None:
         self._system, self._scale = curve.selection.system, curve.metric.scale
         self.rows = Rows(self._system.test_jacobian(x[:-1], float(x[-1])))
-        self._typical: Array = self.rows.magnitudes @ self._scale
+        self._typical: Array = product(self.rows.magnitudes, self._scale)
         #: Whether pieces may end where tests vanish.
         self.may_end = isinstance(self._system, Ending)
 
