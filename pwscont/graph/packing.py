@@ -11,7 +11,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.graph.place import Place, Stored, first_digits, from_first_digits
+from pwscont.graph.place import Place, Stored, kept, told
 from pwscont.system.compact import Compact
 from pwscont.system.hidden import shown_points
 from pwscont.system.reduction import Reduction
@@ -34,8 +34,8 @@ def place(system: PiecewiseSystem, character: Character, x: Array, error: Array)
     essential = system.essential(character)
     if essential is None:
         return Stored(x, error)
-    kept = np.append(essential, len(x) - 1)
-    return Packed(system, character, x[kept], error[kept])
+    known = np.append(essential, len(x) - 1)
+    return Packed(system, character, x[known], error[known])
 
 
 @final
@@ -54,7 +54,7 @@ class Packed(Place):
 
     def __init__(self, system: Compact, character: Character, values: Array, error: Array) -> None:
         self._system, self._character = system, character
-        self._values, self._error = values, first_digits(error)
+        self._values, self._error = values, kept(error)
 
     @property
     def alpha(self) -> float:
@@ -69,7 +69,7 @@ class Packed(Place):
     @property
     def error(self) -> Array:
         """The estimate of its error."""
-        error = from_first_digits(self._error)
+        error = told(self._error)
         spread = self._completed(error[:-1]) - self._completed(np.zeros(len(error) - 1))
         return np.append(np.abs(spread), error[-1])
 

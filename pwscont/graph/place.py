@@ -7,7 +7,7 @@ estimate of an error mean anything, and only these are kept.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,10 @@ from pwscont.basics.arrays import Array
 #: Bits of a double after sign, exponent and the first four binary digits, and what rounds these up.
 DROPPED = np.uint64(48)
 ROUND_UP = np.uint64(2**48 - 1)
+#: The room of so few digits is next to nothing.
+FEW = 64
+#: Estimates of errors, or their first digits.
+Kept: TypeAlias = npt.NDArray[Any]
 
 
 class Place(ABC):
@@ -52,7 +56,7 @@ class Stored(Place):
     __slots__ = ("_error", "_x")
 
     def __init__(self, x: Array, error: Array) -> None:
-        self._x, self._error = x, first_digits(error)
+        self._x, self._error = x, kept(error)
 
     @property
     def alpha(self) -> float:
@@ -67,7 +71,7 @@ class Stored(Place):
     @property
     def error(self) -> Array:
         """The estimate of its error."""
-        return from_first_digits(self._error)
+        return told(self._error)
 
 
 @final
@@ -98,6 +102,16 @@ class WorkedOut(Place):
     def error(self) -> Array:
         """The estimate of its error."""
         return self._error
+
+
+def kept(error: Array) -> Kept:
+    """Return what is kept of estimates: of few all, for to shorten them takes longer."""
+    return first_digits(error) if len(error) > FEW else error
+
+
+def told(error: Kept) -> Array:
+    """Return the estimates of which this was kept, by their first digits."""
+    return from_first_digits(first_digits(error) if error.dtype == float else error)
 
 
 def first_digits(error: Array) -> npt.NDArray[np.uint16]:

@@ -11,7 +11,9 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from operator import ne
 from typing import Any, final
 
 import numpy as np
@@ -167,10 +169,9 @@ def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
         negative = np.count_nonzero(pivots < 0.0)
         odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
         return -1 if (negative + odd) % 2 else 1
-    is_odd = False
-    for row, (pivot, exchange) in enumerate(zip(pivots.tolist(), exchanges.tolist(), strict=True)):
-        is_odd ^= (pivot < 0.0) != (exchange != row)
-    return -1 if is_odd else 1
+    sign = math.copysign(1.0, math.prod(pivots.tolist()))  # right where it underflows, too
+    odd = sum(map(ne, exchanges.tolist(), range(len(exchanges))))
+    return -1 if (odd + (sign < 0.0)) % 2 else 1
 
 
 @final

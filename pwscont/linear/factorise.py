@@ -67,7 +67,8 @@ class DenseFactor(Factor):
     def __init__(self, matrix: Array, scale: Array) -> None:
         self._scaled = matrix * scale
         self._columns, self._rows = scale, _row_factors(self._scaled)
-        matrix *= self._rows[:, np.newaxis]
+        by_columns = matrix.T  # along its rows the factors lie in a row, too
+        by_columns *= self._rows
         self._lu, self._pivots, info = lapack.dgetrf(matrix, True)  # in its own place
         self.failed = info > 0
         self._verdict: bool | None = None

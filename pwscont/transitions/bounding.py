@@ -81,7 +81,7 @@ class BoundingTests(TransitionDetector):
         selection = segment.curve.selection
         if selection.is_straight or not len(start.values):
             return None
-        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
+        if start.least < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
         for x in _looked_at(segment):
             values = selection.tests(x)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, smallest
 from pwscont.basics.kind import Kind
 from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure
@@ -80,6 +80,14 @@ class Reading:
 
     values: Array
     slopes: Array
+    _least: float | None = field(default=None, init=False, repr=False)
+
+    @property
+    def least(self) -> float:
+        """The smallest value, of one at least; looked for once."""
+        if self._least is None:
+            self._least = smallest(self.values)
+        return self._least
 
 
 @final

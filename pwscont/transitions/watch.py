@@ -165,7 +165,7 @@ class Watch:
             values, slopes = part.values, part.slopes
             if not len(values):
                 continue
-            if smallest(values) > 0.0:  # nearly always
+            if part.least > 0.0:  # nearly always
                 rates = slopes / values
             else:
                 rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
@@ -279,7 +279,7 @@ def _keeps_signs(first: Reading, last: Reading) -> bool:
         return False
     if not len(after):
         return True
-    if not (smallest(before) > 0.0 < smallest(after)):
+    if not (first.least > 0.0 < last.least):
         return False
     return smallest(first.slopes * last.slopes) >= 0.0
 
