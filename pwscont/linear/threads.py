@@ -22,6 +22,8 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
+#: Matrices of fewer unknowns OpenBLAS does not share among threads.
+FEW = 32
 #: With more unknowns several threads may pay: where matrices are factorised at every step, and
 #: where they are multiplied only. Below two threads took 1.5 to 5 times as long as one.
 FACTORISED, MULTIPLIED = 2000, 6000
@@ -29,7 +31,12 @@ FACTORISED, MULTIPLIED = 2000, 6000
 
 def few_threads(size: int, small: int = FACTORISED) -> AbstractContextManager[Any]:
     """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
-    decided = size > small or any(name in os.environ for name in VARIABLES)
+    return one_thread() if FEW <= size <= small else nullcontext()
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Let BLAS use one thread, unless the user has set a number."""
+    decided = any(name in os.environ for name in VARIABLES)
     controller = None if decided else _controller()
     return controller.limit(limits=1, user_api="blas") if controller else nullcontext()
 

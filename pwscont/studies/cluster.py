@@ -16,7 +16,7 @@ from itertools import islice
 from typing import Any
 
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.linear.threads import few_threads
+from pwscont.linear.threads import one_thread
 from pwscont.studies.case import CaseRunner, StudyRow
 from pwscont.studies.provenance import versions
 
@@ -66,7 +66,7 @@ def _rows(
 
 def run_alone(run: CaseRunner, number: int) -> StudyRow:
     """Run a case on a worker, with one thread of BLAS."""
-    with few_threads(0):
+    with one_thread():
         return run(number)
 
 
