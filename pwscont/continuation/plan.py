@@ -214,7 +214,7 @@ class Plan:
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
         usable = Usable(starts, self.metric, self.box)
-        small = MULTIPLIED if isinstance(self.followed, PiecewiseLinearSystem) else FACTORISED
+        small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
         with few_threads(self.followed.size, small), np.errstate(all="ignore"):
             try:
