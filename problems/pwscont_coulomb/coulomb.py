@@ -63,8 +63,8 @@ from pwscont_coulomb.rows import (
 )
 from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates, States
 
-#: Of so many cells it is kept what their signs say.
-MOST_CELLS = 128
+#: It is kept what the signs of so many cells say, of many nodes those of fewer cells.
+MOST_CELLS, MOST_SIGNS = 128, 12000
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
@@ -102,7 +102,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
-        self._cells: Kept[Character, Cell] = Kept(MOST_CELLS)
+        self._cells: Kept[Character, Cell] = Kept(min(MOST_CELLS, 1 + MOST_SIGNS // (3 * body.p)))
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 

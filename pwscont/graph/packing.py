@@ -11,7 +11,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.graph.place import Place, Stored, kept, told
+from pwscont.graph.place import Place, Stored, estimates, kept
 from pwscont.system.compact import Compact
 from pwscont.system.hidden import shown_points
 from pwscont.system.reduction import Reduction
@@ -69,7 +69,7 @@ class Packed(Place):
     @property
     def error(self) -> Array:
         """The estimate of its error."""
-        error = told(self._error)
+        error = estimates(self._error)
         spread = self._completed(error[:-1]) - self._completed(np.zeros(len(error) - 1))
         return np.append(np.abs(spread), error[-1])
 

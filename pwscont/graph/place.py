@@ -71,7 +71,7 @@ class Stored(Place):
     @property
     def error(self) -> Array:
         """The estimate of its error."""
-        return told(self._error)
+        return estimates(self._error)
 
 
 @final
@@ -109,9 +109,9 @@ def kept(error: Array) -> Kept:
     return first_digits(error) if len(error) > FEW else error
 
 
-def told(error: Kept) -> Array:
+def estimates(error: Kept) -> Array:
     """Return the estimates of which this was kept, by their first digits."""
-    return from_first_digits(first_digits(error) if error.dtype == float else error)
+    return from_first_digits(error if error.dtype == np.uint16 else first_digits(error))
 
 
 def first_digits(error: Array) -> npt.NDArray[np.uint16]:
