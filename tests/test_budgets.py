@@ -233,6 +233,21 @@ def test_a_second_ctrl_c_does_not_wait():
     on_the_helix(graph)
 
 
+def test_ctrl_c_while_a_run_begins_leaves_nothing_behind(monkeypatch):
+    """Its limits would be those of all runs to come."""
+    install = Budget._install
+
+    def interrupted(budget):
+        monkeypatch.setattr(Budget, "_install", install)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Budget, "_install", interrupted)
+    system, interval = fig7().system, fig7().interval
+    with pytest.raises(KeyboardInterrupt):
+        explore(system, interval, limits=Limits(seconds=1e-9))
+    assert explore(system, interval).guarantee == "complete"
+
+
 def test_a_handler_of_the_program_is_left_alone():
     seen = []
     before = signal.signal(signal.SIGINT, lambda *_: seen.append(1))

@@ -10,6 +10,7 @@ import pytest
 from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from pwscont_coulomb.kept import Kept
+from pwscont_coulomb.modes import SIGNS, Mode
 from pwscont_coulomb.plane_scenes import critical_friction
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
 from sweeps import swept
@@ -18,6 +19,7 @@ import pwscont
 from pwscont import (
     AllTransitions,
     BranchGraph,
+    Character,
     Complementarity,
     EndPoints,
     FoldLocus,
@@ -256,6 +258,27 @@ def test_what_a_contact_problem_is_made_of_cannot_be_changed(scene, way):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
     assert len(explore(system, (-1.0, 1.0)).pieces) > 1
+
+
+class Rough(CoulombLoad):
+    """Nodes in contact stick."""
+
+    def modes(self, character):
+        return np.minimum(super().modes(character), Mode.STICK)
+
+
+def test_cells_are_those_of_the_modes_of_a_subclass():
+    given = fig7().system
+    system = Rough(given.body, given.load.__call__, given.friction)
+    slip, stick, free = (Character(SIGNS[Mode(mode)]) for mode in (2, 1, 0))
+    assert system.bounding_tests(slip).tolist() == system.bounding_tests(stick).tolist() == [1, 2]
+    assert system.bounding_tests(free).tolist() == [0]
+
+
+@pytest.mark.parametrize("alpha", [0.5, np.float32(0.5), np.array([[0.0], [2.0]]), 1j])
+def test_an_affine_load_is_one_for_all_that_numpy_computes_with(alpha):
+    load = AffineLoad([1, 2], [10, 20])
+    np.testing.assert_array_equal(load(alpha), np.array([1, 2]) + alpha * np.array([10, 20]))
 
 
 class Lubricated(CoulombLoad):

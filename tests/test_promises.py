@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from paper_systems import CASES
 
 from pwscont import (
@@ -419,6 +420,37 @@ def test_bounding_tests_that_are_no_sequence(given):
         explore(TwoTests("bounding_tests", lambda _: given), (-1.0, 1.0))
 
 
-def test_gradients_in_a_matrix_of_numpy_are_refused():
-    with pytest.raises(InvalidSystemError, match=r"numpy\.matrix: return an array"):
-        explore(TwoTests("test_jacobian", lambda rows: rows.view(np.matrix)), (-1.0, 1.0))
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda rows: rows.view(np.matrix), r"numpy\.matrix of float64"),
+        (np.ma.array, "MaskedArray of float64"),
+        (lambda rows: rows.astype(object), "ndarray of object"),
+        (lambda rows: rows.astype(bool), "ndarray of bool"),
+        (lambda rows: rows + 0.0j, "ndarray of complex128"),
+    ],
+)
+def test_gradients_that_are_no_array_of_numbers_are_refused(change, what):
+    with pytest.raises(InvalidSystemError, match=rf"test_jacobian returned .*{what}: return an"):
+        explore(TwoTests("test_jacobian", change), (-1.0, 1.0))
+
+
+class OneRow(PiecewiseLinearSystem):
+    """2 z + max(z, 0) = alpha, whose Jacobian scipy multiplies to scalars."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        return (2.0 + character.array) * z - alpha
+
+    def jacobian(self, z, alpha, character):
+        return sp.coo_array([[2.0 + character.array[0], -1.0]])
+
+
+def test_a_jacobian_of_one_row_in_coordinates():
+    graph = trace(OneRow(), ([-0.5], -1.0), (-1.0, 3.0))
+    assert [point.alpha for point in graph.special_points()] == [-1.0, 0.0, 3.0]
+    assert graph.special_points()[-1].z == pytest.approx(1.0, rel=1e-15)

@@ -16,7 +16,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
-from pwscont.graph.place import first_digits, from_first_digits
+from pwscont.graph.place import Stored, first_digits, from_first_digits
 from pwscont.linear.cores import DenseCore, SparseCore, banded_core, factorised, superlu
 from pwscont.linear.factorise import DenseFactor, bordered, factor, power_of_two
 from pwscont.linear.inner import column
@@ -478,6 +478,16 @@ def test_errors_are_stored_by_their_first_digits():
     assert (kept >= error).all()
     assert (kept <= 1.0625 * error + 1e-300).all()
     np.testing.assert_array_equal(from_first_digits(first_digits(kept)), kept)
+
+
+@pytest.mark.parametrize("size", [1, 64, 65])
+@pytest.mark.parametrize("kind", [float, np.longdouble, np.float32])
+def test_places_tell_the_first_digits_of_few_errors_and_of_many(size, kind):
+    error = np.random.default_rng(size).uniform(1e-16, 1e-15, size).astype(kind)
+    told = Stored(np.zeros(size), error).error
+    np.testing.assert_array_equal(told, from_first_digits(first_digits(error)))
+    assert (told >= error).all()
+    assert (told <= 1.0625 * error).all()
 
 
 def test_ends_of_pieces_are_their_special_points(long_path):

@@ -8,7 +8,7 @@ import numpy as np
 
 from pwscont import Character
 from pwscont.extending import Indices
-from pwscont_coulomb.modes import Flags, bounds, modes
+from pwscont_coulomb.modes import Flags, bounds
 
 
 class Cell(NamedTuple):
@@ -16,24 +16,22 @@ class Cell(NamedTuple):
 
     Attributes
     ----------
-    mode : ndarray of int, shape (p,)
-        The mode of each node, not to be written to.
     bounding : ndarray of int
         The tests that bound it, not to be written to.
     name : bytes, length 3 p
         The signs that matter, plus one, and 0 for a test that does not bound the cell.
     """
 
-    mode: Indices
     bounding: Indices
     name: bytes
 
     @classmethod
-    def of(cls, character: Character, without_friction: Flags, guided: Flags) -> Cell:
-        """Return the cell of a character, where some nodes have F = 0, and some are guided."""
-        mode = modes(character)
+    def of(
+        cls, character: Character, mode: Indices, without_friction: Flags, guided: Flags
+    ) -> Cell:
+        """Return the cell of these modes, where some nodes have F = 0, and some are guided."""
         is_bound = bounds(mode, without_friction, guided)
         bounding: Indices = is_bound.nonzero()[0]
         bounding.flags.writeable = False
         signs = character.array.view(np.uint8) + np.uint8(1)
-        return cls(mode, bounding, (signs * is_bound).tobytes())
+        return cls(bounding, (signs * is_bound).tobytes())

@@ -102,7 +102,9 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
         self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
-        self._cells: Kept[Character, Cell] = Kept(min(MOST_CELLS, 1 + MOST_SIGNS // (3 * body.p)))
+        most = min(MOST_CELLS, 1 + MOST_SIGNS // (3 * body.p))
+        self._modes: Kept[Character, Indices] = Kept(most)
+        self._cells: Kept[Character, Cell] = Kept(most)
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
@@ -179,12 +181,13 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return dH/dz in a cell, not to be written to."""
         return self.state_matrix(self.modes(character), self.friction_at(alpha))
 
-    def _made_cell(self, character: Character) -> Cell:
-        return Cell.of(character, self._without_friction, self.body.guided)
-
     def modes(self, character: Character) -> Indices:
         """Return the mode of each node, shape (p,), not to be written to."""
-        return self._cells.of(character, self._made_cell).mode
+        return self._modes.of(character, contact.modes)
+
+    def _made_cell(self, character: Character) -> Cell:
+        mode = self.modes(character)
+        return Cell.of(character, mode, self._without_friction, self.body.guided)
 
     def bounding_tests(self, character: Character) -> Indices:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.

@@ -6,7 +6,6 @@ import math
 from typing import Any, final
 
 import numpy as np
-from scipy.linalg.blas import daxpy
 
 from pwscont.extending import Array, finite_array, named
 
@@ -30,8 +29,7 @@ class AffineLoad:
 
     def __call__(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""
-        load: Array = daxpy(self.f1, self.f0.copy(), a=alpha)  # of few numbers in half the time
-        return load
+        return self.f0 + alpha * self.f1
 
     def derivative(self, alpha: float) -> Array:
         """Return df/dalpha, shape (n,)."""

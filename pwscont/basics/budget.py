@@ -75,8 +75,8 @@ class Budget:
 
     def __enter__(self) -> Budget:
         """Begin the run."""
+        self._handler = self._install()  # from here on Ctrl-C leaves nothing half done
         self._token = _current.set(self)
-        self._handler = self._install()
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -24,7 +24,14 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
 from pwscont.system.hidden import shown_size
-from pwscont.system.shapes import checked_array, checked_matrix, expect, own_array, own_matrix
+from pwscont.system.shapes import (
+    checked_array,
+    checked_matrix,
+    expect,
+    own_array,
+    own_matrix,
+    refuse_unusual,
+)
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override, with their arguments.
@@ -78,10 +85,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     jacobian = jacobian_at(system, z, alpha, character)
     gradients = system.test_jacobian(z, alpha)
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
-    if isinstance(gradients, np.matrix):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.test_jacobian returned a numpy.matrix: return an array"
-        )
+    refuse_unusual(system, "test_jacobian", gradients)
     if not isinstance(label := system.label(character), str):
         raise InvalidSystemError(f"{type(system).__name__}.label must return a text, got {label!r}")
     bounding = _bounding(system, character)

@@ -12,6 +12,8 @@ from pwscont.basics.errors import InvalidSystemError
 
 #: Kinds of numbers that are real: floats, integers, booleans.
 REAL = "fiub"
+#: Those that are computed with like numbers.
+NUMBERS = "fiu"
 FLOAT = np.dtype(float)
 
 
@@ -61,7 +63,9 @@ def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int
     if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
         return matrix  # nearly always
     expect(system, method, matrix, shape)
-    return np.array(matrix, dtype=float) if isinstance(matrix, np.ndarray) else matrix
+    if isinstance(matrix, np.ndarray):
+        return np.array(matrix, dtype=float)
+    return matrix.tocsr() if _has_scalar_products(matrix) else matrix
 
 
 def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:
@@ -73,6 +77,27 @@ def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> N
             f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
             "is expected"
         )
+
+
+def refuse_unusual(system: object, method: str, matrix: Matrix) -> None:
+    """Refuse a matrix that is not computed with like an array, or whose entries are no numbers.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    kind, dtype = type(matrix), getattr(matrix, "dtype", FLOAT)
+    is_other = isinstance(matrix, np.ndarray) and kind is not np.ndarray
+    if is_other or dtype.kind not in NUMBERS or _has_scalar_products(matrix):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.{method} returned a {kind.__module__}.{kind.__qualname__} of "
+            f"{dtype}: return an array, or a sparse matrix by rows (tocsr), of floats"
+        )
+
+
+def _has_scalar_products(matrix: Matrix) -> bool:
+    """Tell whether scipy takes the products of a matrix of one row for scalars."""
+    return isinstance(matrix, sp.coo_array) and matrix.shape[0] == 1
 
 
 def refuse_infinite(
