@@ -105,7 +105,8 @@ class StraightCell:
         self._is_told = isinstance(system, PiecewiseLinearSystem) and system.knows_kinks
         self._jacobian: Matrix | None = None
         #: The direction of the piece, and samples of the error of its points, of which alpha is 0.
-        self._lines = np.zeros((1 + len(samples(len(along))), len(along)))
+        self._samples = samples(len(along))
+        self._lines = np.zeros((1 + len(self._samples), len(along)))
         self._lines[0] = along
         self.along: Array = self._lines[0]
         self._wide = np.zeros(len(along))
@@ -258,9 +259,9 @@ class StraightCell:
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, for which it is no more at hand
-        rounding = samples(n + 1)[:, :n] * (EPS * self._terms)
-        asked = np.empty((2 + len(rounding), n))
-        asked[0], asked[1], asked[2:] = residual, astray, rounding
+        asked = np.empty((1 + len(self._lines), n))
+        asked[0], asked[1] = residual, astray
+        np.multiply(self._samples[:, :n], EPS * self._terms, out=asked[2:])
         solved = self._solver.solve_all(asked)
         along[:-1] -= solved[1]
         self._lines[1:, :-1] = solved[2:]
@@ -271,7 +272,7 @@ class StraightCell:
     def _bordered(self, rounding: float) -> Array:
         """Return samples of the error of a point that a test of this rounding locates."""
         lines, slopes = self._lines, self._slopes
-        last = rounding * samples(lines.shape[1])[:, -1] - slopes[1:]
+        last = rounding * self._samples[:, -1] - slopes[1:]
         beside: Array = lines[1:].copy()
         add_multiples(beside, last / slopes[0], lines[0])
         return beside

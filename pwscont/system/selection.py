@@ -11,11 +11,13 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices,
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
-from pwscont.system.shapes import checked_array
+from pwscont.system.shapes import checked_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: The side of a test that is negative, and of one that is not.
 SIDES = np.array([-1.0, 1.0])
+#: Constant gradients of no more entries are kept.
+FEW = 4096
 
 
 @final
@@ -49,6 +51,7 @@ class Selection:
             first = np.sort(np.unique(tests, return_index=True)[1])
             tests, inside = tests[first], inside[first]
         self._cell: bytes | None = None
+        self._gradients: Matrix | None = None
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, by which it is positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
@@ -125,8 +128,16 @@ class Selection:
         return float(self.side[index] * values[0])
 
     def unsigned_gradients(self, x: Array) -> Matrix:
-        """Return the gradients of the bounding tests themselves, without their :attr:`side`."""
-        return self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        """Return the gradients of the bounding tests themselves, without their :attr:`side`.
+
+        Those of a straight cell are constant, and a few are kept: not to be written to.
+        """
+        if self._gradients is not None:
+            return self._gradients
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        if self.is_straight and rows.size <= FEW:
+            self._gradients = own_matrix(rows)
+        return rows
 
     def test_gradients(self, x: Array) -> Matrix:
         """Return the gradients of :meth:`tests`, shape (len(bounding), n + 1)."""
