@@ -98,10 +98,9 @@ class ContactAlgebra:
         return np.concatenate(parts)
 
     def elastic(self, u: Array) -> Array:
-        """Return A u, shape (..., n): for one u half of A is read, for several A is read once."""
+        """Return A u, shape (..., n), for which half of A is read."""
         if u.ndim > 1:
-            forces: Array = blas.dgemm(1.0, self._columns, u.T).T
-            return forces
+            return np.stack([self.elastic(one) for one in u])
         force: Array = blas.dsymv(1.0, self._columns, u)
         return force
 
