@@ -44,7 +44,6 @@ from pwscont.extending import (
 )
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
-from pwscont_coulomb.cells import Cell
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
@@ -63,7 +62,7 @@ from pwscont_coulomb.rows import (
 )
 from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates, States
 
-#: It is kept what the signs of so many cells say, of many nodes those of fewer cells.
+#: Modes and bounding tests of so many cells are kept, of many nodes those of fewer.
 MOST_CELLS, MOST_SIGNS = 128, 12000
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
@@ -104,7 +103,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         self._known: tuple[tuple[bytes, bytes], Matrix] | None = None
         most = min(MOST_CELLS, 1 + MOST_SIGNS // (3 * body.p))
         self._modes: Kept[Character, Indices] = Kept(most)
-        self._cells: Kept[Character, Cell] = Kept(most)
+        self._bounding: Kept[Character, Indices] = Kept(most)
         self._jacobian: ContactJacobian | None = None
         self._scale: tuple[tuple[float, float], Array] | None = None
 
@@ -185,21 +184,20 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
         """Return the mode of each node, shape (p,), not to be written to."""
         return self._modes.of(character, contact.modes)
 
-    def _made_cell(self, character: Character) -> Cell:
-        mode = self.modes(character)
-        return Cell.of(character, mode, self._without_friction, self.body.guided)
-
     def bounding_tests(self, character: Character) -> Indices:
         """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
 
         Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
         stick, too: otherwise points with tension would count as solutions.
         """
-        return self._cells.of(character, self._made_cell).bounding
+        return self._bounding.of(character, self._bounds)
 
-    def cell(self, character: Character) -> bytes:
-        """Return the signs that matter, 0 for a test that does not bound the cell."""
-        return self._cells.of(character, self._made_cell).name
+    def _bounds(self, character: Character) -> Indices:
+        mode = self.modes(character)
+        is_bound = contact.bounds(mode, self._without_friction, self.body.guided)
+        bounding: Indices = is_bound.nonzero()[0]
+        bounding.flags.writeable = False
+        return bounding
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""

@@ -119,10 +119,6 @@ class CoulombLoad(Coulomb):
         column[: self.body.n] = -rate
         return self.with_alpha_column(matrix, column)
 
-    def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        terms: Array = self._of_cell(character, alpha)[0].dot(z)
-        return terms
-
     def _matrix_at(self, character: Character, alpha: float) -> Matrix:
         return self._of_cell(character, alpha)[0]
 
