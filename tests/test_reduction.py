@@ -56,6 +56,17 @@ def test_the_bound_holds_for_every_solution(seed):
         assert (body.N @ solution.z[: body.n] <= reach * (1.0 + 1e-12)).all()
 
 
+@pytest.mark.parametrize("unit", [1e-150, 1.0, 1e120])
+@pytest.mark.parametrize("seed", range(20))
+def test_the_lower_bound_is_below_the_bound(seed, unit):
+    body, rng = random_body(3, seed), np.random.default_rng(seed)
+    contact = ContactBody(body.A, body.N, body.T, np.zeros(3))
+    loads = unit * np.column_stack([np.zeros(body.n), *rng.normal(size=(2, body.n))])
+    least, reach = contact.least_reach(loads), contact.reach(loads)
+    assert (least > 0.0).all()
+    assert (least <= reach * (1.0 + 1e-12)).all()
+
+
 def test_friction_as_parameter_and_trace():
     body = with_far_nodes(2, 5, (1,))
     force = random_vector(body.n, 5) + np.array([3.0, 0.0, 0.0, 0.0, 0.0])

@@ -28,6 +28,8 @@ def without_far_nodes(
     with_nodes : callable
         Returns the problem with only some of its contact nodes.
     """
+    if (body.gap <= body.least_reach(loads)).all():
+        return None
     reach = body.reach(loads)
     far = body.gap > reach * (1.0 + REACH_MARGIN)
     far[np.argmin(body.gap - reach)] = False  # at least one node remains

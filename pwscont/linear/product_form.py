@@ -13,7 +13,7 @@ from typing import final
 from pwscont.basics.arrays import Array
 from pwscont.linear.cores import Core
 from pwscont.linear.factor import Factor
-from pwscont.linear.updates import TOGETHER, Changes
+from pwscont.linear.changes import TOGETHER, Changes
 
 
 @final

@@ -31,15 +31,13 @@ from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
+from pwscont.linear.changes import SMALL_PIVOT, TOGETHER, Changes
 from pwscont.linear.cores import factorised, sign_of_pivots, solved
-from pwscont.linear.vectors import add_multiples
 
 #: Residual of a solution relative to the largest of solution and right-hand side beyond which the
 #: inverse has drifted. What is solved for are corrections and directions, whose points are
 #: corrected afterwards: nine digits are enough.
 DRIFT = 1e-9
-#: A change loses as many digits as its pivot is smaller than the terms that it is the sum of.
-SMALL_PIVOT = 1e-6
 #: A matrix with a smaller reciprocal condition number is not inverted.
 INVERTIBLE = EPS**0.75
 #: Up to these parts of all rows of an inverse are replaced at once, in 4 k m^2 operations for k
@@ -55,8 +53,6 @@ INVERTED_AFTER = 24
 MANY_UPDATES = 2.0
 #: More changes than these are made together, which takes as long as one product of matrices.
 SINGLY = 8
-#: So many changes are subtracted from the inverse at once.
-TOGETHER = 48
 #: A right-hand side of no more entries is solved for by columns of the inverse.
 FEW_ENTRIES = 4
 #: Columns of an inverse that LAPACK computes together.
@@ -83,6 +79,28 @@ class RowMatrix(ABC):
     @abstractmethod
     def dense(self) -> Array:
         """Return a new array of the whole matrix, shape (m, m), in Fortran order."""
+
+    def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
+        """Return rows times the inverse of another matrix of the family, and a largest sum.
+
+        Of many rows more is known: times the inverse, a row of the other matrix is a unit vector,
+        and a unit vector a row of the inverse.
+
+        Parameters
+        ----------
+        which : ndarray of int, shape (k,)
+        last : RowMatrix
+        inverse : ndarray, shape (m, m)
+            Of the other matrix.
+
+        Returns
+        -------
+        products : ndarray, shape (k, m)
+        largest : float
+            The largest sum of magnitudes of the terms of a product, in columns ``which``.
+        """
+        rows = self.rows(which)
+        return rows @ inverse, _largest_sum(rows, inverse[:, which])
 
 
 class RowSolver(ABC):
@@ -196,8 +214,8 @@ class Updating(RowSolver):
             return False
         if not self._inverted():
             return False
-        differences = matrix.rows(changed) - last.rows(changed)
-        if not self._replaced(changed, differences):
+        replace = self._replace_together if len(changed) > SINGLY else self._replace_singly
+        if not replace(matrix, last, changed):
             return False
         self._since += len(changed)
         self.updates += 1
@@ -210,23 +228,26 @@ class Updating(RowSolver):
         part = FEW_ROWS if self._served >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
         return max(2.0, part * m)
 
-    def _replaced(self, rows: Indices, differences: Array) -> bool:
-        """Change some rows; False where that loses too many digits."""
-        if len(rows) > SINGLY:
-            return self._replace_together(rows, differences)
+    def _replace_singly(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
+        """Change some rows one by one; False where that loses too many digits."""
+        differences = matrix.rows(rows) - last.rows(rows)
         pairs = zip(rows, differences, strict=True)
         return all(self._replace(int(row), difference) for row, difference in pairs)
 
-    def _replace_together(self, rows: Indices, differences: Array) -> bool:
-        """Change some rows at once: M'^-1 = M^-1 - W (I + D W)^-1 D M^-1 (Woodbury)."""
+    def _replace_together(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
+        """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
+
+        That is Woodbury's formula, as E^T M times M^-1 E is the identity.
+        """
         self._matrix = self._changes.subtracted(self._matrix)
         self._changes.forget()
-        w = self._matrix[:, rows]
-        pivots, which = factorised(np.eye(len(rows)) + differences @ w)
+        parts, largest = matrix.divided(rows, last, self._matrix)
+        pivots, which = factorised(parts[:, rows])
         smallest = np.abs(pivots.diagonal()).min()
-        if not smallest > SMALL_PIVOT * (1.0 + float((np.abs(differences) @ np.abs(w)).max())):
+        if not smallest > SMALL_PIVOT * (1.0 + largest):
             return False
-        parts = solved(pivots, which, (differences @ self._matrix).T).T
+        parts[np.arange(len(rows)), rows] -= 1.0
+        parts, w = solved(pivots, which, parts.T).T, self._matrix[:, rows]
         self._matrix = blas.dgemm(-1.0, w, parts, 1.0, self._matrix, overwrite_c=1)
         self._sign *= sign_of_pivots(pivots.diagonal(), which)
         return True
@@ -251,68 +272,9 @@ class Updating(RowSolver):
         return self._is_regular
 
 
-@final
-class Changes:
-    """Rows that were replaced since an inverse was formed: M^-1 = (I - V D) M_0^-1.
-
-    The rows of D are what was added. With every change, M'^-1 = (I - w d^T / (1 + d.w)) M^-1, the
-    columns of V are taken on to the new inverse, so that there is no system to be solved.
-
-    Parameters
-    ----------
-    size : int
-        m.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.count = 0
-        self._v = np.empty((TOGETHER if size else 0, size))  # the columns of V
-        self._d = np.empty_like(self._v)
-
-    def forget(self) -> None:
-        """Begin anew, in the same room: new room costs as much as what is written into it."""
-        self.count = 0
-
-    def add(self, w: Array, difference: Array) -> float:
-        """Add a change and return its pivot, zero where it would lose too many digits."""
-        k, pivot = self.count, 1.0 + float(difference.dot(w))
-        if not abs(pivot) > SMALL_PIVOT * (1.0 + _most(difference, w)):
-            return 0.0
-        self._v[k], self._d[k] = w / pivot, difference
-        if k:
-            add_multiples(self._v[:k], -self._v[:k].dot(difference), self._v[k])
-        self.count += 1
-        return pivot
-
-    def applied(self, solution: Array) -> Array:
-        """Return solutions, shape (m,) or (l, m), from those before the changes."""
-        k = self.count
-        if not k:
-            return solution
-        changed: Array = solution - solution.dot(self._d[:k].T).dot(self._v[:k])
-        return changed
-
-    def transposed(self, rhs: Array) -> Array:
-        """Return right-hand sides for the transposed matrix before the changes."""
-        k = self.count
-        if not k:
-            return rhs
-        changed: Array = rhs - rhs.dot(self._v[:k].T).dot(self._d[:k])
-        return changed
-
-    def subtracted(self, inverse: Array) -> Array:
-        """Return the inverse after the changes, in place."""
-        k = self.count
-        if not k:
-            return inverse
-        parts = self._d[:k] @ inverse
-        result: Array = blas.dgemm(-1.0, self._v[:k].T, parts, 1.0, inverse, overwrite_c=1)
-        return result
-
-
-def _most(a: Array, b: Array) -> float:
-    """Return the sum of the magnitudes of the terms of a scalar product."""
-    return float(blas.dasum(a * b))
+def _largest_sum(rows: Array, columns: Array) -> float:
+    """Return the largest sum of the magnitudes of the terms of a matrix product."""
+    return float((np.abs(rows) @ np.abs(columns)).max(initial=0.0))
 
 
 def _product(inverse: Array, rhs: Array) -> Array:
