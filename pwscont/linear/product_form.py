@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import final
 
 from pwscont.basics.arrays import Array
+from pwscont.linear.changes import TOGETHER, Changes
 from pwscont.linear.cores import Core
 from pwscont.linear.factor import Factor
-from pwscont.linear.changes import TOGETHER, Changes
 
 
 @final
