@@ -139,7 +139,7 @@ class Terraces(PiecewiseLinearSystem):
     """z_0 = alpha, and z_k has a slope of k / 4 beyond the wall z_0 = 99.5 + k."""
 
     size = 70
-    walls = np.arange(100.5, 145.0)
+    walls = np.arange(100.5, 130.0)
 
     def test_functions(self, z, alpha):
         return z[0] - self.walls
@@ -194,13 +194,13 @@ def test_work_of_a_transition_between_audits(monkeypatch):
     assert more == {"solve": 10, "residual": 30, "test_functions": 10}
 
 
-def test_an_audit_is_due_after_thirty_two_transitions(monkeypatch):
-    (few, _), (many, _) = (work(monkeypatch, last) for last in (132.0, 133.0))
+def test_an_audit_is_due_after_twenty_four_transitions(monkeypatch):
+    (few, _), (many, _) = (work(monkeypatch, last) for last in (124.0, 125.0))
     assert many["solve_all"] == few["solve_all"] + 1
 
 
 def test_the_first_cell_has_the_factorisation_of_the_start(monkeypatch):
-    (few, _), (many, _) = (work(monkeypatch, last) for last in (104.0, 133.0))
+    (few, _), (many, _) = (work(monkeypatch, last) for last in (104.0, 125.0))
     assert many["inner"] == few["inner"] == 0
     assert many["jacobian"] == few["jacobian"] + 1  # of an audit
 

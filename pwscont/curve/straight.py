@@ -42,7 +42,7 @@ from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
 #: Systems of fewer unknowns are audited at every transition, others after so many at the latest.
-TINY, AUDIT = 16, 32
+TINY, AUDIT = 16, 24
 #: After so many a residual that is more than rounding asks for an audit: directions have drifted.
 DRIFTED = 8
 #: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
