@@ -260,6 +260,22 @@ def test_what_a_contact_problem_is_made_of_cannot_be_changed(scene, way):
     assert len(explore(system, (-1.0, 1.0)).pieces) > 1
 
 
+@pytest.mark.parametrize("nodes", [1, 40])
+def test_what_a_contact_problem_keeps_cannot_be_written_to(nodes):
+    """Loads, magnitudes and gradients of tests, small and sparse ones."""
+    pairs = np.eye(2 * nodes)
+    body = ContactBody(2.0 * pairs, pairs[:nodes], pairs[nodes:])
+    system = CoulombLoad(body, AffineLoad(-pairs[0], pairs[0]), 0.5)
+    gradients = system.test_jacobian(np.zeros(system.size), 0.0)
+    entries = gradients if isinstance(gradients, np.ndarray) else gradients.data
+    assert isinstance(gradients, np.ndarray) == (nodes == 1)
+    for array in (system.load.f0, system.load.derivative(0.5), system.scale(0.0, 1.0), entries):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+    with pytest.raises(InvalidInputError, match=r"AffineLoad\.f1 cannot be changed"):
+        system.load.f1 = np.ones(2 * nodes)
+
+
 class Rough(CoulombLoad):
     """Nodes in contact stick."""
 

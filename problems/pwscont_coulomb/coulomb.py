@@ -47,7 +47,7 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
-from pwscont_coulomb.fixed import Fixed
+from pwscont_coulomb.fixed import Fixed, protected
 from pwscont_coulomb.free_unknowns import FreeUnknowns
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
@@ -299,7 +299,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
             force = max(float(np.abs(loads).max()), k * gap) or 1.0
             length = max(float(np.abs(self.body.solve(loads)).max()), gap) or force / k
             scale = np.repeat([length, force], [self.body.n, 2 * self.body.p])
-            self._scale = ((lo, hi), scale)
+            self._scale = ((lo, hi), protected(scale))
         return self._scale[1]
 
     def state_matrix(self, mode: Indices, friction: Array) -> Matrix:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from pwscont import InvalidInputError
+
+Given = TypeVar("Given")
 
 
 class Fixed:
@@ -20,7 +22,7 @@ class Fixed:
             if name in vars(self):
                 kind = type(self).__name__
                 raise InvalidInputError(f"{kind}.{name} cannot be changed: make a new {kind}")
-            _protect(value)
+            protected(value)
         super().__setattr__(name, value)
 
     def __setstate__(self, state: Any) -> None:
@@ -30,10 +32,11 @@ class Fixed:
         for name, value in slots.items():
             setattr(self, name, value)
         for name in self._given & vars(self).keys():
-            _protect(vars(self)[name])
+            protected(vars(self)[name])
 
 
-def _protect(value: Any) -> None:
-    """Let a dense array not be written to any more."""
+def protected(value: Given) -> Given:
+    """Return the same; a dense array cannot be written to any more."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
+    return value

@@ -14,6 +14,7 @@ from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
 from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import MOST_CELLS, Coulomb
+from pwscont_coulomb.fixed import protected
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.kept import Kept
@@ -149,7 +150,7 @@ class CoulombLoad(Coulomb):
         return tests
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return the constant gradients of the tests."""
+        """Return the constant gradients of the tests, not to be written to."""
         return self._test_gradients
 
     def _load_rate(self, alpha: float) -> Array:
@@ -171,7 +172,7 @@ class CoulombLoad(Coulomb):
 
     @cached_property
     def _test_gradients(self) -> Matrix:
-        return self._gradients.at(self.friction, np.zeros(3 * self.body.p))
+        return protected(self._gradients.at(self.friction, np.zeros(3 * self.body.p)))
 
 
 @final

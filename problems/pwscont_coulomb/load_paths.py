@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 from pwscont.extending import Array, finite_array, named
+from pwscont_coulomb.fixed import Fixed
 
 
 @final
-class AffineLoad:
+class AffineLoad(Fixed):
     """The load path f(alpha) = f0 + alpha f1.
 
     Parameters
@@ -19,6 +20,8 @@ class AffineLoad:
     f0, f1 : array_like, shape (n,)
         Load at alpha = 0 and load per unit of alpha.
     """
+
+    _given: ClassVar[frozenset[str]] = frozenset({"f0", "f1"})
 
     def __init__(self, f0: Any, f1: Any) -> None:
         self.f0 = finite_array("f0", f0)
@@ -32,12 +35,12 @@ class AffineLoad:
         return self.f0 + alpha * self.f1
 
     def derivative(self, alpha: float) -> Array:
-        """Return df/dalpha, shape (n,)."""
+        """Return df/dalpha, shape (n,), not to be written to."""
         return self.f1
 
 
 @final
-class HarmonicLoad:
+class HarmonicLoad(Fixed):
     """The cyclic load path f(alpha) = f0 + cos(w alpha + phase) fc + sin(w alpha + phase) fs.
 
     Parameters
@@ -49,6 +52,8 @@ class HarmonicLoad:
     phase : float, optional
         Angle at alpha = 0; default 0.
     """
+
+    _given: ClassVar[frozenset[str]] = frozenset({"_parts", "w", "phase"})
 
     def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
         f0 = finite_array("f0", f0)

@@ -112,6 +112,7 @@ class SparseGradients:
         """
         data = self._fixed + friction[self._node] * self._slopes
         data[self._last] = by_alpha
+        data.flags.writeable = False
         pattern = self._pattern
         return GradientRows((data, pattern.indices, pattern.indptr), pattern.shape)
 
