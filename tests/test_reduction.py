@@ -67,6 +67,19 @@ def test_the_lower_bound_is_below_the_bound(seed, unit):
     assert (least <= reach * (1.0 + 1e-12)).all()
 
 
+@pytest.mark.parametrize("soft", 2.0 ** -np.arange(20.0, 45.0, 4.0))
+def test_the_lower_bound_of_a_soft_body(soft):
+    """A ring of springs h that hardly holds still: under equal forces its energy is 12 / soft."""
+    for h in 1.0 + np.arange(64.0) / 64.0:
+        ring, eye = np.eye(16), np.eye(16)
+        neighbours = np.roll(np.eye(12), 1, axis=0)
+        ring[4:, 4:] = (2.0 * h + soft) * np.eye(12) - h * (neighbours + neighbours.T)
+        assert (ring.sum(axis=1)[4:] == soft).all()  # without rounding
+        body = ContactBody(ring, eye[:2], eye[2:4])
+        least = body.least_reach(np.repeat([0.0, 1.0], [4, 12])[:, np.newaxis])
+        assert (least <= np.sqrt(12.0 / soft)).all()
+
+
 def test_friction_as_parameter_and_trace():
     body = with_far_nodes(2, 5, (1,))
     force = random_vector(body.n, 5) + np.array([3.0, 0.0, 0.0, 0.0, 0.0])

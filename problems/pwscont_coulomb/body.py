@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Indices, Matrix, card, counted, finite_array
+from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite_array
 from pwscont_coulomb.fixed import Fixed
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
@@ -121,13 +121,17 @@ class ContactBody(Fixed):
 
         By Cauchy and Schwarz f.A^-1 f >= (f.v)^2 / v.A v for every v, here the displacements under
         f if A were diagonal, and (N A^-1 N^T)_ii is at least (N N^T)_ii by the stiffness of node i.
+        Where A hardly resists v, rounding could make v.A v too small: a bound of it is added, for
+        |A_ij| <= (A_ii A_jj)^(1/2).
 
         Parameters
         ----------
         loads : ndarray, shape (n, k)
         """
-        v = loads / _diagonal(self.A)[:, np.newaxis]
-        work, stored = (loads * v).sum(axis=0), (v * (self.A @ v)).sum(axis=0)
+        diagonal = _diagonal(self.A)
+        v = loads / diagonal[:, np.newaxis]
+        rounding = self.n * EPS * np.square(np.sqrt(diagonal) @ np.abs(v))
+        work, stored = (loads * v).sum(axis=0), (v * (self.A @ v)).sum(axis=0) + rounding
         energies = work * np.divide(work, stored, out=np.zeros_like(work), where=stored > 0.0)
         reach: Array = np.sqrt(_diagonal(self.N @ self.N.T) / self.stiffness * energies.max())
         return reach
