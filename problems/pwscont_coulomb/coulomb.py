@@ -195,9 +195,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _bounds(self, character: Character) -> Indices:
         mode = self.modes(character)
         is_bound = contact.bounds(mode, self._without_friction, self.body.guided)
-        bounding: Indices = is_bound.nonzero()[0]
-        bounding.flags.writeable = False
-        return bounding
+        return protected(is_bound.nonzero()[0])
 
     def cells(self) -> Iterator[Character]:
         """Yield one character for each combination of modes: 4^p where no node is guided."""

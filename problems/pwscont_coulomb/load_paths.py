@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class AffineLoad(Fixed):
         Load at alpha = 0 and load per unit of alpha.
     """
 
-    _given: ClassVar[frozenset[str]] = frozenset({"f0", "f1"})
+    _given = frozenset({"f0", "f1"})
 
     def __init__(self, f0: Any, f1: Any) -> None:
         self.f0 = finite_array("f0", f0)
@@ -53,7 +53,7 @@ class HarmonicLoad(Fixed):
         Angle at alpha = 0; default 0.
     """
 
-    _given: ClassVar[frozenset[str]] = frozenset({"_parts", "w", "phase"})
+    _given = frozenset({"_parts", "w", "phase"})
 
     def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
         f0 = finite_array("f0", f0)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from pwscont import Character
 from pwscont.extending import Indices
+from pwscont_coulomb.fixed import protected
 
 Flags: TypeAlias = npt.NDArray[np.bool_]
 
@@ -80,9 +81,7 @@ def modes(character: Character) -> Indices:
     and slip- overlap; there the sign of kappa2 decides.
     """
     signs = character.array.view(np.uint8).reshape(-1, 3)
-    found: Indices = MODE_OF_SIGNS.take(signs @ DIGITS)
-    found.flags.writeable = False
-    return found
+    return protected(MODE_OF_SIGNS.take(signs @ DIGITS))
 
 
 def mode_of(node: int, character: Character) -> int:

