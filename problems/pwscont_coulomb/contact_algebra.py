@@ -174,11 +174,11 @@ class Displacements(RowMatrix):
         """Return rows times the inverse of another matrix; most are known without a product."""
         assert isinstance(last, Displacements), "matrices of one family are of one kind"
         unit, known = self.unit[which], self._follows(which, last)
-        products = np.empty((len(which), len(self.keys)), order="F")
-        products[unit] = inverse[which[unit]]
-        self._put_combined(products, known.nonzero()[0], which[known], last)
         others = ~(unit | known)
-        products[others], largest = super().divided(which[others], last, inverse)
+        multiplied, largest = super().divided(which[others], last, inverse)
+        products = np.empty((len(which), len(self.keys)), order="F")
+        products[others], products[unit] = multiplied, inverse[which[unit]]
+        self._put_combined(products, known.nonzero()[0], which[known], last)
         return products, max(largest, float(np.abs(products[:, which]).max()))
 
     def _follows(self, which: Indices, last: Displacements) -> npt.NDArray[np.bool_]:

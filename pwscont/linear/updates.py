@@ -99,8 +99,9 @@ class RowMatrix(ABC):
         largest : float
             The largest sum of magnitudes of the terms of a product, in columns ``which``.
         """
-        rows = self.rows(which)
-        return rows @ inverse, _largest_sum(rows, inverse[:, which])
+        rows, columns = self.rows(which), inverse[:, which]  # copies
+        sums = np.abs(rows) @ np.abs(columns, out=columns)
+        return rows @ inverse, float(sums.max(initial=0.0))
 
 
 class RowSolver(ABC):
@@ -270,11 +271,6 @@ class Updating(RowSolver):
             self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, room, overwrite_lu=1)
             self._pivots = None
         return self._is_regular
-
-
-def _largest_sum(rows: Array, columns: Array) -> float:
-    """Return the largest sum of the magnitudes of the terms of a matrix product."""
-    return float((np.abs(rows) @ np.abs(columns)).max(initial=0.0))
 
 
 def _product(inverse: Array, rhs: Array) -> Array:
