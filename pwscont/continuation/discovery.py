@@ -165,6 +165,12 @@ class Discovery:
         self._past.add(node, edge.end, end, edge.followed.names)
         self._report(len(self.edges), float(walk.points[-1][-1]))
 
+    def insert(self, node: Node) -> int:
+        """Add a node of which no ray is left to follow, and return its number."""
+        number, self._next = self._next, self._next + 1
+        self.nodes[number] = node
+        return number
+
     def _is_endless(self, node: int, ray: Ray) -> bool:
         """Tell whether the path to a node repeats itself; not where limits are set."""
         return not self._budget.is_limited and self._past.repeats(node, ray.curve.metric.scale)

@@ -15,12 +15,14 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
-from pwscont.curve.curve import Curve
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
+from pwscont.transitions.events import Events
+from pwscont.transitions.events_along import EventsAlong
 from pwscont.transitions.fold_at_end import leaning
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
@@ -99,6 +101,7 @@ class PieceFollower(Follower):
     interval: tuple[float, float]
     bounds: Bounds
     straight: StraightTests | None = None
+    events: Events | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
@@ -108,6 +111,7 @@ class PieceFollower(Follower):
             if arrival := self.straight and self.straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
             reached = _Reached(leaning(ray))
+            reached.stops = self.events and self.events.stops_along(ray.curve, ray.state)
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
@@ -142,6 +146,8 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
+            if end := self._ended_by_event(reached, segment, segment.length):
+                return end
             reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
@@ -176,12 +182,29 @@ class PieceFollower(Follower):
 
     def _ended(self, reached: _Reached, segment: Segment, event: Event) -> FollowedPiece:
         """Return the piece that an event on the last step ends."""
-        points = [*reached.points, *reached.between(segment, event), event.state.x]
+        if end := self._ended_by_event(reached, segment, event.position):
+            return end
+        points = [*reached.points, *reached.between(segment, event.position, event.state), event.state.x]
         return FollowedPiece(points, self._arrived(event, reached.curve))
+
+    def _ended_by_event(
+        self, reached: _Reached, segment: Segment, length: float
+    ) -> FollowedPiece | None:
+        """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
+        if not (self.events and reached.stops and length > 0.0):
+            return None
+        marks = reached.stops.look(segment, length, len(reached.points))
+        if not marks:
+            return None
+        mark = marks[0]
+        between = reached.between(segment, mark.position, mark.state)
+        points = [*reached.points, *between, mark.state.x]
+        return FollowedPiece(points, self.events.stopped(reached.curve, mark))
 
     def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
         """Return the special point that an event makes, with the ways on that are allowed."""
         arrival = self.watch.ended(event.arrive(curve))
+        arrival = self.events.ended(arrival) if self.events else arrival
         final = ended(arrival)
         return arrival if final is arrival else final.leading(final.rays[:1])
 
@@ -202,6 +225,7 @@ class _Reached:
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
         self.blocked = self._shortened = 0
+        self.stops: EventsAlong | None = None
         self._part = part_of(self.curve)
 
     def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
@@ -222,11 +246,11 @@ class _Reached:
         self._shortened = 0
         return refined(self.curve, self.state.x)
 
-    def between(self, segment: Segment, event: Event) -> list[Array]:
+    def between(self, segment: Segment, position: float, end: State) -> list[Array]:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""
         if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
             return []
-        middle = segment.point(0.5 * event.position, event.state.located_by)
+        middle = segment.point(0.5 * position, end.located_by)
         return [] if middle is None else [middle]
 
     def stopped(self, why: str) -> FollowedPiece:

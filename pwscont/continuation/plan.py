@@ -19,6 +19,7 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.event_division import divide
 from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
@@ -139,7 +140,7 @@ class Plan:
     metric: Metric
     box: Box
     stepper: Stepper
-    added: tuple[TransitionDetector, ...]
+    added: tuple[TransitionDetector | Events, ...]
     last: LastHeld = field(default_factory=LastHeld)
 
     @classmethod
@@ -148,7 +149,7 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        detectors: tuple[TransitionDetector, ...] = (),
+        detectors: tuple[TransitionDetector | Events, ...] = (),
         magnitudes: Array | None = None,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
@@ -171,7 +172,13 @@ class Plan:
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
         """The default detectors, and those that were added."""
-        return (*default_detectors(self.stepper, self.interval), *self.added)
+        added = (each for each in self.added if isinstance(each, TransitionDetector))
+        return (*default_detectors(self.stepper, self.interval), *added)
+
+    @property
+    def events(self) -> Events | None:
+        """The events that are watched."""
+        return next((each for each in self.added if isinstance(each, Events)), None)
 
     def told(self, search: Search) -> dict[str, str]:
         """Return the parts of the run in words, all of them."""
@@ -205,9 +212,10 @@ class Plan:
         is_bounded = self.box.is_bounded
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
-        foreign = [each for each in self.added if not isinstance(each, Events)]
+        foreign = [each for each in self.added if isinstance(each, TransitionDetector)]
+        events, straight = self.events, None if self.events else _alone(watched)
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
+            self.stepper, Watch(watched, foreign), self.interval, bounds, straight, events
         )
         if journal is not None:
             self._check(journal)
@@ -221,7 +229,9 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
-        discovery.close(budget.spent)
+            discovery.close(budget.spent)
+            if events:
+                divide(discovery, self.followed, self.metric, events)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
@@ -240,8 +250,11 @@ class Plan:
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a start, changed by the system or a detector for which it is a special point."""
-        for detector in self.added:
-            arrival = detector.begun(arrival)
+        for each in self.added:
+            if isinstance(each, Events):
+                each.check(arrival)
+            else:
+                arrival = each.begun(arrival)
         return ended(arrival)
 
     def _graph(
@@ -256,8 +269,7 @@ class Plan:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
-        events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events)
+        parts = (parameter, searched, reduction, record, self.events)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)
@@ -278,7 +290,7 @@ class Plan:
 
 def checked_detectors(
     system: PiecewiseSystem, detectors: Any, events: Any
-) -> tuple[TransitionDetector, ...]:
+) -> tuple[TransitionDetector | Events, ...]:
     """Return the detectors that a caller adds, that of the events last.
 
     Raises
@@ -299,7 +311,7 @@ def _alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
     return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None
 
 
-def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
+def _events(detectors: Iterable[TransitionDetector | Events]) -> list[str]:
     """Return the names of the events that are watched."""
     return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 

@@ -16,6 +16,7 @@ from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Events
 
 #: Number of starts that measure the unknowns.
 FIRST = 2
@@ -26,7 +27,7 @@ def prepared(
     start: tuple[Array, float],
     interval: tuple[float, float],
     stepper: Stepper | None,
-    detectors: tuple[TransitionDetector, ...] = (),
+    detectors: tuple[TransitionDetector | Events, ...] = (),
 ) -> Plan:
     """Return the plan for a system whose promises hold at a start.
 
