@@ -125,11 +125,10 @@ class _Watched:
         """Yield where on a stretch the sign changes, and go on with the sign at its end."""
         places = length * (ON_STEP if isinstance(segment, CurvedSegment) else ON_RAY)
         values = np.array([self.event.value(x) for x in self._points(segment, places)])
-        if self._sign is not None and (np.sign(values) == self._sign).all():
-            lows = list(self._lows(segment, places, values)) if self._sign else []
-            if not lows:
-                return
-            places = np.sort([*places, *lows])
+        lows = list(self._lows(segment, places, values)) if values.any() else []
+        if self._sign is not None and not lows and (np.sign(values) == self._sign).all():
+            return
+        places = np.unique([*places, *lows])
         yield from self._walk(segment, 0.0, places)
 
     def _walk(
@@ -199,40 +198,38 @@ class _Watched:
     def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
         """Yield where between places g has another sign, next to where it comes close to zero."""
         s = np.concatenate([[0.0], places])
-        sizes = np.abs([self.event.value(segment.start.x), *values])
-        shallow = SHALLOW * float(sizes.max())
-        for lo, hi in self._valleys(segment, s, sizes):
-            low, least = self._lowest(segment.near, lo, hi)
+        values = np.concatenate([[self.event.value(segment.start.x)], values])
+        shallow = SHALLOW * float(np.abs(values).max())
+        for lo, hi, sign in self._valleys(segment, s, values):
+            low, least = self._lowest(segment.near, sign, lo, hi)
             if abs(least) <= shallow and isinstance(segment, CurvedSegment):
-                low, least = self._lowest(lambda s: self._exact(segment, s)[0], lo, hi)
+                low, least = self._lowest(lambda s: self._exact(segment, s)[0], sign, lo, hi)
             if least < 0.0:
                 yield low
 
     def _valleys(
-        self, segment: Segment, s: Array, sizes: Array
-    ) -> Iterator[tuple[float, float]]:
-        """Yield the stretches in which g comes closer to zero than at their ends."""
+        self, segment: Segment, s: Array, values: Array
+    ) -> Iterator[tuple[float, float, float]]:
+        """Yield the stretches in which g comes closer to zero than at their ends, and its sign."""
+        sizes, signs = np.abs(values), np.sign(values)
         inside = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
-        yield from ((float(s[i]), float(s[i + 2])) for i in np.flatnonzero(inside))
-        near_start, near_end = s[0] + ASIDE * (s[1] - s[0]), s[-1] - ASIDE * (s[-1] - s[-2])
-        if sizes[0] <= sizes[1] and self._size(segment, near_start) < sizes[0]:
-            yield float(s[0]), float(s[1])
-        if sizes[-1] <= sizes[-2] and self._size(segment, near_end) < sizes[-1]:
-            yield float(s[-2]), float(s[-1])
-
-    def _size(self, segment: Segment, s: float) -> float:
-        return abs(self.event.value(segment.near(float(s))))
+        inside &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
+        for i in np.flatnonzero(inside):
+            yield float(s[i]), float(s[i + 2]), float(signs[i])
+        for at, beyond in ((0, 1), (-1, -2)):
+            beside = float(s[at] + ASIDE * (s[beyond] - s[at]))
+            if signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]:
+                if signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
+                    yield *sorted((float(s[at]), float(s[beyond]))), float(signs[at])
 
     def _lowest(
-        self, point: Callable[[float], Array], lo: float, hi: float
+        self, point: Callable[[float], Array], sign: float, lo: float, hi: float
     ) -> tuple[float, float]:
-        """Return where between two places g is lowest, and g there, both by the sign it has."""
+        """Return where between two places g is lowest, and g there, both by a sign."""
         from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
-        assert self._sign is not None
-        sign, value = self._sign, self.event.value
         found = minimize_scalar(
-            lambda s: sign * value(point(float(s))),
+            lambda s: sign * self.event.value(point(float(s))),
             bounds=(lo, hi),
             method="bounded",
             options={"xatol": CLOSEST * (hi - lo)},
