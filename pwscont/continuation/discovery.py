@@ -34,6 +34,7 @@ from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, na
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.place import Place
 from pwscont.graph.track import Track
+from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
 from pwscont.transitions.rays import Ray
@@ -282,11 +283,13 @@ class Discovery:
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
 
-        A start that rounding alone puts on an interface is a point of the pieces on both sides.
+        A start that rounding alone puts on an interface is a point of the pieces on both sides; one
+        where a path along interfaces passes through is a point of that path.
         """
         rays = arrival.rays
         crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
-        asked = rays if crossed else rays[:1] if interior else ()
+        passed = len(rays) == 2 and opposite(*rays)
+        asked = rays if crossed or passed else rays[:1] if interior else ()
         return bool(asked) and all(self._is_known(ray) for ray in asked)
 
     def _is_isolated_twin(self, arrival: SpecialPointFound) -> bool:
