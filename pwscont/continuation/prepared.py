@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import chain, islice
 
+import numpy as np
+
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import StartNotFoundError
 from pwscont.continuation.magnitudes import magnitudes, ones_fit
@@ -14,7 +16,8 @@ from pwscont.stepping import Stepper
 from pwscont.system.abilities import check_abilities
 from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 
 #: Number of starts that measure the unknowns.
@@ -43,6 +46,10 @@ def prepared(
     plan = Plan.of(system, interval, stepper, detectors)
     sample = check_contract(plan.system, z, alpha)
     check_promises(plan.system, interval, sample)
+    if not isinstance(system, PiecewiseLinearSystem):
+        with np.errstate(all="ignore"):
+            refuse_wrong_jacobian(plan.system, sample.character, sample.x)
+            refuse_wrong_gradients(plan.system, sample.x)
     if plan.followed is plan.system:
         plan.last.begin(sample)
     return plan
