@@ -32,7 +32,7 @@ from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
+from pwscont.enumeration.exact import ExactSlice, ExactSolution
 from pwscont.enumeration.face import Face, face_of
 from pwscont.enumeration.options import Problem, aside, reduce
 from pwscont.enumeration.point import Point, Slice
@@ -163,12 +163,10 @@ def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -
 
     None where that takes too long, or the system's numbers are not finite. Faces are left out.
     """
-    if not is_affordable(system):
+    solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
+    if solutions is None:
         return None
-    rows = ExactSlice(system, metric.scale[:-1], alpha)
-    if not rows.is_finite:
-        return None
-    candidates = [_candidate(one, alpha) for one in rows.solutions()]
+    candidates = [_candidate(one, alpha) for one in solutions]
     points: list[Point] = []
     for one, point in candidates:
         if one.is_inside and not any(_joins(metric, point, other) for other in points):
