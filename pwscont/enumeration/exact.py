@@ -143,13 +143,8 @@ class ExactSlice:
         options = [
             np.array([[_unit(row, units) for row in rows] for rows in o]) for o in self._options
         ]
-        sides = []
-        for block, bounding in zip(self._blocks, self._bounding, strict=True):
-            side = np.zeros((len(block.modes), m))
-            for k, (mode, tests) in enumerate(zip(block.modes, bounding, strict=True)):
-                for test in tests:
-                    side[k, test] = 1.0 if mode[block.tests.index(test)] else -1.0
-            sides.append(side)
+        places = zip(self._blocks, self._bounding, strict=True)
+        sides = [_sides(block, bounding, m) for block, bounding in places]
         tests = self._tests[:, :-1] @ z
         tests[:, -1] += self._tests[:, -1]
         growth = _condition(self._rows[0][self._common, :-1] * self._scale)
@@ -258,7 +253,7 @@ class ExactSlice:
 
 
 def _inverse(matrix: Array, scale: Array) -> Array:
-    """Return the transposed inverse of a regular matrix to a digit or more, whatever its condition."""
+    """Return the transposed inverse of a regular matrix to a digit or more."""
     scaled = matrix * scale
     largest = np.abs(scaled).max(axis=1, keepdims=True)
     with suppress(np.linalg.LinAlgError):
@@ -273,6 +268,15 @@ def _inverse(matrix: Array, scale: Array) -> Array:
     assert echelon is not None, "the cell is regular"
     columns, D = [echelon.solved(n + i) for i in range(n)], echelon.determinant
     return np.array([[_float(Fraction(y, D)) for y in column] for column in columns])
+
+
+def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array:
+    """Return +1 or -1 where a test bounds a mode of a block, shape (modes, tests), else 0."""
+    sides = np.zeros((len(block.modes), tests))
+    for side, mode, bounds in zip(sides, block.modes, bounding, strict=True):
+        for test in bounds:
+            side[test] = 1.0 if mode[block.tests.index(test)] else -1.0
+    return sides
 
 
 def _unit(row: Row, units: Array) -> Array:

@@ -23,7 +23,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
@@ -79,10 +79,27 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
                 check_budget()
-                faces += face_of(problem, choices[k : k + 1], alpha)
+                face = face_of(problem, choices[k : k + 1], alpha)
+                faces += [face] if face else []
         else:
             points.add(choices)
-    return Slice(tuple(points.points()), tuple(faces), points.undecided)
+    return _told_apart(points.points(), faces, points.undecided, metric)
+
+
+def _told_apart(
+    points: list[Point], faces: Sequence[Face], undecided: int, metric: Metric
+) -> Slice:
+    """Return a slice; the only solutions of singular cells are points, unless they are known.
+
+    Beside solutions that fill a face, such a point most often belongs to the face.
+    """
+    wide = tuple(face for face in faces if face.dimension)
+    for face in () if wide else faces:
+        error = GUARD * EPS * (np.abs(face.inside) + metric.scale)[np.newaxis]
+        new = (face.inside, error)
+        if not any(is_same(metric, (p.x, p.error), new) for p in points):
+            points.append(Point(face.inside, error, (face.character,), 0, (0,), False))
+    return Slice(tuple(points), wide, undecided)
 
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
