@@ -46,6 +46,8 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Up to this many cells, all are tried at once, without splitting the system into parts.
 FEW_CELLS = 64
+#: The known signs of solutions of singular cells.
+ALONE = (0,)
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
 
@@ -95,11 +97,16 @@ def _told_apart(
     """
     wide = tuple(face for face in faces if face.dimension)
     for face in () if wide else faces:
-        error = GUARD * EPS * (np.abs(face.inside) + metric.scale)[np.newaxis]
-        new = (face.inside, error)
-        if not any(is_same(metric, (p.x, p.error), new) for p in points):
-            points.append(Point(face.inside, error, (face.character,), 0, (0,), False))
+        new = lone_point(face, face.inside, metric)
+        if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in points):
+            points.append(new)
     return Slice(tuple(points), wide, undecided)
+
+
+def lone_point(face: Face, x: Array, metric: Metric) -> Point:
+    """Return a solution of a singular cell as a point."""
+    error = GUARD * EPS * (np.abs(x) + metric.scale)[np.newaxis]
+    return Point(x, error, (face.character,), 0, ALONE, False)
 
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
