@@ -7,7 +7,7 @@ alpha hardly changes.
 Failure modes and answers
 -------------------------
 - Magnitudes far too small: thousands of steps lead nowhere. The path is looked at after some steps;
-  where alpha has not moved yet, the slope of the path tells how far the unknowns will move.
+  where alpha has hardly moved by then, and an unknown very far, its magnitude grows by a factor.
 - Magnitudes far too large: a fold is as sharp as a kink, and may be passed over. That is known at
   the end only.
 - An unknown that does not move, or by no more than rounding, has no magnitude: it is left out.
@@ -15,20 +15,21 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import SHORTEST, Metric
 
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
 #: The path is looked at after so many steps, then each time that their number has doubled.
-FIRST_LOOK = 64
-#: The slope is believed up to so many times what the path has seen.
-FARTHER = 256.0
+FIRST_LOOK = 128
+#: Before, an unknown that is so many magnitudes away is larger, but not by more than a factor.
+FAR, FARTHER = 12.0, 4.0
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
 #: Unknowns that change by less than this part of their size do not move.
@@ -56,8 +57,7 @@ class Gauge:
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
         self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
-        self._moved, self._away, self._size = np.zeros((3, len(self._scale)))
-        self._farthest = np.zeros(len(self._scale))
+        self._away, self._farthest, self._size = np.zeros((3, len(self._scale)))
         self._first: Array | None = None
 
     def see(self, x: Array, y: Array) -> None:
@@ -68,17 +68,16 @@ class Gauge:
         MisjudgedError
         """
         first = self._first = x if self._first is None else self._first
-        change = np.abs(y - x)
+        change = float(abs(y[-1] - x[-1]))
         away = np.abs(0.5 * (x + y) - first)[:-1]
-        self._alpha += change[-1]
-        self._moved += change[:-1]
-        self._away += change[-1] * away
+        self._alpha += change
+        self._away += change * away
         self._size = np.maximum(self._size, np.abs(y[:-1]))
         self._farthest = np.maximum(self._farthest, away)
         self._steps += 1
         if self._steps >= self._look:
             self._look *= 2
-            self._judge(TOO_SMALL, np.inf)
+            self._judge(TOO_SMALL, math.inf)
 
     def close(self) -> None:
         """Judge the whole path.
@@ -93,12 +92,11 @@ class Gauge:
     def _judge(self, small: float, large: float) -> None:
         if self._alpha >= MUCH * self._width:
             typical = 2.0 * self._away / self._alpha
-        elif np.isfinite(large) or not self._alpha:
-            return
+            wrong = (typical > small * self._scale) | (large * typical < self._scale)
         else:
-            ahead = self._width * self._moved / self._alpha
+            ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, FARTHER * self._farthest)
-        moves = typical > STILL * self._size
-        wrong = moves & ((typical > small * self._scale) | (large * typical < self._scale))
+            wrong = self._farthest > FAR * self._scale
+        wrong &= typical > STILL * self._size
         if wrong.any():
             raise MisjudgedError(np.where(wrong, typical, self._scale))

@@ -29,7 +29,7 @@ from pwscont.transitions import TransitionDetector
 #: Number of starts that measure the unknowns.
 FIRST = 2
 #: How often magnitudes are revised by the path.
-REVISIONS = 3
+REVISIONS = 6
 
 
 def prepared(
