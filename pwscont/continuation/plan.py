@@ -21,6 +21,7 @@ from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
@@ -132,6 +133,8 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    gauge : Gauge, optional
+        Judges the typical magnitudes by the path.
     """
 
     system: PiecewiseSystem
@@ -143,6 +146,7 @@ class Plan:
     stepper: Stepper
     added: tuple[TransitionDetector, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    gauge: Gauge | None = None
 
     @classmethod
     def of(
@@ -207,9 +211,10 @@ class Plan:
         is_bounded = self.box.is_bounded
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
+        gauge = self.gauge if journal is None else None  # a journal is of one run
         foreign = [each for each in self.added if not isinstance(each, Events)]
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
+            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched), gauge
         )
         if journal is not None:
             self._check(journal)
@@ -223,6 +228,8 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
+        if gauge and not budget.spent:
+            gauge.close()
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
