@@ -12,7 +12,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.quantities import Function, Quantities, as_written
+from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.graph import BranchGraph
 
 #: An index into z, the name of an unknown or of a recorded quantity, or a function of (z, alpha).
@@ -78,6 +78,12 @@ class Drawn:
         if name not in graph.quantities.record:
             value(np.zeros(len(graph.names)), 0.0)  # raises an error that names close ones
         return cls(name, _each(value))
+
+
+def is_parameter(graph: BranchGraph, name: str) -> bool:
+    """Tell whether a name is that of the parameter, and of no unknown and no recorded quantity."""
+    known = (*graph.names, *graph.quantities.record)
+    return name not in known and spelled(name) == spelled(graph.parameter)
 
 
 def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Function]) -> str:
