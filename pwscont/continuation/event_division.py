@@ -12,9 +12,9 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import final
 
 import numpy as np
@@ -40,12 +40,13 @@ from pwscont.transitions.events_along import Mark
 
 def divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
     """Divide the pieces of a discovery at the events on them, which become nodes."""
-    edges = [
-        part
-        for edge in discovery.edges
-        for part in _EdgeWithEvents.of(edge, system, metric, events).parts(discovery)
-    ]
-    discovery.edges = edges
+    numbers = count(1 + max(discovery.nodes, default=-1))
+    edges, discovery.edges = discovery.edges, []
+    for edge in edges:
+        whole = _EdgeWithEvents.of(edge, system, metric, events)
+        nodes = {next(numbers): node for node in whole.nodes()}
+        discovery.nodes.update(nodes)
+        discovery.edges.extend(whole.parts(nodes))
 
 
 @final
@@ -72,22 +73,20 @@ class _EdgeWithEvents:
             along.look(segment, metric.norm(b - a), after)
         return cls(edge, curve, segments, along.before(end.x, end.error))
 
-    def parts(self, discovery: Discovery) -> Iterator[Edge]:
-        """Yield the parts of the piece, and add the nodes between them."""
-        if not self.marks:
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes that the events make."""
+        system, character = self.curve.selection.system, self.curve.selection.character
+        for mark in self.marks:
+            place = place_of(system, character, mark.state.x, mark.state.size)
+            yield Node(Kind.EVENT, place, mark.names)
+
+    def parts(self, nodes: Mapping[int, Node]) -> Iterator[Edge]:
+        """Yield the parts of the piece between these nodes."""
+        if not nodes:
             yield self.edge
             return
         track, points = self.edge.track, self.edge.track.points
-        character = self.curve.selection.character
-        places = [
-            place_of(self.curve.selection.system, character, mark.state.x, mark.state.size)
-            for mark in self.marks
-        ]
-        nodes = [
-            discovery.insert(Node(Kind.EVENT, place, mark.names))
-            for place, mark in zip(places, self.marks, strict=True)
-        ]
-        ends = pairwise([track.start, *places, track.end])
+        ends = pairwise([track.start, *(node.place for node in nodes.values()), track.end])
         joints = pairwise([self.edge.start, *nodes, self.edge.end])
         cuts = pairwise([1, *(mark.after for mark in self.marks), len(points) - 1])
         begun = self._begun()
@@ -101,8 +100,8 @@ class _EdgeWithEvents:
         if len(inner) or len(self.edge.track.inner) == 0:
             return inner
         chord = self.curve.metric.normalised(end.x - start.x)
-        states = (_state(self.curve, place.x, chord, place.error) for place in (start, end))
-        segment = CurvedSegment.between(self.curve, *states, 0.0)
+        first, last = (_state(self.curve, at.x, chord, at.error) for at in (start, end))
+        segment = CurvedSegment.between(self.curve, first, last, 0.0)
         middle = segment.point(0.5 * segment.length, None)
         return inner if middle is None else middle[np.newaxis]
 

@@ -15,15 +15,18 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
+from pwscont.continuation.gauge import Gauge
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
-from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events
 from pwscont.transitions.events_along import EventsAlong
 from pwscont.transitions.fold_at_end import leaning
+from pwscont.transitions.interval import IntervalEnds
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Readings, Watch
@@ -93,7 +96,7 @@ class PieceFollower(Follower):
     """Follows a ray to the end of its piece; the policy is here, the step is the stepper's.
 
     Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
-    from cell to cell by itself.
+    from cell to cell by itself. A ``gauge`` sees every step.
     """
 
     stepper: Stepper
@@ -101,6 +104,7 @@ class PieceFollower(Follower):
     interval: tuple[float, float]
     bounds: Bounds
     straight: StraightTests | None = None
+    gauge: Gauge | None = None
     events: Events | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
@@ -119,6 +123,9 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
+        if not curve.selection.is_straight:
+            selection = curve.selection
+            refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()
@@ -146,11 +153,21 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            if end := self._ended_by_event(reached, segment, segment.length):
+            if end := self._gone(reached, segment, before):
                 return end
-            reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _gone(
+        self, reached: _Reached, step: CurvedSegment, before: Segment | None
+    ) -> FollowedPiece | None:
+        """Go to the end of a step; return the piece if an event of a user ends it on the way."""
+        if end := self._ended_by_event(reached, step, step.length):
+            return end
+        if self.gauge:
+            self.gauge.see(step.start.x, step.end.x)
+        reached.go_to(step, before)
+        return None
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
@@ -184,7 +201,11 @@ class PieceFollower(Follower):
         """Return the piece that an event on the last step ends."""
         if end := self._ended_by_event(reached, segment, event.position):
             return end
-        points = [*reached.points, *reached.between(segment, event.position, event.state), event.state.x]
+        points = [
+            *reached.points,
+            *reached.between(segment, event.position, event.state),
+            event.state.x,
+        ]
         return FollowedPiece(points, self._arrived(event, reached.curve))
 
     def _ended_by_event(
@@ -259,3 +280,9 @@ class _Reached:
         back = Ray(self.curve, self.state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
         return FollowedPiece(self.points, arrival)
+
+
+def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
+    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
+    others = [each for each in watched if not isinstance(each, IntervalEnds)]
+    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None

@@ -20,13 +20,16 @@ from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.event_division import divide
-from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.fill import infinite_stretches, is_sign
+from pwscont.continuation.follow import Follower, PieceFollower, alone
+from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Stretch
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -131,6 +134,8 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    gauge : Gauge, optional
+        Judges the typical magnitudes by the path.
     """
 
     system: PiecewiseSystem
@@ -142,6 +147,7 @@ class Plan:
     stepper: Stepper
     added: tuple[TransitionDetector | Events, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    gauge: Gauge | None = None
 
     @classmethod
     def of(
@@ -172,8 +178,12 @@ class Plan:
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
         """The default detectors, and those that were added."""
-        added = (each for each in self.added if isinstance(each, TransitionDetector))
-        return (*default_detectors(self.stepper, self.interval), *added)
+        return (*default_detectors(self.stepper, self.interval), *self.foreign)
+
+    @property
+    def foreign(self) -> list[TransitionDetector]:
+        """The detectors that a user gave."""
+        return [each for each in self.added if isinstance(each, TransitionDetector)]
 
     @property
     def events(self) -> Events | None:
@@ -212,10 +222,11 @@ class Plan:
         is_bounded = self.box.is_bounded
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
-        foreign = [each for each in self.added if isinstance(each, TransitionDetector)]
-        events, straight = self.events, None if self.events else _alone(watched)
+        gauge = self.gauge if journal is None else None  # a journal is of one run
+        events, straight = self.events, None if self.events else alone(watched)
+        watch = Watch(watched, self.foreign)
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, straight, events
+            self.stepper, watch, self.interval, bounds, straight, gauge, events
         )
         if journal is not None:
             self._check(journal)
@@ -229,6 +240,8 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
+            if gauge and not budget.spent:
+                gauge.close()
             discovery.close(budget.spent)
             if events:
                 divide(discovery, self.followed, self.metric, events)
@@ -237,7 +250,16 @@ class Plan:
         searched = usable.lowered(searched)
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
-        return self._graph(discovery, parameter, searched, record)
+        infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
+        return self._graph(discovery, parameter, searched, record, infinite)
+
+    def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+        """Return the stretches of alpha at which solutions fill more than curves."""
+        nodes = list(discovery.nodes.values())
+        if not (is_part or any(map(is_sign, nodes))):
+            return ()
+        alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
@@ -251,10 +273,7 @@ class Plan:
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a start, changed by the system or a detector for which it is a special point."""
         for each in self.added:
-            if isinstance(each, Events):
-                each.check(arrival)
-            else:
-                arrival = each.begun(arrival)
+            arrival = each.begun(arrival)
         return ended(arrival)
 
     def _graph(
@@ -263,13 +282,14 @@ class Plan:
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
+        infinite: Sequence[Stretch],
     ) -> BranchGraph:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
-        parts = (parameter, searched, reduction, record, self.events)
+        parts = (parameter, searched, reduction, record, self.events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)
@@ -282,8 +302,8 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
-            "detectors": ", ".join(type(d).__name__ for d in self.added if type(d) is not Events),
-            "events": ", ".join(_events(self.added)),
+            "detectors": ", ".join(type(d).__name__ for d in self.foreign),
+            "events": self.events.names if self.events else "",
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
@@ -303,17 +323,6 @@ def checked_detectors(
         checked_kind("each of detectors", detector, TransitionDetector)
     watched = checked_events(events, shown_size(system))
     return (*added, watched) if watched else added
-
-
-def _alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
-    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
-    others = [each for each in watched if not isinstance(each, IntervalEnds)]
-    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None
-
-
-def _events(detectors: Iterable[TransitionDetector | Events]) -> list[str]:
-    """Return the names of the events that are watched."""
-    return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

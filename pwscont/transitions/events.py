@@ -101,8 +101,13 @@ class Events:
                 return SpecialPointFound(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
         return arrival
 
-    def check(self, arrival: SpecialPointFound) -> None:
-        """Refuse events that are zero wherever they are tried around the start of a component.
+    @property
+    def names(self) -> str:
+        """The names of all of them."""
+        return _named(self.events)
+
+    def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
+        """Return the start of a component; refuse events that are zero all around it.
 
         Raises
         ------
@@ -111,6 +116,7 @@ class Events:
         for event in self.events:
             if arrival.rays and event.is_zero_around(arrival.rays[0]):
                 raise InvalidInputError(ALWAYS.format(event.name, arrival.x[-1]))
+        return arrival
 
     def names_at(self, metric: Metric, x: Array, error: Array, beyond: Sequence[Array]) -> str:
         """Return the names of the events that are zero at a special point of another kind.

@@ -20,11 +20,12 @@ from pwscont.transitions.user_event import UserEvent
 GRADED = 10.0 ** np.arange(-7.0, -1.0)
 #: How closely the place is found where g comes closest to zero, as a part of the step.
 CLOSEST = EPS**0.5
+NONE = np.empty(0)
 #: Where g comes no closer to zero than this part of its values, points of the cubic tell so.
 SHALLOW = 1e-3
 #: So far beside an end of a step, as a part of the way to the next place, g tells how it changes.
 ASIDE = 1e-3
-#: Where between two places, as a part of the way, g is compared with what a single zero makes of it.
+#: Where between two places, as a part of the way, g is compared with that of a single zero.
 PLAIN = 0.3
 
 
@@ -141,7 +142,8 @@ class _Watched:
                 continue
             if self._sign is not None and sign != self._sign:
                 found = self._change(segment, before, s)
-                if found and not is_fine and len(more := self._around(segment, before, found[0], s)):
+                more = self._around(segment, before, found[0], s) if found and not is_fine else NONE
+                if len(more):
                     yield from self._walk(segment, before, np.append(more, s), is_fine=True)
                 elif found:
                     yield found
@@ -154,7 +156,7 @@ class _Watched:
         """
         sign, cell, places = self._sign, hi - lo, [lo]
         if not sign:
-            return np.empty(0)
+            return NONE
 
         def divided(s: float) -> float:
             """Return what is positive at both ends, and all between if the zero is the only one."""
@@ -165,7 +167,7 @@ class _Watched:
         beside = [lo + PLAIN * cell, hi - PLAIN * cell, zero - ASIDE * cell, zero + ASIDE * cell]
         sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
-            return np.empty(0)
+            return NONE
         from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
         options = {"xatol": CLOSEST * cell}
@@ -218,9 +220,10 @@ class _Watched:
             yield float(s[i]), float(s[i + 2]), float(signs[i])
         for at, beyond in ((0, 1), (-1, -2)):
             beside = float(s[at] + ASIDE * (s[beyond] - s[at]))
-            if signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]:
-                if signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
-                    yield *sorted((float(s[at]), float(s[beyond]))), float(signs[at])
+            is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
+            if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
+                lo, hi = sorted((float(s[at]), float(s[beyond])))
+                yield lo, hi, float(signs[at])
 
     def _lowest(
         self, point: Callable[[float], Array], sign: float, lo: float, hi: float
