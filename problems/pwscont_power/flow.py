@@ -31,7 +31,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Character, InvalidInputError, MultiStart, PiecewiseSystem
-from pwscont.extending import Array, BringsSearches, Indices, Matrix, finite_array
+from pwscont.extending import (
+    Array,
+    BringsSearches,
+    Indices,
+    Matrix,
+    checked_magnitudes,
+    finite_array,
+)
 from pwscont_power.network import Generator, Network, one_each
 from pwscont_power.pattern import Pattern
 
@@ -66,14 +73,18 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         Injections that are multiplied by the loading; default generation minus load of the network.
     fixed : array_like of complex, shape (buses,), optional
         Injections that stay what they are; default none.
+    scale : array_like, optional
+        Typical magnitudes of all unknowns, in the order of their names; default what a run finds.
 
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit, or a part of the network is not connected to the slack.
+        If the shapes do not fit, magnitudes are not positive, or a part of the network is not connected to the slack.
     """
 
-    def __init__(self, network: Network, growing: Any = None, fixed: Any = 0.0) -> None:
+    def __init__(
+        self, network: Network, growing: Any = None, fixed: Any = 0.0, *, scale: Any = None
+    ) -> None:
         if growing is None:
             growing = network.generation - network.load
         self.network = network
@@ -91,6 +102,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         self._r = np.abs(self._Y.diagonal()[self._at])
         self._n, self._g = len(self._others), len(self._at)
         self.size = 2 * self._n + self._g
+        self._scale = checked_magnitudes(scale, self.size)
         self._voltage_columns = self._n + np.searchsorted(self._others, self._at)
         self._Q_columns = 2 * self._n + np.arange(self._g)
         self._slopes = Slopes(self._Y, self._others)
@@ -251,6 +263,15 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     def periods(self) -> Array:
         """Return 2 pi for angles."""
         return np.where(np.arange(self.size) < self._n, 2.0 * np.pi, np.inf)
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether magnitudes were given, or a run found them."""
+        return self._scale is not None or self.is_measured
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the magnitudes that were given."""
+        return super().scale(lo, hi) if self._scale is None else self._scale
 
     # -- in words ------------------------------------------------------------------------
 
