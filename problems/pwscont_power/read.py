@@ -49,6 +49,13 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
     ------
     InvalidInputError
         If tables are missing, too narrow, or not finite, or there is not one slack.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> from pwscont_power import from_matpower
+    >>> len(from_matpower(files("pwscont_power") / "data" / "case14.m").buses)
+    14
     """
     tables = case if isinstance(case, Mapping) else _read(Path(case))
     bus, gen, branch = (_table(tables, name) for name in COLUMNS)
@@ -94,6 +101,12 @@ def from_pandapower(net: Any) -> Network:
         If pandapower is not installed.
     InvalidInputError
         As for :func:`from_matpower`.
+
+    Examples
+    --------
+    >>> from pandapower.networks import case14  # doctest: +SKIP
+    >>> from pwscont_power import from_pandapower
+    >>> len(from_pandapower(case14()).buses)  # doctest: +SKIP
     """
     try:
         from pandapower.converter.pypower.to_ppc import to_ppc  # noqa: PLC0415  an optional package

@@ -78,6 +78,27 @@ def explore(
     ------
     InvalidInputError, InvalidSystemError, StartNotFoundError
         As for :func:`pwscont.trace`; the message names the bad start by its place.
+
+    Examples
+    --------
+    >>> from pwscont import Limits, Switched, explore
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> graph = explore(
+    ...     arch,
+    ...     (-0.5, 1.0),
+    ...     starts=[([2.0], 0.3)],
+    ...     events={"half": lambda z, load: z[0] - 0.5},
+    ...     record={"energy": lambda z, load: load * z[0]},
+    ...     parameter="load",
+    ...     limits=Limits(seconds=60.0),
+    ... )
+    >>> graph.count(0.2), graph.guarantee
+    (3, 'balanced')
+    >>> (half,) = graph.special_points("event")
+    >>> round(half.alpha, 6), round(half["energy"], 6)
+    (0.375, 0.1875)
+    >>> [round(p.alpha, 6) for p in graph.special_points("fold")]
+    [0.3849]
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
