@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from math import ceil, log10
@@ -20,7 +21,8 @@ DIGITS, DIGITS_OF_DIFFERENCE = 8, 3
 
 def counted(count: int | float, noun: str) -> str:
     """Return a number with its noun, such as ``3 pieces``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+    number = "infinitely many" if count == math.inf else count
+    return f"{number} {noun}{'' if count == 1 else 's'}"
 
 
 def with_article(noun: str) -> str:

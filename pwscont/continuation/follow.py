@@ -15,8 +15,10 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
+from pwscont.continuation.gauge import Gauge
 from pwscont.curve.curve import Curve
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound
@@ -91,7 +93,7 @@ class PieceFollower(Follower):
     """Follows a ray to the end of its piece; the policy is here, the step is the stepper's.
 
     Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
-    from cell to cell by itself.
+    from cell to cell by itself. A ``gauge`` sees every step.
     """
 
     stepper: Stepper
@@ -99,6 +101,7 @@ class PieceFollower(Follower):
     interval: tuple[float, float]
     bounds: Bounds
     straight: StraightTests | None = None
+    gauge: Gauge | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
@@ -115,6 +118,9 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
+        if not curve.selection.is_straight:
+            selection = curve.selection
+            refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()
@@ -142,6 +148,8 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
+            if self.gauge:
+                self.gauge.see(segment.start.x, segment.end.x)
             reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))

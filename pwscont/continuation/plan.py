@@ -19,13 +19,16 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Stretch
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -130,6 +133,8 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    gauge : Gauge, optional
+        Judges the typical magnitudes by the path.
     """
 
     system: PiecewiseSystem
@@ -141,6 +146,7 @@ class Plan:
     stepper: Stepper
     added: tuple[TransitionDetector, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    gauge: Gauge | None = None
 
     @classmethod
     def of(
@@ -205,9 +211,10 @@ class Plan:
         is_bounded = self.box.is_bounded
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
+        gauge = self.gauge if journal is None else None  # a journal is of one run
         foreign = [each for each in self.added if not isinstance(each, Events)]
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
+            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched), gauge
         )
         if journal is not None:
             self._check(journal)
@@ -221,13 +228,24 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
+        if gauge and not budget.spent:
+            gauge.close()
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
-        return self._graph(discovery, parameter, searched, record)
+        infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
+        return self._graph(discovery, parameter, searched, record, infinite)
+
+    def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+        """Return the stretches of alpha at which solutions fill more than curves."""
+        nodes = list(discovery.nodes.values())
+        if not (is_part or any(map(is_sign, nodes))):
+            return ()
+        alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
@@ -250,6 +268,7 @@ class Plan:
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
+        infinite: Sequence[Stretch],
     ) -> BranchGraph:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
@@ -257,7 +276,7 @@ class Plan:
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
         events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events)
+        parts = (parameter, searched, reduction, record, events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)

@@ -114,10 +114,10 @@ def _counts(graph: BranchGraph) -> Iterator[str]:
     least = "" if graph.is_complete else ", at least"
     yield f"Number of solutions by {graph.parameter}{least}"
     previous = None
-    for stretch in graph.multiplicity():
+    for stretch in (row for row in graph.multiplicity() if row[0] < row[1]):
         if previous is not None and not (previous.hi_closed or stretch.lo_closed):
             yield f"  {number(stretch[0])}: {_between(graph, stretch[0])}"
-        yield f"  {stretch.ends}: {stretch[2]}"
+        yield f"  {stretch.ends}: {'infinitely many' if isinf(stretch[2]) else stretch[2]}"
         previous = stretch
     yield from _vertical_pieces(graph)
     yield f"Searched: {_named(graph, graph.searched.what)}"

@@ -19,6 +19,7 @@ from pwscont.basics.looks import card, counted, short
 from pwscont.system.blocks import Block
 from pwscont.system.differences import Differences
 from pwscont.system.shapes import own_array
+from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
@@ -26,7 +27,7 @@ MANY_TESTS = 16
 OWN = ("__weakref__", "_differences")
 
 
-class PiecewiseSystem(ABC):
+class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
@@ -145,7 +146,17 @@ class PiecewiseSystem(ABC):
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
         own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
-        return own or (self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any()))
+        return own or self.is_measured
+
+    @property
+    def knows_jacobian(self) -> bool:
+        """Whether derivatives are more than differences that depend on typical magnitudes."""
+        return type(self).jacobian is not PiecewiseSystem.jacobian
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether a run found typical magnitudes that differ from one."""
+        return self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any())
 
     @property
     def _is_fitted(self) -> bool:
