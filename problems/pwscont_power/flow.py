@@ -79,7 +79,18 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit, magnitudes are not positive, or a part of the network is not connected to the slack.
+        If the shapes do not fit, magnitudes are not positive, or a part of the network is not
+        connected to the slack.
+
+    Examples
+    --------
+    >>> from pwscont import trace
+    >>> from pwscont_power import Branch, Generator, Network, PowerFlow
+    >>> line = (Branch(1, 2, 0.0, 0.5),)
+    >>> network = Network((1, 2), line, (Generator(1, 1.0),), slack=1, load=[0, 1.0])
+    >>> graph = trace(PowerFlow(network), ([0.0, 1.0], 0.1), (0.1, 2.0), parameter="lambda")
+    >>> [round(p.alpha, 6) for p in graph.special_points("fold")]  # 1 / (2 x)
+    [1.0]
     """
 
     def __init__(

@@ -34,6 +34,12 @@ class StepSize:
     ------
     InvalidInputError
         If not 0 < smallest <= first <= largest, or the cosine is not between -1 and 1.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, StepSize
+    >>> PseudoArclength(step_size=StepSize(largest=0.01)).step_size.first
+    0.01
     """
 
     first: float = FIRST

@@ -52,6 +52,13 @@ class MultiStart(Search):
     InvalidInputError
         If count is no positive whole number, seed none from 0, around no states, or spread not
         positive and finite.
+
+    Examples
+    --------
+    >>> from pwscont import MultiStart, Switched, explore
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> explore(arch, (-0.5, 1.0), search=MultiStart(count=5, seed=1)).count(0.2)
+    3
     """
 
     count: int = 20

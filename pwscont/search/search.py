@@ -30,7 +30,14 @@ ZERO = 1e-6
 
 
 class Search(ABC):
-    """Finds solutions from which components can be traced; searches add up with ``+``."""
+    """Finds solutions from which components can be traced; searches add up with ``+``.
+
+    Examples
+    --------
+    >>> from pwscont import EndPoints, Slices
+    >>> EndPoints() + Slices((0.5,))
+    CombinedSearch(first=EndPoints(), second=Slices(alphas=(0.5,)))
+    """
 
     @abstractmethod
     def starts(

@@ -33,6 +33,14 @@ class PseudoArclength(Stepper):
     corrector : Corrector
         :class:`BorderedNewton` (default) or :class:`MoorePenrose`.
     step_size : StepSize
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Secant, StepSize, Switched, trace
+    >>> fine = PseudoArclength(predictor=Secant(), step_size=StepSize(largest=0.02))
+    >>> circle = Switched(1, lambda z, t, sw: z**2 + t**2 - 1)
+    >>> len(trace(circle, ([1.0], 0.0), (-2.0, 2.0), stepper=fine).special_points("fold"))
+    2
     """
 
     predictor: Predictor = field(default_factory=Hermite)

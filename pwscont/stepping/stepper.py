@@ -198,7 +198,17 @@ def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
 
 
 class Stepper(ABC):
-    """Owns one step along the curve of a frozen selection; what follows is the loop's policy."""
+    """Owns one step along the curve of a frozen selection; what follows is the loop's policy.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, NaturalParameter, Stepper, explore
+    >>> isinstance(NaturalParameter(), Stepper)
+    True
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> len(explore(problem, (-1.0, 2.0), stepper=NaturalParameter()).pieces)
+    2
+    """
 
     @abstractmethod
     def step(
