@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pwscont.linear.rows import FEW, FEW_ENTRIES, Rows
+from pwscont.linear.vectors import FEW, FEW_ENTRIES, Rows
 
 
 def few_entries(lengths, columns, seed=0):

@@ -17,9 +17,10 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import Stored, first_digits, from_first_digits
-from pwscont.linear.cores import DenseCore, SparseCore, banded_core, factorised, superlu
-from pwscont.linear.factorise import DenseFactor, bordered, factor, power_of_two
-from pwscont.linear.inner import column
+from pwscont.linear.banded import banded_lu
+from pwscont.linear.dense import DenseLU
+from pwscont.linear.factorise import DenseFactor, bordered, column, factor, power_of_two
+from pwscont.linear.sparse import SparseLU
 from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -286,7 +287,7 @@ def test_drift_is_seen_and_removed():
     other[0] = 1
     solver.solve(Table(matrix.table, other), rhs)
     solver.solve(matrix, rhs)  # an update
-    solver._matrix[3, 4] += 1e-5
+    solver._inverse[3, 4] += 1e-5
     solution = solver.solve(matrix, rhs)
     assert drifted(rhs, solution, matrix.dense() @ solution)
     assert solver.renew(matrix)
@@ -531,10 +532,10 @@ def test_several_right_hand_sides_are_solved_for_together(kind):
     bands[width] += 5.0
     matrix = sp.dia_matrix((bands, range(width, -width - 1, -1)), shape=(n, n)).toarray()
     core = {
-        "tridiagonal": lambda: banded_core(bands, 1, 1),
-        "banded": lambda: banded_core(bands, 2, 2),
-        "sparse": lambda: SparseCore(superlu(sp.csc_matrix(matrix))),
-        "dense": lambda: DenseCore(*factorised(matrix)),
+        "tridiagonal": lambda: banded_lu(bands, 1, 1),
+        "banded": lambda: banded_lu(bands, 2, 2),
+        "sparse": lambda: SparseLU(sp.csc_matrix(matrix)),
+        "dense": lambda: DenseLU.of(matrix),
     }[kind]()
     rhs = rng.normal(size=(5, n))
     np.testing.assert_allclose(core.solve_all(rhs) @ matrix.T, rhs, atol=1e-12)
