@@ -21,7 +21,7 @@ from pwscont.linear.banded import banded_lu
 from pwscont.linear.dense import DenseLU
 from pwscont.linear.factorise import DenseFactor, bordered, column, factor, power_of_two
 from pwscont.linear.sparse import SparseLU
-from pwscont.linear.updates import MANY_SOLVES, RowMatrix, RowSolver, Updating, drifted
+from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from strip import strip
@@ -225,15 +225,12 @@ def test_a_long_run_of_updates_does_not_drift():
     assert solver.updates > 10 * solver.factorisations
 
 
-@pytest.mark.parametrize(("solves", "most"), [(1, 10), (MANY_SOLVES, 20)])
-def test_many_rows_at_once_are_one_update(solves, most):
-    """Up to a third of the matrix where each serves many solves, up to a sixth where it does not.
-
-    With changes made one by one before.
-    """
+@pytest.mark.parametrize("solves", [1, 8])
+def test_many_rows_at_once_are_one_update(solves):
+    """Up to a sixth of the matrix, with changes made one by one before."""
     m, rng, table = 60, np.random.default_rng(2), random_table(60)
     solver, choice = Updating(), np.zeros(m, int)
-    for changed in (1, 2, most, 3, 9, most):
+    for changed in (1, 2, 10, 3, 9, 10):
         choice[rng.choice(m, changed, replace=False)] += 1
         matrix = Table(table, choice := choice % 3)
         dense, x = matrix.dense(), rng.normal(size=m)

@@ -14,7 +14,6 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
@@ -24,7 +23,7 @@ from scipy.linalg import lapack
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import named
-from pwscont.linear.factor import Factor, regularise, sign_of_pivots
+from pwscont.linear.factor import LU, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
 #: Number of rows from which on scipy's wrappers of LAPACK's tridiagonal routines work.
@@ -79,7 +78,7 @@ class BandedJacobian(StoredJacobian):
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
-    def split(self) -> tuple[Factor, Array]:
+    def split(self) -> tuple[LU, Array]:
         """Return an LU of the part for z, and the column for alpha; for entries of about one."""
         return banded_lu(self.bands, self.lower, self.upper), self.column
 
@@ -131,20 +130,13 @@ class BandedJacobian(StoredJacobian):
 
 def diagonals(bands: Array, upper: int) -> Iterator[tuple[Array, slice, slice]]:
     """Yield each diagonal as a view of its entries, with the slices of its rows and columns."""
-    for band, (rows, columns) in zip(bands, _extents(*bands.shape, upper), strict=True):
-        yield band[columns], rows, columns
+    n = bands.shape[1]
+    for below, band in enumerate(bands, -upper):
+        first, end = max(0, -below), min(n, n - below)
+        yield band[first:end], slice(first + below, end + below), slice(first, end)
 
 
-@lru_cache(maxsize=8)
-def _extents(width: int, n: int, upper: int) -> tuple[tuple[slice, slice], ...]:
-    """Return the rows and columns of each diagonal."""
-    below = range(-upper, width - upper)
-    starts, stops = [max(0, -k) for k in below], [min(n, n - k) for k in below]
-    columns = list(map(slice, starts, stops))
-    return tuple((slice(c.start + k, c.stop + k), c) for k, c in zip(below, columns, strict=True))
-
-
-def banded_lu(bands: Array, lower: int, upper: int) -> Factor:
+def banded_lu(bands: Array, lower: int, upper: int) -> LU:
     """Factorise a square matrix, stored as the bands of :class:`BandedJacobian` are."""
     if lower == upper == 1 and bands.shape[1] >= SMALLEST_TRIDIAGONAL:
         return TridiagonalLU(bands)
@@ -152,8 +144,8 @@ def banded_lu(bands: Array, lower: int, upper: int) -> Factor:
 
 
 @final
-class TridiagonalLU(Factor):
-    """LU with partial pivoting of a tridiagonal matrix: a third of the time of :class:`BandLU`."""
+class TridiagonalLU(LU):
+    """LU of a tridiagonal matrix, in a third of the time of :class:`BandLU`."""
 
     def __init__(self, bands: Array) -> None:
         *self._lu, _ = lapack.dgttrf(bands[2, :-1], bands[1], bands[0, 1:])
@@ -162,27 +154,17 @@ class TridiagonalLU(Factor):
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
-        return sign_of_pivots(self._lu[1], self._lu[4] - 1)
+        return sign_of_pivots(self._lu[1], self._lu[4] - 1)  # rows are counted from one
 
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        solution: Array = lapack.dgttrs(*self._lu, rhs)[0]
-        return solution
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n)."""
-        solutions: Array = lapack.dgttrs(*self._lu, rhs.T)[0]
-        return solutions.T
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        solution: Array = lapack.dgttrs(*self._lu, rhs, trans="T")[0]
-        return solution
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array."""
+        solutions: Array = lapack.dgttrs(*self._lu, rhs, trans="T" if transposed else "N")[0]
+        return solutions
 
 
 @final
-class BandLU(Factor):
-    """LU with partial pivoting of a banded matrix."""
+class BandLU(LU):
+    """LU of a banded matrix."""
 
     def __init__(self, bands: Array, lower: int, upper: int) -> None:
         self._widths = lower, upper
@@ -196,17 +178,9 @@ class BandLU(Factor):
         """Sign of the determinant."""
         return sign_of_pivots(self._lu[sum(self._widths)], self._pivots)
 
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        solution: Array = lapack.dgbtrs(self._lu, *self._widths, rhs, self._pivots)[0]
-        return solution
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n)."""
-        solutions: Array = lapack.dgbtrs(self._lu, *self._widths, rhs.T, self._pivots)[0]
-        return solutions.T
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        solution: Array = lapack.dgbtrs(self._lu, *self._widths, rhs, self._pivots, trans=1)[0]
-        return solution
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array."""
+        solutions: Array = lapack.dgbtrs(
+            self._lu, *self._widths, rhs, self._pivots, trans=int(transposed)
+        )[0]
+        return solutions

@@ -16,7 +16,14 @@ from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two, regularise, sign_of_pivots
+from pwscont.linear.factor import (
+    LU,
+    Factor,
+    ScaledFactor,
+    power_of_two,
+    regularise,
+    sign_of_pivots,
+)
 
 #: Up to this number of rows, LAPACK finds the largest entry of each row faster than numpy does.
 FEW_ROWS = 32
@@ -108,8 +115,8 @@ def row_maxima(matrix: Array) -> Array:
 
 
 @final
-class DenseLU(Factor):
-    """LU with partial pivoting of a matrix with entries up to one, singular or not.
+class DenseLU(LU):
+    """LU of a dense matrix.
 
     Parameters
     ----------
@@ -132,19 +139,10 @@ class DenseLU(Factor):
         """Sign of the determinant."""
         return sign_of_pivots(self.lu.diagonal(), self.pivots)
 
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (k,), or several, shape (l, k)."""
-        solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs.T)[0]
-        return solution.T
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
-        return self.solve(rhs)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix, for one right-hand side or several."""
-        solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs.T, trans=1)[0]
-        return solution.T
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array."""
+        solutions: Array = lapack.dgetrs(self.lu, self.pivots, rhs, int(transposed))[0]
+        return solutions
 
     def reciprocal_condition(self, norm: float) -> float:
         """Return the reciprocal condition number of a matrix with this one-norm."""

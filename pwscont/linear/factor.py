@@ -4,9 +4,9 @@ A Jacobian J has shape (n, n + 1). Its columns belong to the unknowns z and to a
 of J for z, and b the column for alpha. :class:`Factor` has these implementations:
 
 =====================================  ============================================
-dense.py                               :class:`DenseFactor`, :class:`DenseLU`
+dense.py                               :class:`DenseFactor` in any units; :class:`DenseLU`
+sparse.py                              :class:`SparseFactor` in any units; :class:`SparseLU`
 banded.py                              :class:`BandLU`, :class:`TridiagonalLU`
-sparse.py                              :class:`SparseFactor`, :class:`SparseLU`
 bordered.py                            :class:`BorderedFactor`, around a factor of B
 updates.py                             :class:`ProductForm`, a factor and its changes
 this file                              :class:`ScaledFactor`, a factor in other units
@@ -77,6 +77,26 @@ class Factor(ABC):
         The factorisation of a bordered matrix must define this method.
         """
         return self.failed
+
+
+class LU(Factor):
+    """An LU with partial pivoting of a square matrix with entries up to one, singular or not."""
+
+    @abstractmethod
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array, shape (k,) or (k, l)."""
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side, shape (k,), or several, shape (l, k)."""
+        return self.solved(rhs.T).T
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        return self.solved(rhs.T).T
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix, for one right-hand side or several."""
+        return self.solved(rhs.T, transposed=True).T
 
 
 @final

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import LU, Factor, ScaledFactor, power_of_two
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -77,7 +77,7 @@ class SparseJacobian(StoredJacobian):
         np.maximum.at(largest, self._csc.indices, np.abs(self._csc.data))
         return largest
 
-    def split(self) -> tuple[Factor, Array]:
+    def split(self) -> tuple[LU, Array]:
         """Return an LU of the part for z, and the column for alpha; for entries of about one."""
         n, end = self.shape[0], self._csc.indptr[-2]
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
@@ -111,8 +111,8 @@ def column_of(matrix: Any, index: int) -> Array:
 
 
 @final
-class SparseLU(Factor):
-    """LU with partial pivoting of a sparse matrix with entries of about one.
+class SparseLU(LU):
+    """LU of a sparse matrix, which fails where a pivot vanishes exactly.
 
     Parameters
     ----------
@@ -138,21 +138,12 @@ class SparseLU(Factor):
         odd = _is_odd(self._lu.perm_r[self._lu.perm_c].tolist())
         return -1 if (negative + odd) % 2 else 1
 
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array."""
         assert not self.failed, "nothing can be solved where the factorisation failed"
-        solution: Array = self._lu.solve(rhs)
-        return solution
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
-        solutions: Array = self._lu.solve(np.asfortranarray(rhs.T))
-        return solutions.T
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        solution: Array = self._lu.solve(rhs, trans="T")
-        return solution
+        trans = "T" if transposed else "N"
+        solutions: Array = self._lu.solve(np.asfortranarray(rhs), trans)
+        return solutions
 
     def is_singular(self) -> bool:
         """Tell whether the smallest pivot is at most k rounding errors of the largest pivot."""

@@ -53,12 +53,9 @@ DRIFT = 1e-9
 #: Least reciprocal condition number of a matrix that is inverted: the inverse loses three quarters
 #: of the digits there, and an LU less.
 INVERTIBLE = EPS**0.75
-#: Largest parts of the rows of an inverse that are replaced at once, in 4 k m^2 operations for k of
-#: m rows. Beyond, a new inverse costs less, 2 m^3; so does a factorisation, 2/3 m^3, where each
-#: matrix serves fewer solves than MANY_SOLVES.
-FEW_ROWS, FEW_ROWS_OF_FEW_SOLVES = 1.0 / 3.0, 1.0 / 6.0
-#: Number of solves with one matrix after which the next matrices are expected to serve as many.
-MANY_SOLVES = 8
+#: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
+#: rows: as many operations as a fresh factorisation takes, 2/3 m^3.
+FEW_ROWS = 1.0 / 6.0
 #: Number of solves after which a factorisation is inverted: a solve with the inverse costs a third
 #: of one with the LU, so that the inverse, 4/3 m^3, is paid for after as many solves again.
 INVERTED_AFTER = 24
@@ -292,13 +289,11 @@ class Updating(RowSolver):
         self._is_invertible = True  # as far as is known
         self._replaced = 0  # rows, since the last factorisation
         self._solves = 0  # since the last factorisation
-        self._solves_of_last = 0  # with the last matrix
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for one right-hand side, or several."""
         self._take(matrix)
         self._solves += 1
-        self._solves_of_last += 1
         if self._lu is not None and self._solves >= INVERTED_AFTER:
             self._invert()
         if self._lu is not None:
@@ -336,7 +331,7 @@ class Updating(RowSolver):
             return
         if self._last is None or not self._update(matrix, self._last):
             self._factorise(matrix)
-        self._last, self._solves_of_last = matrix, 0
+        self._last = matrix
 
     def _factorise(self, matrix: RowMatrix) -> None:
         self._last = self._lu = None
@@ -362,7 +357,8 @@ class Updating(RowSolver):
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        if len(changed) > self._few(m) or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
+        few = SINGLY if self._lu is not None else max(2.0, FEW_ROWS * m)  # a node changes two rows
+        if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
             return False
         if not self._invert():
             return False
@@ -372,13 +368,6 @@ class Updating(RowSolver):
         self._replaced += len(changed)
         self.updates += 1
         return True
-
-    def _few(self, m: int) -> float:
-        """Return the largest number of rows that are replaced rather than all factorised."""
-        if self._lu is not None:
-            return SINGLY
-        part = FEW_ROWS if self._solves_of_last >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
-        return max(2.0, part * m)  # a contact node changes two rows
 
     def _replace_singly(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
         """Change some rows one by one; False where that loses too many digits."""

@@ -19,9 +19,6 @@ from pwscont.basics.arrays import Array, Indices, Matrix
 SPARSE = 0.1
 #: Number of entries up to which a dense matrix stays dense, whatever its entries are.
 LARGE = 10_000
-#: Largest number of entries in a sparse row, and in all rows filled up to equal length, for which
-#: :class:`Padded` is faster than scipy's product, whose overhead is about as long.
-FEW_ENTRIES, FEW = 4, 6_000
 
 #: The inner product of two vectors.
 dot: Callable[[Array, Array], float] = blas.ddot
@@ -56,10 +53,8 @@ class Rows:
 
     def __init__(self, matrix: Matrix) -> None:
         self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
-        is_short = not isinstance(self.matrix, np.ndarray) and _are_short(self.matrix)
         #: The product with a vector, shape (m,).
-        self.dot: Callable[[Array], Array]
-        self.dot = Padded(self.matrix).dot if is_short else self.matrix.dot
+        self.dot: Callable[[Array], Array] = self.matrix.dot
 
     @cached_property
     def magnitudes(self) -> Any:
@@ -85,43 +80,6 @@ class Rows:
         for row, i in zip(rows, which, strict=True):
             row[:] = self.one(int(i))
         return rows
-
-
-@final
-class Padded:
-    """Sparse rows of a few entries each; shorter rows are filled up with zeros.
-
-    The zeros stand at a column of the row itself, so that no row depends on other unknowns, which
-    may be infinite.
-
-    Parameters
-    ----------
-    matrix : csr_matrix, shape (m, k)
-        No row is empty.
-    """
-
-    def __init__(self, matrix: Any) -> None:
-        starts, lengths = matrix.indptr, np.diff(matrix.indptr)
-        row = np.repeat(np.arange(len(lengths)), lengths)
-        place = np.arange(len(row)) - starts[row]
-        first, longest = matrix.indices[starts[:-1]].astype(np.intp), int(lengths.max())
-        self._columns = np.tile(first, (longest, 1))
-        self._entries = np.zeros(self._columns.shape)
-        self._columns[place, row], self._entries[place, row] = matrix.indices, matrix.data
-        self._ones = np.ones(longest)
-
-    def dot(self, x: Array) -> Array:
-        """Return the product with a vector, shape (m,)."""
-        values: Array = self._ones.dot(x.take(self._columns) * self._entries)
-        return values
-
-
-def _are_short(matrix: Any) -> bool:
-    """Tell whether :class:`Padded` serves a matrix, and is faster than scipy's product."""
-    lengths = np.diff(matrix.indptr)
-    longest = int(lengths.max(initial=0))
-    is_short: bool = longest <= FEW_ENTRIES and longest * len(lengths) <= FEW
-    return is_short and bool(len(lengths)) and bool(lengths.all())
 
 
 def _summed(matrix: Matrix) -> Any:
