@@ -19,6 +19,7 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
@@ -130,6 +131,8 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    branches : FollowedBranches
+        What searches may ask about the branches that were followed.
     """
 
     system: PiecewiseSystem
@@ -141,6 +144,7 @@ class Plan:
     stepper: Stepper
     added: tuple[TransitionDetector, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    branches: FollowedBranches = field(default_factory=FollowedBranches)
 
     @classmethod
     def of(
@@ -213,6 +217,7 @@ class Plan:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused

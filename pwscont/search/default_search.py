@@ -9,6 +9,7 @@ from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
+from pwscont.search.inside import Inside
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
@@ -54,7 +55,8 @@ def _most_complete(
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
         many, cheap = _from_many(around), _has_few_cells(system)
-        return _added_up(EndPoints() + many if cheap else many, system)
+        ends = EndPoints() + many if cheap else many
+        return _added_up(ends + Inside.affordable(system), system)
     if _needs_too_many_cells(system):
         return _added_up(_from_many(around), system)
     blocks = system.blocks()

@@ -1,0 +1,206 @@
+"""Newton at values of alpha all over the interval, with what is known deflated away.
+
+Closed loops, and branches that come from infinity and return there, may lie inside of the interval
+(docs/theory, F19): solutions at its ends do not lead to them.
+
+Failure modes and answers
+-------------------------
+- A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
+- Most starts would only repeat what is known: the solutions of all known branches are deflated
+  away, and what a free alpha leads to is compared with them before it is given on.
+- A start has run away, to where H is nearly flat: a solution of which no digit is certain at its
+  alpha is none.
+- The search never ends: the number of slices and starts follows from a budget of evaluations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.generic import generic
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS
+from pwscont.curve.error_samples import has_digits, is_inside
+from pwscont.curve.metric import Metric
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.search.enumeration import Found
+from pwscont.search.known import KnownBranches, NothingKnown
+from pwscont.search.pursuit import Pursuit
+from pwscont.search.search import Search
+from pwscont.system.box import Box
+from pwscont.system.hidden import completed, shown_size
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.standing import settled
+
+#: Newton iterations of a search; each costs about n + 2 evaluations of H.
+EVALUATIONS = 12_000
+#: Iterations of one start, on average.
+USUAL = 20
+#: Solutions closer than this in typical magnitudes are one.
+SAME = EPS**0.5
+#: A correction moves what a pursuit found by less than this.
+CORRECTED = 1e-3
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Inside(Search):
+    """Newton from many starts at several values of alpha inside the interval, deflated.
+
+    Attributes
+    ----------
+    slices, count : int
+        Number of values of alpha, and of starts at each.
+    """
+
+    slices: int = 9
+    count: int = 24
+
+    @classmethod
+    def affordable(cls, system: PiecewiseSystem) -> Inside:
+        """Return the search that a budget of evaluations allows for a system of this size."""
+        starts = EVALUATIONS // ((system.size + 2) * USUAL)
+        slices = int(min(max(starts**0.5, 3), 9))
+        return cls(slices, max(starts // slices, 1))
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield solutions inside the interval."""
+        return self.starts_beside(system, metric, interval, NothingKnown())
+
+    def starts_beside(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Iterator[Found]:
+        """Yield solutions inside the interval that are not on known branches."""
+        looking = _Looking(system, metric, interval, known)
+        for number, part in enumerate(_spread(self.slices)):
+            alpha = interval[0] + (interval[1] - interval[0]) * part
+            yield from looking.at(alpha, self.count, number * self.count)
+
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
+        """Promise nothing."""
+        what = f"Newton from {self.count} starts at {self.slices} values of alpha, deflated"
+        return SearchScope(what, Guarantee.NOTHING)
+
+
+@final
+class _Looking:
+    """The search in one run."""
+
+    def __init__(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> None:
+        self._system, self._metric, self._interval = system, metric, interval
+        self._box, self._known = Box.of(system), known
+        self._pursuit = Pursuit(system, metric, interval)
+
+    def at(self, alpha: float, count: int, first: int) -> Iterator[Found]:
+        """Yield what starts at one alpha lead to."""
+        here = self._solutions(alpha)
+        for number in range(first, first + count):
+            z = self._start(number, alpha)
+            y = np.append(z, alpha) / self._metric.scale
+            while True:
+                reached, arrived = self._pursuit.at_alpha(y, here)
+                if arrived:
+                    found = self._corrected(reached, alpha)
+                    if found is None:
+                        break
+                    new = found[0] / self._metric.scale
+                    if not self._is_new(found[0], here):
+                        break
+                    yield found
+                    here.append(new)
+                    continue
+                if found := self._freely(reached, number):
+                    yield found
+                    here = self._solutions(alpha)
+                break
+
+    def _freely(self, y: Array, number: int) -> Found | None:
+        """Return the new solution to which a free alpha leads from where a pursuit stalled."""
+        direction = generic(len(y), float(number))
+        free = self._pursuit.free(self._pursuit.aside(y, direction))
+        if free is None:
+            return None
+        alpha = float(free[-1] * self._metric.width)
+        alpha = min(max(alpha, self._interval[0]), self._interval[1])
+        if not self._is_new(free * self._metric.scale, self._solutions(alpha), 1e-5):
+            return None
+        found = self._corrected(free, alpha)
+        if found and self._is_new(found[0], self._solutions(float(found[0][-1]))):
+            return found
+        return None
+
+    def _solutions(self, alpha: float) -> list[Array]:
+        """Return the known solutions at one alpha, in typical magnitudes."""
+        found = []
+        for x in self._known.at(alpha):
+            y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
+            found.append(y if arrived else x / self._metric.scale)
+        return found
+
+    def _is_new(self, x: Array, known: list[Array], same: float = SAME) -> bool:
+        scale = self._metric.scale
+        y = np.linalg.norm(x / scale)
+        return all(
+            self._metric.norm(self._metric.difference(x, other * scale)) > same * (1.0 + y)
+            for other in known
+        )
+
+    def _start(self, number: int, alpha: float) -> Array:
+        """Return the state of a start: points that fill space evenly, with heavy tails."""
+        shown = shown_size(self._system)
+        even = _filling(number, self._system.size)
+        scale = self._metric.scale[:-1]
+        spread = even * np.sqrt(2.0 / (1.0 - even**2))
+        z = self._box.guess(spread, 0.5 * even, scale)
+        return completed(self._system, z[:shown], alpha)
+
+    def _corrected(self, y: Array, alpha: float) -> Found | None:
+        """Return a solution near a rough one, None where there is none or no digit is certain."""
+        metric, x = self._metric, y * self._metric.scale
+        found = semismooth_newton(self._system, metric, x[:-1], alpha)
+        if isinstance(found, Failure):
+            return None
+        moved = metric.norm(metric.difference(found[0], x))
+        if moved > CORRECTED * (1.0 + float(np.linalg.norm(y))):
+            return None
+        on_curve = settled(self._system, metric, found)
+        if on_curve is None:
+            return None
+        state, error = on_curve
+        state[:-1] = self._box.wrapped(state[:-1])
+        if not has_digits(state, np.atleast_2d(error), metric.scale):
+            return None
+        return on_curve if is_inside(self._box, state, np.atleast_2d(error)) else None
+
+
+def _spread(count: int) -> list[float]:
+    """Return parts of the interval, evenly spread and well mixed, that avoid special values."""
+    golden = 0.5 * (5.0**0.5 - 1.0)
+    return [(0.5 + golden * (k + 0.118)) % 1.0 for k in range(count)]
+
+
+def _filling(number: int, size: int) -> Array:
+    """Return a point of (-1, 1)^n of a sequence that fills it evenly (Roberts 2018)."""
+    root = 2.0
+    for _ in range(40):
+        root = (1.0 + root) ** (1.0 / (size + 1))
+    steps = root ** -np.arange(1.0, size + 1.0)
+    return np.asarray(2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0)
