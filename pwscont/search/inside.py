@@ -26,8 +26,10 @@ from pwscont.basics.generic import generic
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import has_digits, is_inside
 from pwscont.curve.metric import Metric
+from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
 from pwscont.search.known import KnownBranches, NothingKnown
@@ -35,6 +37,7 @@ from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.hidden import completed, shown_size
+from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.standing import settled
 
@@ -46,6 +49,7 @@ USUAL = 20
 SAME = EPS**0.5
 #: A correction moves what a pursuit found by less than this.
 CORRECTED = 1e-3
+MOST_CORRECTIONS = 8
 
 
 @final
@@ -136,16 +140,30 @@ class _Looking:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         direction = generic(len(y), float(number))
         free = self._pursuit.free(self._pursuit.aside(y, direction))
-        if free is None:
+        if free is None or self._is_known(free):
             return None
-        alpha = float(free[-1] * self._metric.width)
-        alpha = min(max(alpha, self._interval[0]), self._interval[1])
-        if not self._is_new(free * self._metric.scale, self._solutions(alpha), 1e-5):
+        return self._standing(free)
+
+    def _is_known(self, y: Array) -> bool:
+        """Tell whether a point of a curve is one of a known branch."""
+        start = self._known.near(y * self._metric.scale, self._metric)
+        return start is not None and self._pursuit.leads_to(start / self._metric.scale, y)
+
+    def _standing(self, y: Array) -> Found | None:
+        """Return the solution beside a rough one, at an alpha of its own.
+
+        None where alpha does not change along the curve, beside the solution either: it ran away.
+        """
+        metric, x = self._metric, y * self._metric.scale
+        curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
+        direction = self._pursuit.direction(y)
+        if direction is None or self._pursuit.is_flat(y, direction):
             return None
-        found = self._corrected(free, alpha)
-        if found and self._is_new(found[0], self._solutions(float(found[0][-1]))):
-            return found
-        return None
+        row = metric.covector(direction * metric.scale)
+        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_CORRECTIONS)
+        if isinstance(root, Failure):
+            return None
+        return self._usable((root.x, root.error[np.newaxis]), x)
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at one alpha, in typical magnitudes."""
@@ -178,17 +196,18 @@ class _Looking:
         found = semismooth_newton(self._system, metric, x[:-1], alpha)
         if isinstance(found, Failure):
             return None
-        moved = metric.norm(metric.difference(found[0], x))
-        if moved > CORRECTED * (1.0 + float(np.linalg.norm(y))):
-            return None
         on_curve = settled(self._system, metric, found)
-        if on_curve is None:
+        return on_curve and self._usable(on_curve, x)
+
+    def _usable(self, found: Found, rough: Array) -> Found | None:
+        """Return a solution, where it has digits, is inside the bounds and near a rough one."""
+        metric, (x, error) = self._metric, found
+        if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
             return None
-        state, error = on_curve
-        state[:-1] = self._box.wrapped(state[:-1])
-        if not has_digits(state, np.atleast_2d(error), metric.scale):
-            return None
-        return on_curve if is_inside(self._box, state, np.atleast_2d(error)) else None
+        x[:-1] = self._box.wrapped(x[:-1])
+        error = np.atleast_2d(error)
+        is_usable = has_digits(x, error, metric.scale) and is_inside(self._box, x, error)
+        return (x, error) if is_usable else None
 
 
 def _spread(count: int) -> list[float]:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import final
 
 from pwscont.basics.arrays import Array
+from pwscont.curve.metric import Metric
 
 
 class KnownBranches(ABC):
@@ -14,6 +15,10 @@ class KnownBranches(ABC):
     @abstractmethod
     def at(self, alpha: float) -> list[Array]:
         """Return a point (z, alpha) for each known solution, interpolated between stored points."""
+
+    @abstractmethod
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return the nearest point between stored ones, where x may be on the same branch."""
 
     @abstractmethod
     def extremes(self) -> list[Array]:
@@ -27,6 +32,10 @@ class NothingKnown(KnownBranches):
     def at(self, alpha: float) -> list[Array]:
         """Return nothing."""
         return []
+
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return nothing."""
+        return None
 
     def extremes(self) -> list[Array]:
         """Return nothing."""

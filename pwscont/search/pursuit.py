@@ -25,6 +25,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite, dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import LEAN
 from pwscont.curve.metric import Metric
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
@@ -43,6 +44,7 @@ LONGEST = 4.0
 FAR = 1e5
 #: A step at fixed alpha is regularised by so much of the merit where the Jacobian is singular.
 DAMPED = 1e-2
+MOST_CORRECTIONS = 5
 #: How much of its length a point is moved before alpha is set free: a minimum of the merit may lie
 #: where H is flat by symmetry.
 ASIDE = 1e-3
@@ -115,6 +117,39 @@ class Pursuit:
                 return None
             y = moved
         return None
+
+    def leads_to(self, start: Array, y: Array) -> bool:
+        """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
+
+        Each of its steps is normal to the curve at that point.
+        """
+        direction = self.direction(y)
+        if direction is None:
+            return False
+        for _ in range(MOST_CORRECTIONS):
+            here = self._linear(start)
+            if here is None:
+                return False
+            matrix = np.vstack([here[1], direction])
+            step = _newton_step(matrix, np.append(here[0], direction.dot(start - y)))
+            if not are_finite(step):
+                return False
+            start = start + step
+            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+                return _length(self._apart(start, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
+        return False
+
+    def direction(self, y: Array) -> Array | None:
+        """Return the direction of the curve at a point, None where H is not finite."""
+        here = self._linear(y)
+        return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
+
+    def is_flat(self, y: Array, direction: Array) -> bool:
+        """Tell whether alpha changes along the curve neither at a point nor beside it."""
+        if abs(direction[-1]) > LEAN:
+            return False
+        beside = self.direction(self.aside(y, direction))
+        return beside is None or abs(beside[-1]) <= LEAN
 
     def aside(self, y: Array, direction: Array) -> Array:
         """Return a point moved aside."""
