@@ -28,6 +28,9 @@ from pwscont.transitions.watch import Event, Readings, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
+#: A piece of more steps may run to infinity: its longest step grows with the distance from where it
+#: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
+MANY_STEPS, NEAR = 150, 2.0
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
@@ -116,11 +119,12 @@ class PieceFollower(Follower):
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         reading = self.watch.first(curve, reached.state)
-        for _ in range(MOST_STEPS):
+        for number in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
-            segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
+            stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
+            segment = stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
@@ -145,6 +149,11 @@ class PieceFollower(Follower):
             reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _stepper(self, reached: _Reached) -> Stepper:
+        """Return the stepper of a long piece: far from where it began its steps are longer."""
+        factor = reached.distance() / NEAR
+        return self.stepper.stretched(factor) if factor > 1.0 else self.stepper
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
@@ -216,6 +225,10 @@ class _Reached:
             self._shortened = max(self._shortened - 1, 0)
         if self._shortened == MOST_SHORTENED:
             self.refines()
+
+    def distance(self) -> float:
+        """Return how far from its beginning the piece is now."""
+        return self.curve.metric.norm(self.state.x - self.points[0])
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""
