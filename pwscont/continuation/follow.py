@@ -31,6 +31,11 @@ MOST_STEPS = 20_000
 #: A piece of more steps may run to infinity: its longest step grows with the distance from where it
 #: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
 MANY_STEPS, NEAR = 150, 2.0
+#: After each so many steps a piece is asked whether it runs to infinity: where it is farther than so
+#: far from its beginning, and alpha changes by less than this part of what it changed before
+#: whenever the distance doubles, altogether by less than this part of the interval; the last does
+#: not matter any more after so many steps.
+LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
@@ -124,6 +129,8 @@ class PieceFollower(Follower):
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
             stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
+            if number % LOOKED == LOOKED - 1 and reached.is_endless():
+                return reached.stopped(str(Failure(FailureReason.ENDLESS)))
             segment = stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
@@ -229,6 +236,23 @@ class _Reached:
     def distance(self) -> float:
         """Return how far from its beginning the piece is now."""
         return self.curve.metric.norm(self.state.x - self.points[0])
+
+    def is_endless(self) -> bool:
+        """Tell whether a long piece leads away from its beginning without any alpha to reach.
+
+        Alpha changes by less and less where the distance doubles, and its sum is next to nothing.
+        """
+        points, metric = np.array(self.points), self.curve.metric
+        away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
+        if away[-1] < FAR or away[-1] < away.max():
+            return False
+        last, half, quarter = (
+            points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
+        )
+        late, early = abs(last - half), abs(half - quarter)
+        if late > SHRINKING * early:
+            return False
+        return bool(late / (1.0 - SHRINKING) <= (ALMOST if len(points) < MANY_LOOKED else 1.0) * metric.width)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""

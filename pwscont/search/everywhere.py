@@ -15,7 +15,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import final
 
@@ -33,6 +33,7 @@ from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.enumeration import Found
 from pwscont.search.known import KnownBranches, NothingKnown
+from pwscont.search.multi_start import MultiStart
 from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import Search
 from pwscont.system.box import Box
@@ -54,29 +55,32 @@ MOST_CORRECTIONS = 8
 
 @final
 @dataclass(frozen=True, slots=True)
-class Inside(Search):
-    """Newton from many starts at several values of alpha inside the interval, deflated.
+class Everywhere(Search):
+    """Newton from many starts at both ends and at values of alpha between, deflated.
 
     Attributes
     ----------
+    ends : MultiStart
+        The starts at both ends.
     slices, count : int
-        Number of values of alpha, and of starts at each.
+        Number of values of alpha between, and of starts at each.
     """
 
+    ends: MultiStart = MultiStart()
     slices: int = 9
-    count: int = 24
+    count: int = 6
 
     @classmethod
-    def affordable(cls, system: PiecewiseSystem) -> Inside:
+    def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Everywhere:
         """Return the search that a budget of evaluations allows for a system of this size."""
-        starts = EVALUATIONS // ((system.size + 2) * USUAL)
+        starts = min(EVALUATIONS // ((system.size + 2) * USUAL), 63)
         slices = int(min(max(starts**0.5, 3), 9))
-        return cls(slices, max(starts // slices, 1))
+        return cls(ends, slices, max(starts // slices, 1))
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield solutions inside the interval."""
+        """Yield solutions at the ends of the interval and inside."""
         return self.starts_beside(system, metric, interval, NothingKnown())
 
     def starts_beside(
@@ -86,15 +90,20 @@ class Inside(Search):
         interval: tuple[float, float],
         known: KnownBranches,
     ) -> Iterator[Found]:
-        """Yield solutions inside the interval that are not on known branches."""
+        """Yield solutions that are not on known branches."""
         looking = _Looking(system, metric, interval, known)
+        rough = self.ends.guesses(looking.box, metric.scale[:-1], shown_size(system))
+        for alpha in interval:
+            yield from looking.at(alpha, rough)
         for number, part in enumerate(_spread(self.slices)):
             alpha = interval[0] + (interval[1] - interval[0]) * part
-            yield from looking.at(alpha, self.count, number * self.count)
+            numbers = range(number * self.count, (number + 1) * self.count)
+            yield from looking.at(alpha, map(looking.guess, numbers))
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
-        what = f"Newton from {self.count} starts at {self.slices} values of alpha, deflated"
+        ends = f"Newton from {self.ends.count} starts at both ends (seed {self.ends.seed})"
+        what = f"{ends} and {self.count} at {self.slices} values of alpha between, deflated"
         return SearchScope(what, Guarantee.NOTHING)
 
 
@@ -110,39 +119,41 @@ class _Looking:
         known: KnownBranches,
     ) -> None:
         self._system, self._metric, self._interval = system, metric, interval
-        self._box, self._known = Box.of(system), known
+        self.box, self._known = Box.of(system), known
         self._pursuit = Pursuit(system, metric, interval)
 
-    def at(self, alpha: float, count: int, first: int) -> Iterator[Found]:
+    def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield what starts at one alpha lead to."""
-        here = self._solutions(alpha)
-        for number in range(first, first + count):
-            z = self._start(number, alpha)
+        known = self._solutions(alpha)
+        for number, rough in enumerate(guesses):
+            z = completed(self._system, rough[: shown_size(self._system)], alpha)
             y = np.append(z, alpha) / self._metric.scale
-            while True:
-                reached, arrived = self._pursuit.at_alpha(y, here)
-                if arrived:
-                    found = self._corrected(reached, alpha)
-                    if found is None:
-                        break
-                    new = found[0] / self._metric.scale
-                    if not self._is_new(found[0], here):
-                        break
-                    yield found
-                    here.append(new)
-                    continue
-                if found := self._freely(reached, number):
-                    yield found
-                    here = self._solutions(alpha)
-                break
+            while found := self._from(y, alpha, known, number):
+                yield found
+                known = self._solutions(alpha)
+                if found[0][-1] != alpha:
+                    break
+                known.append(found[0] / self._metric.scale)
+
+    def _from(self, y: Array, alpha: float, known: list[Array], number: int) -> Found | None:
+        """Return the new solution to which a start leads."""
+        reached, arrived = self._pursuit.at_alpha(y, known)
+        if not arrived:
+            return self._freely(reached, number)
+        found = self._corrected(reached, alpha)
+        return found if found and self._is_new(found[0], known) else None
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         direction = generic(len(y), float(number))
         free = self._pursuit.free(self._pursuit.aside(y, direction))
-        if free is None or self._is_known(free):
+        if free is None or not self._is_inside(free) or self._is_known(free):
             return None
         return self._standing(free)
+
+    def _is_inside(self, y: Array) -> bool:
+        lo, hi = self._interval
+        return lo <= y[-1] * self._metric.width <= hi
 
     def _is_known(self, y: Array) -> bool:
         """Tell whether a point of a curve is one of a known branch."""
@@ -181,14 +192,11 @@ class _Looking:
             for other in known
         )
 
-    def _start(self, number: int, alpha: float) -> Array:
-        """Return the state of a start: points that fill space evenly, with heavy tails."""
-        shown = shown_size(self._system)
+    def guess(self, number: int) -> Array:
+        """Return the state of a start: such points fill space evenly, with heavy tails."""
         even = _filling(number, self._system.size)
-        scale = self._metric.scale[:-1]
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
-        z = self._box.guess(spread, 0.5 * even, scale)
-        return completed(self._system, z[:shown], alpha)
+        return self.box.guess(spread, 0.5 * even, self._metric.scale[:-1])
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
         """Return a solution near a rough one, None where there is none or no digit is certain."""
@@ -204,9 +212,9 @@ class _Looking:
         metric, (x, error) = self._metric, found
         if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
             return None
-        x[:-1] = self._box.wrapped(x[:-1])
+        x[:-1] = self.box.wrapped(x[:-1])
         error = np.atleast_2d(error)
-        is_usable = has_digits(x, error, metric.scale) and is_inside(self._box, x, error)
+        is_usable = has_digits(x, error, metric.scale) and is_inside(self.box, x, error)
         return (x, error) if is_usable else None
 
 
