@@ -31,10 +31,10 @@ MOST_STEPS = 20_000
 #: A piece of more steps may run to infinity: its longest step grows with the distance from where it
 #: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
 MANY_STEPS, NEAR = 150, 2.0
-#: After each so many steps a piece is asked whether it runs to infinity: where it is farther than so
-#: far from its beginning, and alpha changes by less than this part of what it changed before
-#: whenever the distance doubles, altogether by less than this part of the interval; the last does
-#: not matter any more after so many steps.
+#: After each so many steps a piece is asked whether it runs to infinity: whether it is farther than
+#: so far from its beginning, and alpha changes by less than this part of the change before whenever
+#: the distance doubles, altogether by less than this part of the interval. The last does not matter
+#: any more after so many steps.
 LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
@@ -238,9 +238,10 @@ class _Reached:
         return self.curve.metric.norm(self.state.x - self.points[0])
 
     def is_endless(self) -> bool:
-        """Tell whether a long piece leads away from its beginning without any alpha to reach.
+        """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Alpha changes by less and less where the distance doubles, and its sum is next to nothing.
+        Where the distance from its beginning doubles, alpha changes by less and less; all these
+        changes together are next to nothing.
         """
         points, metric = np.array(self.points), self.curve.metric
         away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
@@ -250,9 +251,9 @@ class _Reached:
             points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
         )
         late, early = abs(last - half), abs(half - quarter)
-        if late > SHRINKING * early:
-            return False
-        return bool(late / (1.0 - SHRINKING) <= (ALMOST if len(points) < MANY_LOOKED else 1.0) * metric.width)
+        rest = late * SHRINKING / (1.0 - SHRINKING)
+        is_next_to_nothing = rest <= ALMOST * metric.width or len(points) > MANY_LOOKED
+        return bool(late <= SHRINKING * early and is_next_to_nothing)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""

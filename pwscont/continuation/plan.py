@@ -19,8 +19,8 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable

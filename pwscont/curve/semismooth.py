@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, largest, product
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason

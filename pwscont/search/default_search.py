@@ -9,10 +9,10 @@ from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
-from pwscont.search.everywhere import Everywhere
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
+from pwscont.search.throughout import Throughout
 from pwscont.system.blocks import number_of_cells
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.system import (
@@ -56,11 +56,10 @@ def _most_complete(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
-        many: Search = _from_many(around)
-        cheap = _has_few_cells(system)
-        if system.size <= MANY_UNKNOWNS:
-            many = Everywhere.affordable(system, many)
-        return _added_up(EndPoints() + many if cheap else many, system)
+        ends = _from_many(around)
+        few = system.size <= MANY_UNKNOWNS
+        many: Search = Throughout.affordable(system, ends) if few else ends
+        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
     if _needs_too_many_cells(system):
         return _added_up(_from_many(around), system)
     blocks = system.blocks()

@@ -182,7 +182,9 @@ class Pursuit:
     def _residual(self, y: Array) -> Array:
         x = y * self._scale
         z, alpha = x[:-1], float(x[-1])
-        return residual_at(self._system, z, alpha, self._system.character(z, alpha)) / self._rows
+        residual = residual_at(self._system, z, alpha, self._system.character(z, alpha))
+        scaled: Array = residual / self._rows
+        return scaled
 
     def _moved(
         self, y: Array, residual: Array, step: Array, known: Sequence[Array]
@@ -198,7 +200,8 @@ class Pursuit:
         return None
 
     def _apart(self, y: Array, other: Array) -> Array:
-        return self._metric.difference(y * self._scale, other * self._scale) / self._scale
+        apart: Array = self._metric.difference(y * self._scale, other * self._scale)
+        return apart / self._scale
 
     def _deflation(self, known: Sequence[Array], y: Array) -> float:
         """Return the product of 1 + 1 / distance^2 over the known solutions."""
@@ -221,7 +224,7 @@ class Pursuit:
 def _newton_step(jacobian: Array, residual: Array) -> Array:
     """Return the step of Newton; of Levenberg and Marquardt where the Jacobian is singular."""
     try:
-        step = np.linalg.solve(jacobian, -residual)
+        step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
         if are_finite(step):
             return step
     except np.linalg.LinAlgError:
@@ -234,9 +237,10 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
     square = jacobian.dot(jacobian.T)
     square.flat[:: len(square) + 1] += DAMPED**2 * min(1.0, float(residual.dot(residual))) + EPS
     try:
-        return -jacobian.T.dot(np.linalg.solve(square, residual))
+        step: Array = -jacobian.T.dot(np.linalg.solve(square, residual))
     except np.linalg.LinAlgError:
         return np.full(jacobian.shape[1], np.inf)
+    return step
 
 
 def _limited(step: Array, y: Array) -> Array:

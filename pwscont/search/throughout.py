@@ -16,7 +16,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -55,7 +55,7 @@ MOST_CORRECTIONS = 8
 
 @final
 @dataclass(frozen=True, slots=True)
-class Everywhere(Search):
+class Throughout(Search):
     """Newton from many starts at both ends and at values of alpha between, deflated.
 
     Attributes
@@ -66,12 +66,12 @@ class Everywhere(Search):
         Number of values of alpha between, and of starts at each.
     """
 
-    ends: MultiStart = MultiStart()
+    ends: MultiStart = field(default_factory=MultiStart)
     slices: int = 9
     count: int = 6
 
     @classmethod
-    def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Everywhere:
+    def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Throughout:
         """Return the search that a budget of evaluations allows for a system of this size."""
         starts = min(EVALUATIONS // ((system.size + 2) * USUAL), 63)
         slices = int(min(max(starts**0.5, 3), 9))
@@ -153,7 +153,7 @@ class _Looking:
 
     def _is_inside(self, y: Array) -> bool:
         lo, hi = self._interval
-        return lo <= y[-1] * self._metric.width <= hi
+        return bool(lo <= y[-1] * self._metric.width <= hi)
 
     def _is_known(self, y: Array) -> bool:
         """Tell whether a point of a curve is one of a known branch."""
