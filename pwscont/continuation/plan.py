@@ -22,6 +22,7 @@ from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.event_division import divide
 from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower, alone
+from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
@@ -136,6 +137,8 @@ class Plan:
         What corrected a start leaves for its first piece.
     gauge : Gauge, optional
         Judges the typical magnitudes by the path.
+    branches : FollowedBranches
+        What searches may ask about the branches that were followed.
     """
 
     system: PiecewiseSystem
@@ -148,6 +151,7 @@ class Plan:
     added: tuple[TransitionDetector | Events, ...]
     last: LastHeld = field(default_factory=LastHeld)
     gauge: Gauge | None = None
+    branches: FollowedBranches = field(default_factory=FollowedBranches)
 
     @classmethod
     def of(
@@ -232,6 +236,7 @@ class Plan:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
