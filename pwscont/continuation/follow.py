@@ -135,20 +135,15 @@ class PieceFollower(Follower):
             selection = curve.selection
             refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
-        for number in range(MOST_STEPS):
+        for _ in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
-            stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
-            if number % LOOKED == LOOKED - 1 and reached.is_endless():
-                return reached.stopped(str(Failure(FailureReason.ENDLESS)))
-            segment = stepper.step(curve, self.interval, reached.state, before, longest)
+            segment = self._step(reached, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
                 return reached.stopped(str(blocked or segment))
-            if not isinstance(segment, Segment):
-                raise self._broken("step", "a Segment or a Failure", segment)
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
                 reading = self.watch.without(reading, event)
@@ -180,10 +175,17 @@ class PieceFollower(Follower):
         reached.go_to(step, before)
         return None
 
-    def _stepper(self, reached: _Reached) -> Stepper:
-        """Return the stepper of a long piece: far from where it began its steps are longer."""
-        factor = reached.distance() / NEAR
-        return self.stepper.stretched(factor) if factor > 1.0 else self.stepper
+    def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
+        """Return the next step; of a long piece it is longer the farther the piece has gone."""
+        stepper, number = self.stepper, len(reached.points)
+        if number % LOOKED == 0 and reached.is_endless():
+            return Failure(FailureReason.ENDLESS)
+        if number > MANY_STEPS and (factor := reached.distance() / NEAR) > 1.0:
+            stepper = stepper.stretched(factor)
+        segment = stepper.step(reached.curve, self.interval, reached.state, before, longest)
+        if not isinstance(segment, Segment | Failure):
+            raise self._broken("step", "a Segment or a Failure", segment)
+        return segment
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
