@@ -72,7 +72,8 @@ class PowerFlow(PiecewiseSystem):
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit, magnitudes are not positive, or a part of the network is not connected to the slack.
+        If the shapes do not fit, magnitudes are not positive, or a part of the network is not
+        connected to the slack.
     """
 
     def __init__(

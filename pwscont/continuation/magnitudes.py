@@ -1,8 +1,8 @@
 """Typical magnitudes of z for a system that gives none: from H, from solutions, from the path.
 
 Before anything is known, an unknown is as large as it must be for H to change by its own terms.
-Solutions then say more, and :class:`~pwscont.continuation.gauge.Gauge` what the path says. All of it
-follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
+Solutions then say more, and :class:`~pwscont.continuation.gauge.Gauge` what the path says. All of
+it follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
 magnitudes.
 
 Failure modes and answers
@@ -42,7 +42,7 @@ LEAST, MOST = 1.0 / 4.0, 2.0
 ALIKE = 4.0
 #: Sizes that are tried: powers of this base up to this one, and down to its negative.
 BASE, POWERS = 2.0**0.25, 512
-#: What part of its terms a row must change by: by all of them sin(z) would hardly ever do.
+#: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
@@ -81,7 +81,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     """
     if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
-    lo, hi = interval
+    z, (lo, hi) = Box.of(system).inside(z), interval
     alphas = [lo + place * (hi - lo) for place in PLACES]
     here = [_residual(system, z, alpha) for alpha in alphas]
     terms = _finite(np.abs(here).max(axis=0))
@@ -108,14 +108,14 @@ def _reach(
     terms: Array,
     j: int,
 ) -> float:
-    """Return the least power of the base by which z_j changes a row by half its terms, 0 if none does."""
+    """Return by how much z_j must change for a row to change by its terms, 0 if none does."""
     low, high = -POWERS, POWERS
     rows = np.flatnonzero(terms)
     while rows.size and high - low > 1:
         middle = (low + high) // 2
         changes = _changes(system, alphas, z, here, j, BASE**middle)
         low, high = (low, middle) if (changes >= PART * terms)[rows].any() else (middle, high)
-    return BASE**high if rows.size and high < POWERS else 0.0
+    return BASE**high / PART if rows.size and high < POWERS else 0.0
 
 
 def _changes(
@@ -147,7 +147,7 @@ def _finite(sizes: Array) -> Array:
 
 
 def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
-    """Return the sizes of the Newton steps at the ends of the interval, one where there are none."""
+    """Return the sizes of the Newton steps at both ends of the interval, one where there is none."""
     steps = np.zeros(system.size)
     for alpha in interval:
         jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain, islice
 
-from pwscont.basics.arrays import Array
+import numpy as np
+
+from pwscont.basics.arrays import Array, product
 from pwscont.basics.errors import StartNotFoundError
 from pwscont.continuation.gauge import Gauge, MisjudgedError
 from pwscont.continuation.magnitudes import (
@@ -24,6 +26,7 @@ from pwscont.system.abilities import check_abilities
 from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
 from pwscont.system.system import PiecewiseSystem
+from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
 
 #: Number of starts that measure the unknowns.
@@ -53,6 +56,8 @@ def prepared(
     check_abilities(system)
     plan = Plan.of(system, interval, stepper, detectors)
     sample = check_contract(plan.system, z, alpha)
+    terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
+    refuse_extreme_rows(plan.system, np.abs(sample.residual) + terms)
     check_promises(plan.system, interval, sample)
     if plan.followed is plan.system:
         plan.last.begin(sample)
