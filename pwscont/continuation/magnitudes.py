@@ -12,7 +12,8 @@ Failure modes and answers
   derivatives. Of many unknowns that would take too long; there one Newton step tells.
 - An unknown may rest at a bound, whose value is no magnitude: where it does not move it is as large
   as the terms of the equations that it stands in.
-- Without alpha and constants an equation has no terms yet: unknowns that are measured give it some.
+- Equations that alpha is in come first. What is constant in another one may be a switch's small
+  saturation current: unknowns that are measured give it terms, before those of its constants count.
 - Next to a fold dz/dalpha is large: the smallest of several solutions counts.
 - A solution that decays along a chain of unknowns: an unknown that is tiny beside the largest is
   not measured by its own size.
@@ -84,19 +85,19 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     z, (lo, hi) = Box.of(system).inside(z), interval
     alphas = [lo + place * (hi - lo) for place in PLACES]
     here = [_residual(system, z, alpha) for alpha in alphas]
-    terms = _finite(np.abs(here).max(axis=0))
+    terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        terms = np.maximum(terms, _changes(system, alphas, z, here, j, abs(float(z[j]))))
+        others = np.maximum(others, _changes(system, alphas, z, here, j, abs(float(z[j]))))
     sizes, changes = np.zeros(system.size), np.zeros((system.size, system.size))
-    for _ in range(system.size):
+    for number in range(system.size + 1):
         unknown = np.flatnonzero(sizes == 0.0)
         for j in unknown.tolist():
             check_budget()
             sizes[j] = _reach(system, alphas, z, here, terms, j)
             changes[:, j] = _changes(system, alphas, z, here, j, sizes[j])
-        terms = np.maximum(terms, changes.max(axis=1))
-        if sizes.all() or not sizes[unknown].any():
+        if sizes.all() or (number and not sizes[unknown].any()):
             break
+        terms = np.maximum(terms, np.maximum(others, changes.max(axis=1)))
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
@@ -147,7 +148,7 @@ def _finite(sizes: Array) -> Array:
 
 
 def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
-    """Return the sizes of the Newton steps at both ends of the interval, one where there is none."""
+    """Return the sizes of the Newton steps at both ends of the interval, one if there is none."""
     steps = np.zeros(system.size)
     for alpha in interval:
         jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
