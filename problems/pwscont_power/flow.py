@@ -232,7 +232,7 @@ class PowerFlow(PiecewiseSystem):
     @property
     def gives_scale(self) -> bool:
         """Whether magnitudes were given, or a run found them."""
-        return self._scale is not None or self.is_measured
+        return self._scale is not None or bool((super().scale(0.0, 0.0) != 1.0).any())
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return the magnitudes that were given."""

@@ -25,7 +25,7 @@ from pwscont.stepping import Stepper
 from pwscont.system.abilities import check_abilities
 from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
 
@@ -118,7 +118,11 @@ def _measured(
 def _with(plan: Plan, magnitudes: Array) -> Plan:
     """Return a plan with other magnitudes."""
     sizes = rounded_to_one(magnitudes)
-    return Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
+    if (sizes == plan.metric.scale[:-1]).all():
+        return plan
+    other = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
+    is_straight = isinstance(plan.system, PiecewiseLinearSystem)  # elsewhere differences change
+    return replace(other, last=plan.last) if is_straight else other
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:

@@ -29,6 +29,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.root import Root
 from pwscont.linear.factorise import bordered
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: How far from a solution H is asked, as a part of typical magnitudes; and at how many places.
 NEAR, FAR = EPS**0.5, EPS ** (1.0 / 3.0)
@@ -49,7 +50,12 @@ def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
 
 
 def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) -> Array:
-    """Return rounding of the rows at a root of which their derivatives do not tell, (n + 1,)."""
+    """Return rounding of the rows at a root of which their derivatives do not tell, (n + 1,).
+
+    Systems that are linear at fixed alpha are made of matrices, where terms tell everything.
+    """
+    if isinstance(curve.selection.system, SlicewiseLinearSystem):
+        return np.zeros(len(root.x))
     far = _off_derivative(curve, root, border, FAR, 0)
     near = np.max([_off_derivative(curve, root, border, NEAR, i) for i in range(PLACES)], axis=0)
     unseen: Array = np.maximum(near - BENT * (NEAR / FAR) ** 2 * far, 0.0)
@@ -61,7 +67,9 @@ def _off_derivative(
 ) -> Array:
     """Return by how much the rows change in another way than their derivatives say."""
     x, metric = root.x, curve.metric
-    there = x + part * generic(len(x), shift) * (np.abs(x) + metric.scale)
+    step = part * generic(len(x), shift) * (np.abs(x) + metric.scale)
+    grows = product(root.row, step).item() >= 0.0  # so it does where the path comes from
+    there = x + (step if grows else -step)
     there[-1] = x[-1] + math.copysign(part * metric.width, sum(metric.interval) - 2.0 * x[-1])
     dx = there - x
     before, after = (curve.selection.residual_and(y, border(y)) for y in (x, there))
