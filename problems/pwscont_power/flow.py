@@ -30,8 +30,15 @@ from typing import Any, TypeAlias, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Character, InvalidInputError, PiecewiseSystem
-from pwscont.extending import Array, Indices, Matrix, checked_magnitudes, finite_array
+from pwscont import Character, InvalidInputError, MultiStart, PiecewiseSystem
+from pwscont.extending import (
+    Array,
+    BringsSearches,
+    Indices,
+    Matrix,
+    checked_magnitudes,
+    finite_array,
+)
 from pwscont_power.network import Generator, Network, one_each
 from pwscont_power.pattern import Pattern
 
@@ -51,7 +58,7 @@ CHANGES = {
 
 
 @final
-class PowerFlow(PiecewiseSystem):
+class PowerFlow(PiecewiseSystem, BringsSearches):
     """AC power flow of a network whose injections grow with the loading.
 
     Unknowns are the angles theta of all buses but the slack, their voltages V, and the reactive
@@ -140,6 +147,22 @@ class PowerFlow(PiecewiseSystem):
     def voltages(self, z: Any) -> Array:
         """Return the complex voltages of all buses, shape (buses,), in the order of the network."""
         return self._split(finite_array("z", z, (self.size,)))[0]
+
+    def start(self) -> Array:
+        """Return a state to start from, shape (n,), near the upper branch of most networks.
+
+        Generators are at the voltages that they hold, all other buses at that of the slack; angles
+        are zero, and reactive powers zero or at the limit next to zero.
+        """
+        z = np.zeros(self.size)
+        z[self._n : 2 * self._n] = self._slack_voltage
+        z[self._voltage_columns] = self._set
+        z[self._Q_columns] = [min(max(0.0, g.Q_min), g.Q_max) for g in self._generators]
+        return z
+
+    def searches(self) -> list[MultiStart]:
+        """Return Newton from :meth:`start`."""
+        return [MultiStart(count=1, around=(tuple(self.start().tolist()),))]
 
     # -- the contract --------------------------------------------------------------------
 

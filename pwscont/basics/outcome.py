@@ -10,6 +10,8 @@ from typing import final
 ACCUMULATE = "special points seem to accumulate at alpha ="
 #: How the message of a corner at which solutions are no curves begins.
 FILL = "solutions fill"
+#: How the message of a point says that only some of the branches there stay within the bounds.
+ON_BOUND = "a branch ends on its bound"
 
 
 @final

@@ -18,6 +18,7 @@ from pwscont.continuation.finer import part_of, refined
 from pwscont.continuation.gauge import Gauge
 from pwscont.curve.curve import Curve
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound
@@ -117,6 +118,9 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
+        if not curve.selection.is_straight:
+            selection = curve.selection
+            refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()

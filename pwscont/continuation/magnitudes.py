@@ -144,11 +144,7 @@ def _changes(
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
-    """Return H, not a number where it fails; what is wrong with it is said elsewhere."""
-    try:
-        return residual_at(system, z, alpha, system.character(z, alpha))
-    except ArithmeticError:
-        return np.full(len(z), np.nan)
+    return residual_at(system, z, alpha, system.character(z, alpha))
 
 
 def _finite(sizes: Array) -> Array:

@@ -19,6 +19,7 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
@@ -27,6 +28,7 @@ from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Stretch
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -234,7 +236,16 @@ class Plan:
         searched = usable.lowered(searched)
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
-        return self._graph(discovery, parameter, searched, record)
+        infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
+        return self._graph(discovery, parameter, searched, record, infinite)
+
+    def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+        """Return the stretches of alpha at which solutions fill more than curves."""
+        nodes = list(discovery.nodes.values())
+        if not (is_part or any(map(is_sign, nodes))):
+            return ()
+        alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
@@ -257,6 +268,7 @@ class Plan:
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
+        infinite: Sequence[Stretch],
     ) -> BranchGraph:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
@@ -264,7 +276,7 @@ class Plan:
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
         events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events)
+        parts = (parameter, searched, reduction, record, events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)

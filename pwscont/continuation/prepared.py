@@ -25,6 +25,7 @@ from pwscont.stepping import Stepper
 from pwscont.system.abilities import check_abilities
 from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
+from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
@@ -59,6 +60,10 @@ def prepared(
     terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
     refuse_extreme_rows(plan.system, np.abs(sample.residual) + terms)
     check_promises(plan.system, interval, sample)
+    if not isinstance(system, PiecewiseLinearSystem):
+        with np.errstate(all="ignore"):
+            refuse_wrong_jacobian(plan.system, sample.character, sample.x)
+            refuse_wrong_gradients(plan.system, sample.x)
     if plan.followed is plan.system:
         plan.last.begin(sample)
     return plan

@@ -19,6 +19,7 @@ from pwscont.basics.looks import card, counted, short
 from pwscont.system.blocks import Block
 from pwscont.system.differences import Differences
 from pwscont.system.shapes import own_array
+from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
@@ -26,7 +27,7 @@ MANY_TESTS = 16
 OWN = ("__weakref__", "_differences")
 
 
-class PiecewiseSystem(ABC):
+class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
