@@ -132,7 +132,7 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
-        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in vars(self)
         return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
