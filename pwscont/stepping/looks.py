@@ -76,8 +76,12 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
         rough = np.abs(_rough(count) @ off).max(axis=1)
         odd = int(rough.argmax())
         if rough[odd] > ROUGH * worst + INVISIBLE:
-            worst = max(worst, _close_in(segment, factor, float(places(count)[odd]), 1.0 / count, allowed))
-    return inf if _turns(segment, alphas) and _really_turns(segment, factor, places(count)) else worst
+            worst = max(
+                worst, _close_in(segment, factor, float(places(count)[odd]), 1.0 / count, allowed)
+            )
+    return (
+        inf if _turns(segment, alphas) and _really_turns(segment, factor, places(count)) else worst
+    )
 
 
 @lru_cache(maxsize=MOST)
