@@ -16,10 +16,13 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 
-def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
+def solve_exactly(
+    system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
+) -> Slice | None:
     """Return all isolated solutions by trying every cell in exact arithmetic.
 
-    None where that takes too long, or the system's numbers are not finite. Faces are left out.
+    None where that takes too long, or the system's numbers are not finite. Faces are left out;
+    ``known`` are points of them, which rounding in the system may put outside of regular cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
@@ -31,7 +34,9 @@ def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -
             shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
             cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
             points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
-    undecided = sum(_is_undecided(system, metric, *candidate, points) for candidate in candidates)
+    undecided = sum(
+        _is_undecided(system, metric, *candidate, [*points, *known]) for candidate in candidates
+    )
     return Slice(tuple(points), (), undecided, exact=True)
 
 

@@ -20,9 +20,9 @@ def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ..
     ----------
     parts : iterable of Filled
     known : sequence of float
-        Values of alpha, of which an end takes one that rounding does not tell from it.
+        Values of alpha, of which an end takes one that rounding does not tell from it; or zero.
     """
-    ends = [*known]
+    ends = [*known, 0.0]
     rows = sorted(
         (
             Stretch(

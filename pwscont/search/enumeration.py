@@ -134,7 +134,8 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     found = solve_slice(system, metric, alpha)
     if not (_leaves_doubt(system, metric, found) or _is_empty(found)):
         return found
-    exactly = solve_exactly(system, metric, alpha)
+    corners = [lone_point(face, x, metric) for face in found.faces for x in face.representatives]
+    exactly = solve_exactly(system, metric, alpha, corners)
     if exactly is None:
         known = _with_digits(found, metric)
         lost = len(found.points) - len(known)
@@ -270,7 +271,7 @@ def starts_of(part: Point | Face) -> list[Found]:
     if isinstance(part, Point):
         return [(part.x, part.error)]
     if not len(part.corners):
-        return [_nowhere(part.corners.shape[1], 0.0)]
+        return [(part.inside, np.full((1, len(part.inside)), np.inf))]
     return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in part.corners]
 
 
