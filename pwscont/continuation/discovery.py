@@ -68,11 +68,14 @@ class Discovery:
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
+        #: Rays that leave the interval.
+        self.leaving: list[Ray] = []
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
         rays, place = self._staying(arrival.rays), place_of_arrival(arrival)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
+        outside = [ray for ray in arrival.rays if ray not in rays]
         arrival = without_leaving(arrival, rays, self._follower.bounds)
         keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
@@ -85,6 +88,7 @@ class Discovery:
         if not self._budget.allows(len(self.edges)):
             return
         start = self._new(arrival, place, keys)
+        self.leaving += outside
         if not interior:
             self._known_rays.add(start, keys)
         dissolve = partial(self._dissolve, start, rays) if interior else None
@@ -158,6 +162,8 @@ class Discovery:
         if len(walk.points) == 1:  # not a single step could be taken
             here.stop(walk.arrival.message)
             return
+        if walk.arrival.kind == Kind.END:
+            self.leaving.append(walk.arrival.rays[0].reversed())
         key, end = here.keys[index], place_of_arrival(walk.arrival)
         keys = keys_at_end(walk, ray, key, end)
         reached = self._reach(walk, end, keys, KnownRay(node, index, key))

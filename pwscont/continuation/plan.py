@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import isfinite
 from typing import Any, final
 
@@ -15,17 +16,19 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
 from pwscont.basics.given import checked_kind
-from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.follow import Follower, PieceFollower
 from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.reentry import Outside, reentries
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -202,17 +205,14 @@ class Plan:
 
         Where the budget is spent, the graph has what was found until then.
         """
-        is_bounded = self.box.is_bounded
-        bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
-        watched = (*self.detectors, bounds) if is_bounded else self.detectors
-        foreign = [each for each in self.added if not isinstance(each, Events)]
-        follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
-        )
+        follower: Follower = self._follower(self.interval, self.added)
         if journal is not None:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
+            domain = self.followed.domain
+            starts = chain(starts, reentries(discovery, self.interval, domain, self._outside))
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
@@ -228,6 +228,25 @@ class Plan:
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
         return self._graph(discovery, parameter, searched, record)
+
+    def _follower(
+        self, interval: tuple[float, float], added: Sequence[TransitionDetector] = ()
+    ) -> PieceFollower:
+        """Return what follows pieces in an interval, watched by these detectors as well."""
+        is_bounded = self.box.is_bounded
+        bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
+        watched = (*default_detectors(self.stepper, interval), *added)
+        watched = (*watched, bounds) if is_bounded else watched
+        foreign = [each for each in added if not isinstance(each, Events)]
+        watch = Watch(watched, foreign)
+        return PieceFollower(self.stepper, watch, interval, bounds, _alone(watched))
+
+    def _outside(self, interval: tuple[float, float]) -> Outside:
+        """Return what follows paths in an interval beside that of the run."""
+        scale, period = self.metric.scale, self.box.period
+        system = self.followed.within(*interval, scale[:-1])
+        metric = Metric(scale, interval, period if self.box.is_periodic else None)
+        return Outside(system, metric, self._follower(interval))
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
