@@ -206,9 +206,8 @@ def _flags(name: str, given: Any, p: int) -> npt.NDArray[np.bool_]:
 def _matrix(name: str, values: Any) -> Matrix:
     """Return a finite 2-d matrix, dense or in CSR format."""
     if sp.issparse(values):
-        matrix = sp.csr_matrix(values, dtype=float)
-        finite_array(f"{name}.data", matrix.data)
-        return matrix
+        finite_array(f"{name}.data", values.tocsr().data)
+        return sp.csr_matrix(values, dtype=float)
     array = finite_array(name, values)
     if array.ndim != 2 or array.size == 0:
         raise InvalidInputError(f"{name} must be a matrix, got shape {array.shape}")

@@ -31,6 +31,8 @@ class Branch:
         Ratio of the transformer at ``start``.
     shift : float
         Its phase shift in radians.
+    g : float
+        Total shunt conductance, such as iron losses.
     """
 
     start: int
@@ -40,6 +42,7 @@ class Branch:
     b: float = 0.0
     tap: float = 1.0
     shift: float = 0.0
+    g: float = 0.0
 
     @cached_property
     def admittance(self) -> Array:
@@ -51,7 +54,7 @@ class Branch:
             )
         ratio = self.tap * np.exp(1j * self.shift)
         series = 1.0 / complex(self.r, self.x)
-        own = series + 0.5j * self.b
+        own = series + 0.5 * complex(self.g, self.b)
         return np.array([[own / self.tap**2, -series / ratio.conjugate()], [-series / ratio, own]])
 
 

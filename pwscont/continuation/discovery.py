@@ -315,7 +315,7 @@ class Discovery:
         forth, back = halves
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
-            self.nodes[start].said = f"fold on {rays[0].curve.selection.label}"
+            self.nodes[start].said = f'fold within "{rays[0].curve.selection.label}"'
             self._known_rays.add(start, self.nodes[start].keys)
             return
         straight = not len(forth.track.inner) and not len(back.track.inner)

@@ -20,7 +20,7 @@ from pwscont.continuation.plan import (
     checked_interval,
     silent,
 )
-from pwscont.continuation.prepared import measured, prepared
+from pwscont.continuation.prepared import followed, prepared
 from pwscont.continuation.start import Start, checked_starts, corrected
 from pwscont.graph import BranchGraph
 from pwscont.search import Search
@@ -92,8 +92,11 @@ def explore(
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)
         searched = _searched(given, scope_of(chosen, plan.followed))
-        plan, found = measured(plan, guess, lambda plan: _found(plan, given, chosen))
-        graph = plan.follow(found, parameter, report, searched, journal, budget, recorded)
+
+        def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
+            return plan.follow(found, parameter, report, searched, journal, budget, recorded)
+
+        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), follow)
     if not graph.special_points() and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph

@@ -15,6 +15,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
+from pwscont.continuation.gauge import Gauge
 from pwscont.curve.curve import Curve
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.slopes import refuse_wrong_jacobian
@@ -92,7 +93,7 @@ class PieceFollower(Follower):
     """Follows a ray to the end of its piece; the policy is here, the step is the stepper's.
 
     Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
-    from cell to cell by itself.
+    from cell to cell by itself. A ``gauge`` sees every step.
     """
 
     stepper: Stepper
@@ -100,6 +101,7 @@ class PieceFollower(Follower):
     interval: tuple[float, float]
     bounds: Bounds
     straight: StraightTests | None = None
+    gauge: Gauge | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
@@ -146,6 +148,8 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
+            if self.gauge:
+                self.gauge.see(segment.start.x, segment.end.x)
             reached.go_to(segment, before)
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))

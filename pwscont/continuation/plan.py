@@ -19,15 +19,19 @@ from pwscont.basics.given import checked_kind
 from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
+from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
-from pwscont.continuation.reentry import Outside, reentries
+from pwscont.continuation.reentry import Beyond, reentries
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Stretch
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
@@ -39,14 +43,7 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
 from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions import (
-    BoundingTests,
-    IntervalEnds,
-    SmoothBranchPoints,
-    SmoothFolds,
-    StraightTests,
-    TransitionDetector,
-)
+from pwscont.transitions import IntervalEnds, StraightTests, TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
@@ -97,19 +94,6 @@ def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper
     return stepper if stepper is not None else default_stepper(system)
 
 
-def default_detectors(
-    stepper: Stepper, interval: tuple[float, float]
-) -> tuple[TransitionDetector, ...]:
-    """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
-
-    Branch points come before folds, for alpha may turn at a branch point.
-    """
-    ends = IntervalEnds(*interval)
-    if isinstance(stepper, ExactLinear):
-        return ends, StraightTests()
-    return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
-
-
 @final
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -133,6 +117,8 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    gauge : Gauge, optional
+        Judges the typical magnitudes by the path.
     """
 
     system: PiecewiseSystem
@@ -144,6 +130,7 @@ class Plan:
     stepper: Stepper
     added: tuple[TransitionDetector, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    gauge: Gauge | None = None
 
     @classmethod
     def of(
@@ -205,14 +192,21 @@ class Plan:
 
         Where the budget is spent, the graph has what was found until then.
         """
-        follower: Follower = self._follower(self.interval, self.added)
+        is_bounded = self.box.is_bounded
+        bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
+        watched = (*self.detectors, bounds) if is_bounded else self.detectors
+        gauge = self.gauge if journal is None else None  # a journal is of one run
+        foreign = [each for each in self.added if not isinstance(each, Events)]
+        follower: Follower = PieceFollower(
+            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched), gauge
+        )
         if journal is not None:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
         if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
-            domain = self.followed.domain
-            starts = chain(starts, reentries(discovery, self.interval, domain, self._outside))
+            beyond = Beyond(self.followed, self.metric, self.stepper, bounds)
+            starts = chain(starts, reentries(discovery, beyond))
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
@@ -221,32 +215,24 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
+        if gauge and not budget.spent:
+            gauge.close()
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
-        return self._graph(discovery, parameter, searched, record)
+        infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
+        return self._graph(discovery, parameter, searched, record, infinite)
 
-    def _follower(
-        self, interval: tuple[float, float], added: Sequence[TransitionDetector] = ()
-    ) -> PieceFollower:
-        """Return what follows pieces in an interval, watched by these detectors as well."""
-        is_bounded = self.box.is_bounded
-        bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
-        watched = (*default_detectors(self.stepper, interval), *added)
-        watched = (*watched, bounds) if is_bounded else watched
-        foreign = [each for each in added if not isinstance(each, Events)]
-        watch = Watch(watched, foreign)
-        return PieceFollower(self.stepper, watch, interval, bounds, _alone(watched))
-
-    def _outside(self, interval: tuple[float, float]) -> Outside:
-        """Return what follows paths in an interval beside that of the run."""
-        scale, period = self.metric.scale, self.box.period
-        system = self.followed.within(*interval, scale[:-1])
-        metric = Metric(scale, interval, period if self.box.is_periodic else None)
-        return Outside(system, metric, self._follower(interval))
+    def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+        """Return the stretches of alpha at which solutions fill more than curves."""
+        nodes = list(discovery.nodes.values())
+        if not (is_part or any(map(is_sign, nodes))):
+            return ()
+        alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
@@ -269,6 +255,7 @@ class Plan:
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
+        infinite: Sequence[Stretch],
     ) -> BranchGraph:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
@@ -276,7 +263,7 @@ class Plan:
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
         events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events)
+        parts = (parameter, searched, reduction, record, events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)

@@ -14,23 +14,29 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
-from typing import NamedTuple
+from typing import final
 
 from pwscont.basics.budget import Budget
 from pwscont.basics.kind import Kind
 from pwscont.basics.limits import Limits
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.follow import Follower
+from pwscont.continuation.follow import PieceFollower
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
+from pwscont.stepping import Stepper
+from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.watch import Watch
 
 #: How far beyond an end a path is followed, as a part of the interval.
 PART = 0.25
@@ -40,59 +46,71 @@ MOST_PATHS = 100
 Interval = tuple[float, float]
 
 
-class Outside(NamedTuple):
-    """What follows paths in an interval beside that of a run."""
+@final
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """The parts of a run that follow paths beyond its interval as well.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+    stepper : Stepper
+    bounds : Bounds
+    """
 
     system: PiecewiseSystem
     metric: Metric
-    follower: Follower
+    stepper: Stepper
+    bounds: Bounds
+
+    def ends(self, ray: Ray) -> Iterator[tuple[float, Interval]]:
+        """Yield the end of the interval at which a ray leaves, and the interval beyond."""
+        (lo, hi), (low, high) = self.metric.interval, self.system.domain
+        same, further, alpha = SAME_ALPHA * (hi - lo), PART * (hi - lo), ray.state.alpha
+        if abs(alpha - lo) <= same and low < lo:
+            yield lo, (max(lo - further, low), lo)
+        if abs(alpha - hi) <= same and high > hi:
+            yield hi, (hi, min(hi + further, high))
+
+    def ray(self, ray: Ray, interval: Interval) -> Ray:
+        """Return a ray as one that leads into an interval."""
+        scale, selection = self.metric.scale, ray.curve.selection
+        metric = Metric(scale, interval, Box.of(self.system).period)
+        system = self.system.within(*interval, scale[:-1])
+        there = Selection(system, selection.character, selection.adjacent_cells)
+        return Ray(Curve(there, metric), ray.state, ray.interface_cells, ray.index)
+
+    def follower(self, interval: Interval) -> PieceFollower:
+        """Return what follows pieces in an interval."""
+        watched = default_detectors(self.stepper, interval)
+        is_bounded = Box.of(self.system).is_bounded
+        watch = Watch((*watched, self.bounds) if is_bounded else watched)
+        return PieceFollower(self.stepper, watch, interval, self.bounds)
 
 
-def reentries(
-    discovery: Discovery,
-    interval: Interval,
-    domain: Interval,
-    outside: Callable[[Interval], Outside],
-) -> Iterator[Found]:
+def reentries(discovery: Discovery, beyond: Beyond) -> Iterator[Found]:
     """Yield the solutions at which paths come back that leave the interval.
 
-    Parameters
-    ----------
-    discovery : Discovery
-        It grows while solutions are taken.
-    interval, domain : tuple of float
-    outside : callable
-        Interval -> what follows paths there.
+    The discovery grows while solutions are taken.
     """
     for ray in islice(discovery.leaving, MOST_PATHS):
         limits = Limits(pieces=max(FEW_PIECES, len(discovery.edges)))
-        for end, beyond in _beyond(ray, interval, domain):
+        for end, interval in beyond.ends(ray):
             try:
-                yield from _coming_back(ray, end, outside(beyond), limits)
+                found = _coming_back(beyond, ray, end, interval, limits)
             except Exception:
                 continue
+            yield from found
 
 
-def _beyond(ray: Ray, interval: Interval, domain: Interval) -> Iterator[tuple[float, Interval]]:
-    """Yield the end of the interval at which a ray leaves, and the interval beyond."""
-    (lo, hi), (low, high), alpha = interval, domain, ray.state.alpha
-    same, further = SAME_ALPHA * (hi - lo), PART * (hi - lo)
-    if abs(alpha - lo) <= same and low < lo:
-        yield lo, (max(lo - further, low), lo)
-    if abs(alpha - hi) <= same and high > hi:
-        yield hi, (hi, min(hi + further, high))
-
-
-def _coming_back(ray: Ray, end: float, outside: Outside, limits: Limits) -> Iterator[Found]:
-    """Yield where the path of a ray comes back to the same end of the interval."""
-    selection = ray.curve.selection
-    there = Selection(outside.system, selection.character, selection.adjacent_cells)
-    curve = Curve(there, outside.metric)
-    onwards = Ray(curve, ray.state, ray.interface_cells, ray.index)
+def _coming_back(
+    beyond: Beyond, ray: Ray, end: float, interval: Interval, limits: Limits
+) -> list[Found]:
+    """Return where the path of a ray comes back to the same end of the interval."""
+    onwards = beyond.ray(ray, interval)
     with Budget(limits) as budget:
-        discovery = Discovery(outside.follower, lambda *_: None, budget)
+        discovery = Discovery(beyond.follower(interval), lambda *_: None, budget)
         discovery.add(SpecialPointFound(Kind.END, ray.state.x, "", (onwards,)))
-    first, *others = discovery.nodes.values()
-    for node in others:
-        if node.kind == Kind.END and node.place.alpha == end:
-            yield node.place.x, node.place.error[None]
+    reached = [node for node in list(discovery.nodes.values())[1:] if node.kind == Kind.END]
+    return [(n.place.x, n.place.error[None]) for n in reached if n.place.alpha == end]

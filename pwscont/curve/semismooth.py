@@ -241,7 +241,8 @@ class _Merit:
     def of(self, place: _Place) -> float:
         """Return the merit of a place."""
         scaled = place.residual / self.rows
-        return float(scaled.dot(scaled)) * _deflation(self.metric, self.known, place.x) ** 2
+        deflation = _deflation(self.metric, self.known, place.x)
+        return float(scaled.dot(scaled)) * deflation * deflation  # a power would raise an error
 
 
 def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:

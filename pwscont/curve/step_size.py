@@ -12,6 +12,7 @@ from pwscont.basics.errors import InvalidInputError
 WANTED_STRAIN = 0.5
 TINY = 1e-300
 FIRST = 0.02
+GAP = 0.01
 
 
 @final
@@ -39,10 +40,11 @@ class StepSize:
     smallest: float = 1e-10
     largest: float = 0.1
     least_cosine: float = 0.98
+    gap: float = GAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in ("first", "smallest", "largest", "least_cosine"):
+        for name in ("first", "smallest", "largest", "least_cosine", "gap"):
             number = finite_array(f"{name} of StepSize", getattr(self, name), ())
             object.__setattr__(self, name, float(number))
         if self.largest < self.first == FIRST:

@@ -46,6 +46,8 @@ class BranchGraph(Balance):
         and nothing else of the graph is lost.
     names : sequence of str, optional
         Names of the unknowns; default those of the system.
+    infinite : sequence of Stretch
+        Where solutions fill a segment or more.
 
     Raises
     ------
@@ -110,6 +112,7 @@ class BranchGraph(Balance):
                 self.parameter,
                 self.searched,
                 self._names_to_keep(),
+                self.infinite,
             ),
         )
 
@@ -159,6 +162,7 @@ class BranchGraph(Balance):
             searched=file.searched,
             record=record,
             names=None if system else file.names,
+            infinite=file.infinite,
         )
 
     def to_dataframe(self, rows: str) -> Any:

@@ -44,7 +44,7 @@ def Complementarity(  # noqa: N802  used like a class
     jacobian : callable, optional
         (z, alpha) -> the derivatives of F by (z, alpha), shape (n, n + 1), dense or sparse.
     **given
-        As for :func:`Switched`: ``linear``, ``names``, ``degree``, ``unique``, ...
+        As for :func:`Switched`: ``linear``, ``names``, ``degree``, ``unique``, ``scale``, ...
 
     Returns
     -------
@@ -78,8 +78,8 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
     M : array_like or sparse matrix, shape (n, n)
     q, d : array_like, shape (n,)
     **given
-        As for :func:`Switched`: ``names``, ``degree``, ``unique``, ... With a P-matrix there is one
-        solution at each alpha: ``degree=1, unique=True``.
+        As for :func:`Switched`: ``names``, ``degree``, ``unique``, ``scale``, ... With a P-matrix
+        there is one solution at each alpha: ``degree=1, unique=True``.
 
     Returns
     -------

@@ -35,7 +35,7 @@ def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
     tuple or None
         Limits of the parameter and of the quantity in the inset.
     """
-    window = _window(ax, diagram, room)
+    window = None if diagram.across else _window(ax, diagram, room)
     box = room.largest(SIZES) if window else None
     if window is None or box is None:
         return None

@@ -72,7 +72,7 @@ class Shown(Protocol):
 
     @property
     def orientations(self) -> tuple[int, ...]:
-        """Directions in which transitions are read out."""
+        """The first is the direction in which the table reads every branch."""
 
     @property
     def panels(self) -> tuple[Panel, ...]:

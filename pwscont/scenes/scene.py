@@ -51,7 +51,8 @@ class Scene(Runnable):
     at : tuple of float
         Parameter values whose solutions are listed unless the user asks for others.
     orientations : tuple of int
-        Directions in which transitions are read out: +1, -1 (paper, Definition 1).
+        The first is the direction in which the table reads every branch: +1, -1 (paper,
+        Definition 1).
     search, stepper, detectors, events, record : optional
         As for :func:`pwscont.explore`.
     panels, paths, styles

@@ -52,8 +52,10 @@ class Report:
 
     def __str__(self) -> str:
         if not self.defects:
-            return f"no defects found at {self.points} points"
-        return "\n".join([f"{len(self.defects)} defects:", *(f"- {d}" for d in self.defects)])
+            return f"no defects found at {counted(self.points, 'point')}"
+        return "\n".join(
+            [f"{counted(len(self.defects), 'defect')}:", *(f"- {d}" for d in self.defects)]
+        )
 
 
 def check_system(

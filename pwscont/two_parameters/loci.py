@@ -20,7 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
-from pwscont.basics.looks import counted, named, short
+from pwscont.basics.looks import counted, named, short, with_article
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.continuation.explore import explore
 from pwscont.continuation.plan import Report, silent, uninterrupted
@@ -208,8 +208,9 @@ def _transitions(
         zero = _vanishing(system, point, scale)
         if len(zero) != 1:
             raise InvalidInputError(
-                f"there is a {point.kind} at alpha = {point.alpha:.8g} for the level {mu:g}, "
-                f"where {len(zero)} test functions vanish, so loci meet; choose another level"
+                f"there is {with_article(point.kind)} at alpha = {point.alpha:.8g} for the level "
+                f"{mu:g}, where {len(zero)} test functions vanish, so loci meet; choose another "
+                f"level"
             )
         yield point, int(zero[0])
 
