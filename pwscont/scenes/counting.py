@@ -38,6 +38,14 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     matplotlib.axes.Axes
         The same axes. Dots are the counts at single values of alpha, such as folds; dotted lines
         mark vertical pieces, where there are infinitely many.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> from pwscont import LCP, draw_counts, explore
+    >>> graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> draw_counts(graph, Figure().subplots()).get_ylabel()
+    'number'
     """
     stretches = [stretch for stretch in graph.multiplicity() if stretch[0] < stretch[1]]
     edges = [graph.interval[0], *(hi for _, hi, _ in stretches)]

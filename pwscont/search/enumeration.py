@@ -93,6 +93,13 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     InvalidSystemError
         If typical magnitudes of z are too large or small to be computed with, or an attribute is
         a value where a method belongs, or the other way round.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, enumerate_solutions
+    >>> found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0]), 0.0)
+    >>> sorted(s.z.round(6).tolist() for s in found), found.guarantee
+    ([[0.0, 1.0], [0.333333, 0.333333], [1.0, 0.0]], 'complete')
     """
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(

@@ -52,6 +52,19 @@ class PiecewiseSystem(Undefined, ABC):
         problem); default False. One found is then all, and two are an error in the promise.
     line_styles : mapping of str to matplotlib's line styles
         How pictures draw the pieces of a label; default in the order in which they occur.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseSystem, explore
+    >>> class ArchOverStop(PiecewiseSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+    ...         return z * (z - 1.0) * (z - 2.0) + stop - alpha
+    >>> explore(ArchOverStop(), (-0.5, 1.0)).count(0.2)
+    3
     """
 
     __slots__ = ("__dict__", "__weakref__", "_differences")
@@ -286,6 +299,18 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     The promise lets pwscont list all solutions at one alpha by solving one linear system per
     cell. A system whose cells are all combinations of the modes of independent parts (contact
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
+
+    Examples
+    --------
+    >>> from pwscont import SlicewiseLinearSystem, explore
+    >>> class Spring(SlicewiseLinearSystem):  # alpha multiplies z: affine in z alone
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha**2 + (alpha * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete but for closed loops'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
@@ -320,6 +345,18 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
     to corner without a step size. The default Jacobians are exact here, because differences
     of affine functions are.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseLinearSystem, explore
+    >>> class Spring(PiecewiseLinearSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha + (3.0 * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
