@@ -23,7 +23,7 @@ from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
-#: Slots that ``within`` does not copy from a system to its copy for an interval.
+#: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
 
 
@@ -207,8 +207,7 @@ class PiecewiseSystem(Undefined, ABC):
     def bounds(self) -> tuple[Any, Any]:
         """Return between which values z makes sense, each broadcastable to (n,); default all.
 
-        Solutions outside are no starts, and a branch that leaves the bounds ends there: a
-        negative voltage, a concentration above one.
+        Solutions outside are no starts, and a branch that leaves its bounds ends there.
         """
         return -np.inf, np.inf
 
@@ -225,7 +224,7 @@ class PiecewiseSystem(Undefined, ABC):
         return tuple(f"z[{i}]" for i in range(self.size))
 
     def __repr__(self) -> str:
-        size = getattr(self, "size", None)  # a repr does not fail, not even of half a system
+        size = getattr(self, "size", None)  # half a system has a repr, too
         return f"{type(self).__name__}({counted(size, 'unknown') if isinstance(size, int) else ''})"
 
     def _repr_html_(self) -> str:
