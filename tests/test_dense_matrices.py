@@ -9,11 +9,10 @@ from pwscont.bench.calls import counted
 from pwscont.curve.curve import Curve, LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.linear.changes import TOGETHER, Changes
 from pwscont.linear.factor import power_of_two
-from pwscont.linear.factorise import bordered, last_unit
-from pwscont.linear.inner import inner
-from pwscont.linear.rows import Rows
+from pwscont.linear.factorise import bordered, inner, last_unit
+from pwscont.linear.updates import TOGETHER, Changes
+from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
 
 SIZES = [1, 2, 5, 31, 32, 33, 120]

@@ -13,7 +13,7 @@ from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.curve import straight
-from pwscont.linear.product_form import ProductForm
+from pwscont.linear.updates import ProductForm
 from pwscont.transitions.detector import FARTHEST, soonest
 
 # -- stated errors ---------------------------------------------------------------------------------

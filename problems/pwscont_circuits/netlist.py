@@ -171,7 +171,7 @@ def _at_line(number: int, read: Callable[[list[str]], None], words: list[str]) -
 def number_of(word: str) -> float:
     """Return the number that a word stands for, such as 4700 for ``4.7kOhm``."""
     match = NUMBER.fullmatch(word.lower())
-    if match is None:
+    if match is None or word.lower().endswith("mil"):  # a thousandth of an inch, in SPICE
         raise InvalidInputError(f"{word!r} is no number")
     return float(match[1]) * SUFFIXES[match[2] or ""]
 
@@ -241,10 +241,16 @@ class _Reader:
             if name.lower() not in parameters:
                 known = ", ".join(parameters)
                 raise InvalidInputError(f"{words[1]} has no parameter {name!r}; it has {known}")
+            if parameters[name.lower()] in given:
+                raise InvalidInputError(f"the parameter {name} is given a second time")
             given[parameters[name.lower()]] = number_of(value)
+        if words[0].lower() in self._models:
+            raise InvalidInputError(f"there is a second .model {words[0]}")
         self._models[words[0].lower()] = letter, partial(make, **given)
 
     def _read_sweep(self, words: list[str]) -> None:
         if len(words) not in (3, 4):
             raise InvalidInputError(".dc needs a source and two values, perhaps a step")
+        if self.sweep:
+            raise InvalidInputError("there is a second .dc; one source is swept")
         self.sweep = self._spelled(words[0]), number_of(words[1]), number_of(words[2])

@@ -161,14 +161,27 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     def start(self) -> Array:
         """Return a state to start from, shape (n,), near the upper branch of most networks.
 
-        Generators are at the voltages that they hold, all other buses at that of the slack; angles
-        are zero, and reactive powers zero or at the limit next to zero.
+        Generators are at the voltages that they hold, and all other buses at those that the network
+        then has without load; reactive powers are zero, or at the limit next to zero.
         """
         z = np.zeros(self.size)
-        z[self._n : 2 * self._n] = self._slack_voltage
-        z[self._voltage_columns] = self._set
+        voltage = self._without_load()[self._others]
+        z[: self._n], z[self._n : 2 * self._n] = np.angle(voltage), np.abs(voltage)
         z[self._Q_columns] = [min(max(0.0, g.Q_min), g.Q_max) for g in self._generators]
         return z
+
+    def _without_load(self) -> Array:
+        """Return the voltages at which no current flows into buses without a generator."""
+        voltage = np.full(len(self.network.buses), self._slack_voltage, dtype=complex)
+        voltage[self._at] = self._set
+        free = np.setdiff1d(self._others, self._at)
+        Y = self._Y[free]
+        voltage[free] = 0.0
+        try:
+            voltage[free] = sp.linalg.splu(Y[:, free].tocsc()).solve(-Y @ voltage)
+        except RuntimeError:  # the matrix is singular: a resonance
+            voltage[free] = self._slack_voltage
+        return voltage
 
     def searches(self) -> list[MultiStart]:
         """Return Newton from :meth:`start`."""

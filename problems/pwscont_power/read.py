@@ -173,7 +173,7 @@ def _check_all_is_read(tables: Mapping[str, Any]) -> None:
 def _base(given: Any) -> float:
     base = np.asarray(given, dtype=float)
     if base.size != 1 or not 0.0 < base.item() < np.inf:
-        raise InvalidInputError(f"baseMVA must be a positive number, got {given}")
+        raise InvalidInputError(f"baseMVA must be positive, and one number, got {given}")
     return float(base.item())
 
 

@@ -327,7 +327,7 @@ class Discovery:
         straight = not len(forth.track.inner) and not len(back.track.inner)
         middle = forth.track.points[0 if not straight else 1 : -1]
         inner = np.vstack([back.track.inner[::-1], middle])
-        self.edges = [edge for edge in self.edges if edge not in halves]
+        self.edges[:] = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))

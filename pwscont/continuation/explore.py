@@ -154,7 +154,7 @@ def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Fou
     """Yield the given starts, corrected, then the starts of a search, which begins then."""
     for i, start in enumerate(given):
         yield corrected(plan, start, f"starts[{i}]")
-    yield from starts_of(search, plan.followed, plan.metric, plan.interval)
+    yield from starts_of(search, plan.followed, plan.metric, plan.interval, plan.branches)
 
 
 def _searched(given: tuple[Start, ...], searched: SearchScope) -> SearchScope:

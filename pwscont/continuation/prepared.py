@@ -28,6 +28,7 @@ from pwscont.system.promises import check_promises
 from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
+from pwscont.transitions.events import Events
 
 #: Number of starts that measure the unknowns.
 FIRST = 2
@@ -40,7 +41,7 @@ def prepared(
     start: tuple[Array, float],
     interval: tuple[float, float],
     stepper: Stepper | None,
-    detectors: tuple[TransitionDetector, ...] = (),
+    detectors: tuple[TransitionDetector | Events, ...] = (),
 ) -> Plan:
     """Return the plan for a system whose promises hold at a start.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from pwscont.basics.arrays import finite_array
@@ -64,6 +64,10 @@ class StepSize:
             raise InvalidInputError(
                 f"least_cosine of StepSize must be in [-1, 1), got {self.least_cosine}"
             )
+
+    def stretched(self, factor: float) -> StepSize:
+        """Return the control whose longest step is so many times as long."""
+        return replace(self, largest=factor * self.largest)
 
     def accepts(self, cosine: float) -> bool:
         """Tell whether the curve turned little enough within the step."""

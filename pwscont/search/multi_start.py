@@ -82,11 +82,11 @@ class MultiStart(Search):
     ) -> Iterator[Found]:
         """Yield the solutions found at lo, then those at hi."""
         box = Box.of(system)
-        guesses = self._guesses(box, metric.scale[:-1], shown_size(system))
+        guesses = self.guesses(box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from _found_at(system, metric, box, alpha, guesses)
 
-    def _guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
+    def guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
         """Return all starts: the fixed ones, then random ones, every other around a fixed one."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)

@@ -41,7 +41,7 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUGH = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
-#: So many places around one that stands out are looked at, so often, each time in so much less room.
+#: So many places around one that stands out are looked at, so often, in ever so much less room.
 CLOSER, ROUNDS, ZOOM = 8, 3, 0.25
 #: Degree of the polynomial that is taken for smooth; no more than a third of the places.
 SMOOTH = 3
@@ -71,17 +71,15 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
-        return inf if worst != worst else worst
+        return worst if worst > allowed else inf  # perhaps it is not a number
     if worst > INVISIBLE and len(off) == count:
         rough = np.abs(_rough(count) @ off).max(axis=1)
         odd = int(rough.argmax())
         if rough[odd] > ROUGH * worst + INVISIBLE:
-            worst = max(
-                worst, _close_in(segment, factor, float(places(count)[odd]), 1.0 / count, allowed)
-            )
-    return (
-        inf if _turns(segment, alphas) and _really_turns(segment, factor, places(count)) else worst
-    )
+            around = float(places(count)[odd]), 1.0 / count
+            worst = max(worst, _close_in(segment, factor, around, allowed))
+    turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
+    return inf if turns else worst
 
 
 @lru_cache(maxsize=MOST)
@@ -97,7 +95,8 @@ def _rough(count: int) -> Array:
     u = places(count)
     smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]
-    return np.eye(count) - q @ q.T
+    rough: Array = np.eye(count) - q @ q.T
+    return rough
 
 
 def _weights(u: Array) -> Array:
@@ -127,10 +126,10 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
 
 
 def _close_in(
-    segment: CurvedSegment, factor: Factor, odd: float, apart: float, allowed: float
+    segment: CurvedSegment, factor: Factor, around: tuple[float, float], allowed: float
 ) -> float:
-    """Return how far off the curve is around a place, looked at closer and closer."""
-    worst = 0.0
+    """Return how far off the curve is within a distance of a place, looked at ever closer."""
+    (odd, apart), worst = around, 0.0
     for _ in range(ROUNDS):
         u = odd + apart * np.linspace(-1.0, 1.0, CLOSER + 2)[1:-1]
         u = u[(u > 0.0) & (u < 1.0)]

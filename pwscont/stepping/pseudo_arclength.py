@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import final
 
 from pwscont.basics.given import needed_kind
@@ -92,6 +92,10 @@ class PseudoArclength(Stepper):
             return None
         predicted, _ = self.predictor.predict(curve, previous, state, distance)
         return land_on_zero(curve, state, predicted, border, self.step_size)
+
+    def stretched(self, factor: float) -> PseudoArclength:
+        """Return the same with a step size whose longest step is so many times as long."""
+        return replace(self, step_size=self.step_size.stretched(factor))
 
     def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
         """Return the state before on the same piece, and the length of the next step."""

@@ -265,3 +265,10 @@ class Stepper(ABC):
             step, or the step would not be true: it is then found in a step beyond it.
         """
         return None
+
+    def stretched(self, factor: float) -> Stepper:
+        """Return a stepper whose longest step is so many times as long; default: the same one.
+
+        It is asked for where a piece runs towards infinity, by steps in proportion to its size.
+        """
+        return self
