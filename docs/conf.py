@@ -3,8 +3,28 @@
 import logging
 import re
 import sys
-from importlib import metadata
+from importlib import metadata, util
 from pathlib import Path
+
+from sphinx_gallery.sorting import ExplicitOrder
+
+#: The tutorials in the order in which a newcomer learns, then those on the packages of problems.
+TUTORIALS = (
+    "paper_curve",
+    "how_many_solutions",
+    "own_system",
+    "corners_and_branching",
+    "look_at_a_branch",
+    "critical_friction",
+    "exact_map",
+    "map_of_non_uniqueness",
+    "thousand_bodies",
+    "structures",
+    "circuits",
+    "power_flow",
+    "optimisation",
+    "dynamics",
+)
 
 project = "pwscont"
 author = "the pwscont developers"
@@ -25,7 +45,10 @@ default_role = "literal"
 html_theme = "furo"
 html_title = f"pwscont {release}"
 html_show_sphinx = False
-html_static_path = ["static"]
+#: MathJax in one file, from a package, so that formulas need no network; SVG needs no fonts either.
+MATHJAX = Path(util.find_spec("sphinx-mathjax-offline").origin).parent / "static/mathjax/tex-svg.js"
+mathjax_path = MATHJAX.name
+html_static_path = ["static", str(MATHJAX)]
 html_css_files = ["scenes.css"]
 
 autosummary_generate = True
@@ -41,7 +64,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
-    "within_subsection_order": "ExampleTitleSortKey",
+    "within_subsection_order": ExplicitOrder([f"{name}.py" for name in TUTORIALS]),
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,

@@ -11,7 +11,7 @@ from pwscont_coulomb.elastic import recover
 from pwscont_coulomb.elastic.pictures import draw_states
 from pwscont_coulomb.elastic.scenes import block, wedge
 
-from pwscont import View, explore
+from pwscont import PiecewiseSystem, View, explore, plot
 from pwscont.bench.picture import draw
 from pwscont.bench.report import rows_of
 from pwscont.scenes.styles import COLORS
@@ -19,11 +19,18 @@ from pwscont.scenes.styles import COLORS
 DATA = Path(__file__).parent / "data"
 
 
+#: The problems of the report on accuracy that the manual shows: more panels could not be read.
+SHOWN = ("fig7", "fig10", "example3", "circle", "bratu", "two-curves")
+
+
 def draw_report(name: str, into: Path) -> None:
     """Draw errors over times of a stored report."""
     data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     problems = [problem["name"] for problem in data["problems"]]
-    draw(problems, rows_of(data)).savefig(into / f"{name}.png", dpi=110)
+    if name == "bench":
+        problems = [problem for problem in SHOWN if problem in problems]
+    rows = [row for row in rows_of(data) if row.case in problems]
+    draw(problems, rows, columns=3).savefig(into / f"{name}.png", dpi=110)
 
 
 def draw_body(scene, alpha: float, into: Path) -> None:
@@ -32,6 +39,27 @@ def draw_body(scene, alpha: float, into: Path) -> None:
     graph = explore(problem.along_load(), scene.interval)
     states = [recover(problem, solution) for solution in graph.solutions(alpha)]
     draw_states(problem.elastic, states).savefig(into / f"{scene.name}.png", dpi=90)
+
+
+class ArchOverStop(PiecewiseSystem):
+    """The system of the page "Getting started"."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        """Return where the arch touches the stop."""
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        """Return the force that is missing."""
+        stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+        return z * (z - 1.0) * (z - 2.0) + stop - alpha
+
+
+def draw_arch(into: Path) -> None:
+    """Draw the branch of the page "Getting started"."""
+    graph = explore(ArchOverStop(), (-0.5, 1.0), parameter="load")
+    plot(graph, 0).figure.savefig(into / "arch.png", dpi=110)
 
 
 #: Path, way, line, color and words of each line over the sizes.
@@ -106,6 +134,7 @@ def draw_all(into: Path) -> None:
     into.mkdir(exist_ok=True)
     for name in ("bench", "peers"):
         draw_report(name, into)
+    draw_arch(into)
     draw_scale(into)
     draw_straight(into)
     draw_body(block(), 0.7, into)

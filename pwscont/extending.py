@@ -43,6 +43,7 @@ from pwscont.stepping.acceptance import accepted
 from pwscont.stepping.landing import land_on, land_on_end, land_on_zero
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.compact import Compact
+from pwscont.system.contract import checked_magnitudes
 from pwscont.system.ending import Ending
 from pwscont.system.hidden import HidesUnknowns
 from pwscont.system.own_searches import BringsSearches
@@ -114,6 +115,7 @@ __all__ = [
     "Updating",
     "accepted",
     "card",
+    "checked_magnitudes",
     "counted",
     "dense",
     "drifted",

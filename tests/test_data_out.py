@@ -30,6 +30,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.basics.quantities import Quantities
 from pwscont.graph.passages import Said
 from pwscont.scenes.graph_answer import GraphAnswer
 
@@ -199,6 +200,33 @@ def test_unknown_names(recorded, error):
         recorded.point(0)["u_T"]
     with pytest.raises(error, match="power"):
         recorded.solutions(0.3)[0]["powr"]
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [("u_nu", "u_ν"), ("lambda_t", "λ_t"), ("lambda_nu", "λ_ν"), ("λ_t", "λ_t"), ("u_t", "u_t")],
+)
+def test_greek_letters_in_words(plain, given, meant):
+    solution = plain.solutions(0.3)[0]
+    assert solution[given] == solution[meant]
+    assert plain.point(0)[given] == plain.point(0)[meant]
+
+
+def test_every_greek_letter_has_its_word():
+    letters = "αβγδεζηθικλμνξοπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"
+    words = (
+        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho "
+        "sigma tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega"
+    )
+    quantities = Quantities([f"{letter}_1" for letter in letters])
+    z = np.arange(float(len(letters)))
+    found = [quantities.value(f"{word}_1", z, 0.0) for word in words.split()]
+    assert found == z.tolist()
+
+
+def test_a_name_that_is_there_is_never_read_as_another():
+    quantities = Quantities(["ν", "nu", "μ"], {"mu": lambda z, alpha: 7.0})
+    assert [quantities.value(name, np.arange(3.0), 0.0) for name in ("nu", "ν", "mu")] == [1, 0, 7]
 
 
 def of_another(graph, system):

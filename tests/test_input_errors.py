@@ -87,6 +87,11 @@ def test_matrices_must_be_finite(kind, bad, which):
         ((A, N, T, [np.nan]), "gap must be finite"),
         ((A, N, T, ["wide"]), "gap must be an array of numbers"),
         (("stiff", N, T), "A must be an array of numbers"),
+        ((A + 0j, N, T), "A must be an array of numbers: got complex numbers"),
+        ((sp.csr_matrix(A + 0j), N, T), r"A.data must be an array of numbers: got complex"),
+        ((A, N.astype(str), T), "N must be an array of numbers: got texts"),
+        ((A, N, T.tolist(), [b"0.1"]), "gap must be an array of numbers: got texts"),
+        ((A, N, T, np.array(["1"], dtype=object)), "gap must be an array of numbers: got texts"),
     ],
 )
 def test_body(arguments, words):

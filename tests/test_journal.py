@@ -488,7 +488,6 @@ def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypa
     ("arguments", "message"),
     [
         (["fig7"], "needs -o DIR"),
-        (["fig7", "-o", "."], "nothing to resume"),
         (["fig5", "-o", "."], "keeps no journal"),
     ],
 )
@@ -496,6 +495,22 @@ def test_what_cannot_be_resumed(arguments, message, capsys, monkeypatch, tmp_pat
     monkeypatch.chdir(tmp_path)
     assert main(["run", *arguments, "--resume"]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_resume_with_nothing_to_resume_begins(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):  # a finished run leaves no journal either
+        assert main(["run", "fig7", "-o", "out", "--resume"]) == 0
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"fig7.npz", "fig7.png"}
+
+
+def test_a_journal_closes_itself(tmp_path):
+    scene = example1()
+    with Journal(tmp_path / "run.journal") as journal:
+        explore(scene.system, scene.interval, journal=journal)
+        pieces = len(journal)
+    with Journal(tmp_path / "run.journal") as again:  # a journal that is open would be locked
+        assert (len(again), again.is_finished) == (pieces, True)
 
 
 def test_a_run_that_fails_keeps_its_journal(tmp_path, monkeypatch, capsys):

@@ -5,12 +5,13 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pwscont_coulomb
 import pwscont_coulomb.elastic
 import pytest
-from pages import blocks, check_answers, page
+from pages import DOCS, blocks, check_answers, page
 
 import pwscont
 from pwscont.commands.cli import main
@@ -81,6 +82,21 @@ def test_the_recipes_run(tmp_path, capsys):
     header, *rows = (tmp_path / "special.csv").read_text(encoding="utf-8").splitlines()
     assert (header, len(rows)) == ("kind,alpha,u_t,λ_ν", 5)
     assert capsys.readouterr().out.endswith(f"\n{names['some'].guarantee}\n")
+
+
+def test_the_page_for_beginners_runs(tmp_path):
+    _, answers = run("getting_started.rst")
+    assert answers == 11
+    assert (tmp_path / "arch.png").stat().st_size > 1000
+
+
+def test_the_page_for_beginners_names_every_extra():
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text())["project"]
+    extras = set(project["optional-dependencies"]) - {"test", "docs", "dev"}
+    named = set(re.findall(r"^   \* - ``(\w+)``$", page("getting_started.rst"), re.M))
+    assert named == extras
+    every = re.findall(r"\w+", project["optional-dependencies"]["all"][0])
+    assert set(every) == extras - {"all", "mumps"} | {"pwscont"}
 
 
 def test_the_page_on_notation_runs(tmp_path):

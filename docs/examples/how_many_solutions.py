@@ -47,7 +47,7 @@ system = CoulombLoad(body, load, friction=4.0)
 # modes, so there are :math:`4^2` linear systems, and a solution counts if it lies in the cell of
 # its modes. :func:`~pwscont.enumerate_solutions` lists all of them. For more nodes it searches
 # the tree of modes and cuts off what no state can satisfy: seven nodes have :math:`4^7`
-# combinations and take a twentieth of a second, twelve half a minute. No start and no
+# combinations and take a twentieth of a second, twelve take 2 to 7 s. No start and no
 # continuation is involved.
 for solution in enumerate_solutions(system, -1.5):
     print(f"det {solution.det_sign:+d}  {solution.label:<31}", solution.z[:4].round(4))

@@ -56,6 +56,12 @@ class ContactBody(Fixed):
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
         a gap is negative, the tangential displacement of a guided node is coupled with others,
         or anything is not finite, or an attribute is set.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb import ContactBody
+    >>> ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    ContactBody(2 displacements, 1 contact node, dense)
     """
 
     _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness"})
@@ -206,9 +212,8 @@ def _flags(name: str, given: Any, p: int) -> npt.NDArray[np.bool_]:
 def _matrix(name: str, values: Any) -> Matrix:
     """Return a finite 2-d matrix, dense or in CSR format."""
     if sp.issparse(values):
-        matrix = sp.csr_matrix(values, dtype=float)
-        finite_array(f"{name}.data", matrix.data)
-        return matrix
+        finite_array(f"{name}.data", values.tocsr().data)
+        return sp.csr_matrix(values, dtype=float)
     array = finite_array(name, values)
     if array.ndim != 2 or array.size == 0:
         raise InvalidInputError(f"{name} must be a matrix, got shape {array.shape}")

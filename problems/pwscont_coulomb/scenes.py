@@ -125,7 +125,7 @@ def fig7() -> Scene:
         4.0,
         (-2.0, 2.0),
         at=(-0.75,),
-        orientations=(-1, 1),
+        orientations=(-1,),
     )
 
 

@@ -125,6 +125,19 @@ class PeriodicPoints(Orbits):
     ------
     InvalidInputError
         If a function cannot be called, or n or period is no positive whole number.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_dynamics import PeriodicPoints
+    >>> tent = PeriodicPoints(
+    ...     left=lambda x, mu: mu + 0.5 * x,
+    ...     right=lambda x, mu: mu - 3.0 * x,
+    ...     border=lambda x, mu: x[0],
+    ...     n=1,
+    ... )
+    >>> explore(tent, (-1.0, 1.0), parameter="mu").count(0.5)
+    1
     """
 
     def __init__(
@@ -155,6 +168,14 @@ class AffinePeriodicPoints(Orbits, PiecewiseLinearSystem):
     ------
     InvalidInputError
         If shapes do not fit, or the map jumps at x_1 = 0.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_dynamics import AffinePeriodicPoints
+    >>> points = AffinePeriodicPoints([[0.5]], [[-3.0]], [1.0], period=2)
+    >>> explore(points, (-1.0, 1.0), parameter="mu").count(0.5)
+    3
     """
 
     def __init__(self, left: Any, right: Any, c: Any, b: Any = None, period: int = 1) -> None:

@@ -30,8 +30,15 @@ from typing import Any, TypeAlias, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Character, InvalidInputError, PiecewiseSystem
-from pwscont.extending import Array, Indices, Matrix, finite_array
+from pwscont import Character, InvalidInputError, MultiStart, PiecewiseSystem
+from pwscont.extending import (
+    Array,
+    BringsSearches,
+    Indices,
+    Matrix,
+    checked_magnitudes,
+    finite_array,
+)
 from pwscont_power.network import Generator, Network, one_each
 from pwscont_power.pattern import Pattern
 
@@ -51,7 +58,7 @@ CHANGES = {
 
 
 @final
-class PowerFlow(PiecewiseSystem):
+class PowerFlow(PiecewiseSystem, BringsSearches):
     """AC power flow of a network whose injections grow with the loading.
 
     Unknowns are the angles theta of all buses but the slack, their voltages V, and the reactive
@@ -66,14 +73,29 @@ class PowerFlow(PiecewiseSystem):
         Injections that are multiplied by the loading; default generation minus load of the network.
     fixed : array_like of complex, shape (buses,), optional
         Injections that stay what they are; default none.
+    scale : array_like, optional
+        Typical magnitudes of all unknowns, in the order of their names; default what a run finds.
 
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit, or a part of the network is not connected to the slack.
+        If the shapes do not fit, magnitudes are not positive, or a part of the network is not
+        connected to the slack.
+
+    Examples
+    --------
+    >>> from pwscont import trace
+    >>> from pwscont_power import Branch, Generator, Network, PowerFlow
+    >>> line = (Branch(1, 2, 0.0, 0.5),)
+    >>> network = Network((1, 2), line, (Generator(1, 1.0),), slack=1, load=[0, 1.0])
+    >>> graph = trace(PowerFlow(network), ([0.0, 1.0], 0.1), (0.1, 2.0), parameter="lambda")
+    >>> [round(p.alpha, 6) for p in graph.special_points("fold")]  # 1 / (2 x)
+    [1.0]
     """
 
-    def __init__(self, network: Network, growing: Any = None, fixed: Any = 0.0) -> None:
+    def __init__(
+        self, network: Network, growing: Any = None, fixed: Any = 0.0, *, scale: Any = None
+    ) -> None:
         if growing is None:
             growing = network.generation - network.load
         self.network = network
@@ -91,6 +113,7 @@ class PowerFlow(PiecewiseSystem):
         self._r = np.abs(self._Y.diagonal()[self._at])
         self._n, self._g = len(self._others), len(self._at)
         self.size = 2 * self._n + self._g
+        self._scale = checked_magnitudes(scale, self.size)
         self._voltage_columns = self._n + np.searchsorted(self._others, self._at)
         self._Q_columns = 2 * self._n + np.arange(self._g)
         self._slopes = Slopes(self._Y, self._others)
@@ -134,6 +157,35 @@ class PowerFlow(PiecewiseSystem):
     def voltages(self, z: Any) -> Array:
         """Return the complex voltages of all buses, shape (buses,), in the order of the network."""
         return self._split(finite_array("z", z, (self.size,)))[0]
+
+    def start(self) -> Array:
+        """Return a state to start from, shape (n,), near the upper branch of most networks.
+
+        Generators are at the voltages that they hold, and all other buses at those that the network
+        then has without load; reactive powers are zero, or at the limit next to zero.
+        """
+        z = np.zeros(self.size)
+        voltage = self._without_load()[self._others]
+        z[: self._n], z[self._n : 2 * self._n] = np.angle(voltage), np.abs(voltage)
+        z[self._Q_columns] = [min(max(0.0, g.Q_min), g.Q_max) for g in self._generators]
+        return z
+
+    def _without_load(self) -> Array:
+        """Return the voltages at which no current flows into buses without a generator."""
+        voltage = np.full(len(self.network.buses), self._slack_voltage, dtype=complex)
+        voltage[self._at] = self._set
+        free = np.setdiff1d(self._others, self._at)
+        Y = self._Y[free]
+        voltage[free] = 0.0
+        try:
+            voltage[free] = sp.linalg.splu(Y[:, free].tocsc()).solve(-Y @ voltage)
+        except RuntimeError:  # the matrix is singular: a resonance
+            voltage[free] = self._slack_voltage
+        return voltage
+
+    def searches(self) -> list[MultiStart]:
+        """Return Newton from :meth:`start`."""
+        return [MultiStart(count=1, around=(tuple(self.start().tolist()),))]
 
     # -- the contract --------------------------------------------------------------------
 
@@ -222,6 +274,15 @@ class PowerFlow(PiecewiseSystem):
     def periods(self) -> Array:
         """Return 2 pi for angles."""
         return np.where(np.arange(self.size) < self._n, 2.0 * np.pi, np.inf)
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether magnitudes were given, or a run found them."""
+        return self._scale is not None or self.is_measured
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the magnitudes that were given."""
+        return super().scale(lo, hi) if self._scale is None else self._scale
 
     # -- in words ------------------------------------------------------------------------
 

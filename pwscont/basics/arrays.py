@@ -17,6 +17,8 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 Signs: TypeAlias = npt.NDArray[np.bool_]
 #: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a BandedJacobian.
 Matrix: TypeAlias = Any
+#: Kinds of arrays that numpy would turn into floats without a word, or with a loss.
+NO_REALS = {"c": "complex numbers", "S": "texts", "U": "texts", "M": "dates", "m": "times"}
 
 
 def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -> Array:
@@ -28,7 +30,10 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         If the values are no numbers, not all finite, or of another shape.
     """
     try:
-        array = np.array(values, dtype=float)
+        given = np.asarray(values)
+        if (what := NO_REALS.get(_kind(given))) is not None:
+            raise TypeError(f"got {what}")
+        array = np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be an array of numbers: {error}") from error
     if shape is not None and array.shape != shape:
@@ -38,6 +43,13 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         entry = name + (str(list(where)) if where else "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
+
+
+def _kind(values: npt.NDArray[Any]) -> str:
+    """Return the letter for the kind of an array; of Python's objects, texts are found."""
+    if values.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in values.flat):
+        return "U"
+    return values.dtype.kind
 
 
 def largest(values: Array) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import short
+from pwscont.basics.looks import short, with_article
 
 
 def checked_kind(name: str, value: object, kind: type) -> None:
@@ -11,11 +11,13 @@ def checked_kind(name: str, value: object, kind: type) -> None:
     if value is not None and not isinstance(value, kind):
         forgotten = isinstance(value, type) and issubclass(value, kind)
         hint = "; call it to make one" if forgotten else ""
-        raise InvalidInputError(f"{name} must be a {kind.__name__}, got {short(repr(value))}{hint}")
+        raise InvalidInputError(
+            f"{name} must be {with_article(kind.__name__)}, got {short(repr(value))}{hint}"
+        )
 
 
 def needed_kind(name: str, value: object, kind: type) -> None:
     """Refuse an argument of another kind, and None, where there is no default."""
     if value is None:
-        raise InvalidInputError(f"{name} must be a {kind.__name__}, got None")
+        raise InvalidInputError(f"{name} must be {with_article(kind.__name__)}, got None")
     checked_kind(name, value, kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from math import ceil, log10
@@ -20,12 +21,28 @@ DIGITS, DIGITS_OF_DIFFERENCE = 8, 3
 
 def counted(count: int | float, noun: str) -> str:
     """Return a number with its noun, such as ``3 pieces``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+    number = "infinitely many" if count == math.inf else count
+    return f"{number} {noun}{'' if count == 1 else 's'}"
+
+
+def with_article(noun: str) -> str:
+    """Return a noun with its article, such as ``a fold`` or ``an isolated solution``."""
+    return f"{'an' if noun[:1].lower() in set('aeio') else 'a'} {noun}"
 
 
 def short(words: str) -> str:
     """Return words that fit into a line."""
     return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 4]} ..."
+
+
+def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
+    """Return words with at most so many letters; an ellipsis stands for the words in the middle."""
+    if len(words) <= most:
+        return words
+    half = (most - 7) // 2
+    head, tail = words[:half], words[-half:]
+    gap = next((gap for gap in (", ", " ") if gap in head and gap in tail), "")
+    return f"{head[: head.rfind(gap)]}{gap}...{gap}{tail[tail.find(gap) + len(gap) :]}"
 
 
 def apart(lo: float, hi: float) -> tuple[str, str]:

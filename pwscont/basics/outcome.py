@@ -10,6 +10,8 @@ from typing import final
 ACCUMULATE = "special points seem to accumulate at alpha ="
 #: How the message of a corner at which solutions are no curves begins.
 FILL = "solutions fill"
+#: How the message of a point says that only some of the branches there stay within the bounds.
+ON_BOUND = "a branch ends on its bound"
 
 
 @final
@@ -53,6 +55,10 @@ class FailureReason(Enum):
     FLAT = (
         "the parameter does not change any more: the branch runs to infinity, or is flat; where "
         "unknowns are far from one, give scale()"
+    )
+    ENDLESS = (
+        "the branch runs to infinity: the parameter hardly changes any more; where unknowns are "
+        "far from one, give scale()"
     )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
@@ -30,6 +31,27 @@ ONLY_SPECIAL = (
     "BranchGraph.load(..., record={{{0!r}: ...}})"
 )
 CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
+
+
+def spelled(name: str) -> str:
+    """Return a name with its Greek letters in words, such as ``lambda_t`` for ``λ_t``."""
+    return "".join(_letter(letter) for letter in name)
+
+
+def _letter(letter: str) -> str:
+    """Return the word for a Greek letter, with a capital for a capital; other letters as given."""
+    kind, _, word = unicodedata.name(letter, "").rpartition(" LETTER ")
+    if kind not in ("GREEK SMALL", "GREEK CAPITAL") or " " in word:
+        return letter
+    word = word.replace("LAMDA", "LAMBDA").lower()
+    return word.capitalize() if kind == "GREEK CAPITAL" else word
+
+
+def as_written(name: str, known: Iterable[str]) -> str:
+    """Return the known name that is meant: the same name, or that with Greek letters."""
+    names = list(known)
+    meant = [other for other in names if spelled(other) == spelled(name)]
+    return name if name in names or len(meant) != 1 else meant[0]
 
 
 def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Function]:
@@ -142,6 +164,8 @@ class Quantities:
     def value(self, name: str, z: Array, alpha: float) -> float:
         """Return an unknown, or a recorded quantity, at a state.
 
+        Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
+
         Raises
         ------
         UnknownNameError
@@ -152,6 +176,10 @@ class Quantities:
         if name in self.record:
             return _recorded(name, self.record[name], z, alpha)
         names = self.names(len(z))
+        if name not in names and name not in self._elsewhere:
+            name = as_written(name, (*names, *self.record))
+        if name in self.record:
+            return _recorded(name, self.record[name], z, alpha)
         if name not in names and name in self._elsewhere:
             raise UnknownNameError(ONLY_SPECIAL.format(name))
         if name not in names:

@@ -104,9 +104,12 @@ def _parser() -> argparse.ArgumentParser:
     add_settings(run)
     add_looks(run)
     run.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    run.add_argument("--full", action="store_true", help="print long lines in full")
     run.add_argument("--explain", action="store_true", help="say which parts the run is made of")
     run.add_argument(
-        "--resume", action="store_true", help="go on with an interrupted run that wrote to DIR"
+        "--resume",
+        action="store_true",
+        help="go on with the interrupted run that wrote to DIR; begin where there is none",
     )
     view_arguments.add_to(commands)
     sweep_arguments.add_to(commands)

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from math import ceil
 from typing import TextIO, final
 
+from pwscont.basics.looks import counted
+
 FIRST = 1.0  # seconds before anything is shown
 EVERY = 0.2  # seconds between two updates
 WINDOW = 10.0  # seconds over which the rate is taken
@@ -96,7 +98,7 @@ class Progress:
         """Report that ``pieces`` are finished and ``alpha`` is reached."""
         if self._line.is_due:
             rate = f"{self._line.rate(pieces):.3g} pieces/s"
-            self._line.write(f"{pieces} pieces, {self._parameter} = {alpha:.6g}, {rate}")
+            self._line.write(f"{counted(pieces, 'piece')}, {self._parameter} = {alpha:.6g}, {rate}")
 
     def close(self) -> None:
         """End the line, if one was begun."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pwscont.basics.errors import GraphFileError, InvalidInputError, PwscontError
+from pwscont.basics.looks import counted
 from pwscont.commands.looks import look_of, with_panels
 from pwscont.commands.progress import Progress
 from pwscont.commands.view import check_viewable, write_page
@@ -60,6 +61,7 @@ def _run(scene: Runnable, options: argparse.Namespace) -> int:
     with _journalled(scene, options.output, options.resume) as kept:
         begin = time.perf_counter()
         answer = _solved(kept, at)
+        answer = answer.in_full() if options.full else answer
         seconds = time.perf_counter() - begin
         plan = scene.plan() if options.explain else {}
         text = _as_json(answer, plan, seconds) if options.json else _as_text(answer, plan)
@@ -135,7 +137,8 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
     Raises
     ------
     InvalidInputError
-        If there is an unfinished run that the user may not want to lose, or none to resume.
+        If there is an unfinished run that the user may not want to lose, or if the scene keeps no
+        journal to resume from.
     """
     path = output / f"{scene.name}.journal" if output and scene.resumable else None
     _check_unfinished(scene, path, resume)
@@ -149,7 +152,7 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
         if not len(journal):
             journal.remove()
             raise
-        kept = f"{len(journal)} pieces are kept in {path}; --resume goes on from there"
+        kept = f"{_kept(len(journal))} kept in {path}; --resume goes on from there"
         print(f"pwscont: {kept}", file=sys.stderr)  # noqa: T201
         journal.close()
         raise
@@ -161,6 +164,10 @@ def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[
     journal.remove()
 
 
+def _kept(count: int) -> str:
+    return f"{counted(count, 'piece')} {'is' if count == 1 else 'are'}"
+
+
 def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
     if path is None:
         if resume and not scene.resumable:
@@ -169,10 +176,6 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
             raise InvalidInputError("--resume needs -o DIR, the directory of the interrupted run")
     elif path.exists() and not resume:
         _make_way(path)
-    elif resume and not path.exists():
-        raise InvalidInputError(
-            f"nothing to resume: no {path}, which a finished run does not leave"
-        )
 
 
 def _make_way(path: Path) -> None:

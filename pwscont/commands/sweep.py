@@ -84,8 +84,6 @@ def _directory(options: argparse.Namespace) -> Path | None:
                 raise InvalidInputError(f"--{name} needs -o DIR")
         return None
     make_directory(directory)
-    if options.resume and not (directory / "study.db").exists():
-        raise InvalidInputError(f"nothing to resume: no {directory / 'study.db'}")
     return directory
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
@@ -23,6 +23,7 @@ from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.packing import Lifted, WithoutHidden
 from pwscont.graph.passages import Begun, Change, Passage, Said
 from pwscont.graph.place import Place, Stored
+from pwscont.graph.records import Stretch
 from pwscont.graph.track import Track
 from pwscont.system.box import Box
 from pwscont.system.ending import Ending
@@ -44,6 +45,7 @@ def assemble(
     reduction: Reduction | None,
     record: Mapping[str, Function] | None = None,
     events: Events | None = None,
+    infinite: Sequence[Stretch] = (),
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery.
 
@@ -73,6 +75,7 @@ def assemble(
         parameter=parameter,
         searched=searched,
         record=record,
+        infinite=infinite,
     )
 
 

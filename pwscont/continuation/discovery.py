@@ -17,6 +17,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import ON_BOUND
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.arrival import (
     ends_on_purpose,
@@ -33,8 +34,9 @@ from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, na
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.place import Place
 from pwscont.graph.track import Track
+from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
-from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.detector import Said, SpecialPointFound, worded
 from pwscont.transitions.rays import Ray
 
 #: Where a curve leaves one cell for another.
@@ -69,9 +71,9 @@ class Discovery:
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
-        rays = self._staying(arrival.rays)
+        rays, place = self._staying(arrival.rays), place_of_arrival(arrival)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
-        arrival, place = arrival.leading(rays), place_of_arrival(arrival)
+        arrival = self._without_leaving(arrival, rays)
         keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
         if known is not None:
@@ -186,13 +188,23 @@ class Discovery:
         back, *others = walk.arrival.rays
         if all(map(self._stays, others)):
             return walk  # nearly always
-        inside = self._staying(others)
-        arrival = walk.arrival.leading((back, *inside))
-        if not inside:
-            bounds = filter(None, map(self._follower.bounds.left_by, others))
-            message = next(bounds, "end of the interval")
-            arrival = SpecialPointFound(Kind.END, arrival.x, message, arrival.rays)
-        return replace(walk, arrival=arrival)
+        inside = self._without_leaving(walk.arrival, (back, *self._staying(others)))
+        if len(inside.rays) == 1 and inside.kind != Kind.END:
+            inside = SpecialPointFound(Kind.END, inside.x, "end of the interval", inside.rays)
+        return replace(walk, arrival=inside)
+
+    def _without_leaving(
+        self, arrival: SpecialPointFound, staying: tuple[Ray, ...]
+    ) -> SpecialPointFound:
+        """Return a special point with the rays that stay, and words on bounds that others leave."""
+        gone = [ray for ray in arrival.rays if ray not in staying]
+        why = next(filter(None, map(self._follower.bounds.left_by, gone)), None)
+        if why is None:
+            return arrival.leading(staying)
+        if len(staying) == 1:
+            return SpecialPointFound(Kind.END, arrival.x, why, staying)
+        said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
+        return SpecialPointFound(arrival.kind, arrival.x, said, staying)
 
     def _reach(
         self, walk: FollowedPiece, place: Place, keys: Sequence[RayKey], begun: KnownRay
@@ -271,11 +283,13 @@ class Discovery:
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
 
-        A start that rounding alone puts on an interface is a point of the pieces on both sides.
+        A start that rounding alone puts on an interface is a point of the pieces on both sides; one
+        where a path along interfaces passes through is a point of that path.
         """
         rays = arrival.rays
         crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
-        asked = rays if crossed else rays[:1] if interior else ()
+        passed = len(rays) == 2 and opposite(*rays)
+        asked = rays if crossed or passed else rays[:1] if interior else ()
         return bool(asked) and all(self._is_known(ray) for ray in asked)
 
     def _is_isolated_twin(self, arrival: SpecialPointFound) -> bool:
@@ -307,16 +321,20 @@ class Discovery:
         forth, back = halves
         if _same_side(forth, back):
             self.nodes[start].kind = Kind.FOLD
-            self.nodes[start].said = f"fold on {rays[0].curve.selection.label}"
+            self.nodes[start].said = f'fold within "{rays[0].curve.selection.label}"'
             self._known_rays.add(start, self.nodes[start].keys)
             return
         straight = not len(forth.track.inner) and not len(back.track.inner)
         middle = forth.track.points[0 if not straight else 1 : -1]
         inner = np.vstack([back.track.inner[::-1], middle])
-        self.edges = [edge for edge in self.edges if edge not in halves]
+        self.edges[:] = [edge for edge in self.edges if edge not in halves]
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
+
+
+def _also(said: Said, more: str) -> str:
+    return f"{worded(said)}; {more}"
 
 
 def _has_stayed(walk: FollowedPiece, key: RayKey) -> bool:

@@ -74,6 +74,7 @@ SAME = EPS**0.5
 class Journal:
     """A file in which a run records what it has finished.
 
+    A journal is a context manager: ``with Journal(path) as journal`` closes the file at the end.
     After a kill, the last records are in ``NAME-wal`` beside it: move both files, or none.
 
     Parameters
@@ -91,6 +92,17 @@ class Journal:
     ------
     InvalidInputError
         If the file cannot be opened, is in use, is damaged, or is no journal.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from pwscont import LCP, Journal, explore
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> with TemporaryDirectory() as folder, Journal(Path(folder, "run.journal")) as journal:
+    ...     graph = explore(problem, (-1.0, 2.0), journal=journal)
+    ...     journal.is_finished
+    True
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -115,6 +127,13 @@ class Journal:
     def __len__(self) -> int:
         """Return the number of finished pieces."""
         return len(self._numbers["walk"])
+
+    def __enter__(self) -> Journal:
+        """Return the journal; the file is closed at the end of the ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def __repr__(self) -> str:
         return named(self, self.path, counted(len(self), "finished piece"))

@@ -1,159 +1,227 @@
-"""Typical magnitudes of z for a system that gives none, from solutions.
+"""Typical magnitudes of z for a system that gives none: from H, from solutions, from the path.
 
-Without ``scale()`` magnitudes of one are tried first. Where the first solutions are not far from
-one in magnitude, these are kept.
+Before anything is known, an unknown is as large as it must be for H to change by its own terms.
+Solutions then say more, and :class:`~pwscont.continuation.gauge.Gauge` what the path says. All of it
+follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
+magnitudes.
 
 Failure modes and answers
 -------------------------
-- Difference steps that fit unknowns of size one are too long for unknowns of size 1e-9: Newton then
-  finds points that are no solutions, of any size. Magnitudes are accepted only if the solutions
-  found with them have these magnitudes.
-- Unknowns of different magnitudes: a second round gives each unknown its own.
-- No solution but zero is found: each unknown is changed until the change of H equals H itself; the
-  size of that change tells whether magnitudes of one are far off.
-- An unknown that is zero in all solutions found has no magnitude: that of the largest unknown is
-  taken.
+- Newton's method by differences needs steps that fit, so that H is asked before Newton is used.
+- H may be flat, or singular, where it is asked: it is asked for changes of all sizes, not for
+  derivatives. Of many unknowns that would take too long; there one Newton step tells.
+- An unknown may rest at a bound, whose value is no magnitude: where it does not move it is as large
+  as the terms of the equations that it stands in.
+- Without alpha and constants an equation has no terms yet: unknowns that are measured give it some.
+- Next to a fold dz/dalpha is large: the smallest of several solutions counts.
 - A solution that decays along a chain of unknowns: an unknown that is tiny beside the largest is
   not measured by its own size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, dense
-from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE
+from pwscont.basics.arrays import Array, Matrix, dense, joined
+from pwscont.basics.budget import check_budget
+from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.semismooth import semismooth_newton
+from pwscont.linear.factorise import bordered, last_unit, power_of_two
 from pwscont.search.enumeration import Found
+from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: Magnitudes that differ by less than this factor are alike.
-ALIKE = 100.0
-#: Larger solutions would take too many steps of size one, smaller ones lose too many digits.
-LARGE, SMALL = 1e3, 1e-6
-#: Jacobians by two step lengths that differ by more than this part: one of them is wrong.
-DIFFERENT = 1e-3
-#: Magnitudes to try where solutions give no hint: from one outwards.
-TRIED = tuple(10.0 ** (sign * k) for k in range(3, 16, 3) for sign in (-1, 1))
-ROUNDS = 3
+#: Magnitudes found between these two are taken for one.
+LEAST, MOST = 1.0 / 4.0, 2.0
+#: Magnitudes that differ by no more than this factor are alike.
+ALIKE = 4.0
+#: Sizes that are tried: powers of this base up to this one, and down to its negative.
+BASE, POWERS = 2.0**0.25, 512
+#: What part of its terms a row must change by: by all of them sin(z) would hardly ever do.
+PART = 0.5
+#: Where in the interval H is asked: at both ends, and where no function vanishes by design.
+PLACES = (0.0, 0.381966, 1.0)
+#: Of more unknowns than these one Newton step tells the sizes.
+MANY = 32
+#: Unknowns that change by less than this part of their size over the interval do not move.
+STILL = EPS**0.5
 #: An unknown smaller than this part of the largest is not measured by its own size.
 TAIL = 1e-30
 
 
+def rounded_to_one(sizes: Array) -> Array:
+    """Return magnitudes, one where they are close to one."""
+    close = (sizes >= LEAST) & (sizes <= MOST)
+    return np.where(close, 1.0, np.maximum(sizes, TAIL * sizes.max()))
+
+
+def are_alike(sizes: Array, others: Array) -> bool:
+    """Tell whether magnitudes differ by no more than a factor."""
+    return bool(((sizes <= ALIKE * others) & (others <= ALIKE * sizes)).all())
+
+
+# -- before any solution is known ------------------------------------------------------------
+
+
 @np.errstate(all="ignore")  # trial points may lie where H cannot be computed
-def magnitudes(
-    system: PiecewiseSystem, interval: tuple[float, float], guess: Array
-) -> Array | None:
-    """Return typical magnitudes of z where those of one do not fit, None where they do.
+def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
+    """Return magnitudes from the terms of H around a point, shape (n,), one where H says nothing.
 
     Parameters
     ----------
     system : PiecewiseSystem
         Fitted to the interval.
     interval : tuple of float
-    guess : ndarray, shape (n,)
-        Where to look for solutions.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        None, too, where no magnitudes fit.
+    z : ndarray, shape (n,)
     """
-    found = list(_solutions(system, interval, guess))
-    if ones_fit(system, interval, found):
-        return None
-    hints = [size] if (size := _sizes(found).max(initial=0.0)) else []
-    reach = _reach(system, interval, guess)
-    if not hints and reach.min() >= 1.0 / LARGE and reach.max() <= LARGE:
-        return None
-    alike = (np.full(system.size, size) for size in (*hints, *TRIED))
-    sizes = (reach, *alike)
-    tried = (_settled(system, interval, size, guess) for size in sizes)
-    return next((fitting for fitting in tried if fitting is not None), None)
+    if system.size > MANY and system.knows_jacobian:
+        return _by_newton(system, interval, z)
+    lo, hi = interval
+    alphas = [lo + place * (hi - lo) for place in PLACES]
+    here = [_residual(system, z, alpha) for alpha in alphas]
+    terms = _finite(np.abs(here).max(axis=0))
+    for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
+        terms = np.maximum(terms, _changes(system, alphas, z, here, j, abs(float(z[j]))))
+    sizes, changes = np.zeros(system.size), np.zeros((system.size, system.size))
+    for _ in range(system.size):
+        unknown = np.flatnonzero(sizes == 0.0)
+        for j in unknown.tolist():
+            check_budget()
+            sizes[j] = _reach(system, alphas, z, here, terms, j)
+            changes[:, j] = _changes(system, alphas, z, here, j, sizes[j])
+        terms = np.maximum(terms, changes.max(axis=1))
+        if sizes.all() or not sizes[unknown].any():
+            break
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _reach(system: PiecewiseSystem, interval: tuple[float, float], guess: Array) -> Array:
-    """Return by how much each unknown must change for H to change as much as H is off zero."""
-    off = max(float(np.abs(_residual(system, guess, alpha)).max()) for alpha in interval)
-    before = _residual(system, guess, interval[0])
+def _reach(
+    system: PiecewiseSystem,
+    alphas: Sequence[float],
+    z: Array,
+    here: Sequence[Array],
+    terms: Array,
+    j: int,
+) -> float:
+    """Return the least power of the base by which z_j changes a row by half its terms, 0 if none does."""
+    low, high = -POWERS, POWERS
+    rows = np.flatnonzero(terms)
+    while rows.size and high - low > 1:
+        middle = (low + high) // 2
+        changes = _changes(system, alphas, z, here, j, BASE**middle)
+        low, high = (low, middle) if (changes >= PART * terms)[rows].any() else (middle, high)
+    return BASE**high if rows.size and high < POWERS else 0.0
 
-    def reaches(j: int, size: float) -> bool:
-        moved = guess.copy()
-        moved[j] += size
-        with np.errstate(all="ignore"):
-            return bool(np.abs(_residual(system, moved, interval[0]) - before).max() >= off)
 
-    sizes = ((size for size in sorted(TRIED) if reaches(j, size)) for j in range(system.size))
-    return np.array([next(found, 1.0) for found in sizes])
+def _changes(
+    system: PiecewiseSystem,
+    alphas: Sequence[float],
+    z: Array,
+    here: Sequence[Array],
+    j: int,
+    size: float,
+) -> Array:
+    """Return by how much each row changes, at most, if z_j changes by a size."""
+    changes = np.zeros(len(z))
+    for before, alpha in zip(here, alphas, strict=True):
+        for change in (size, -size):
+            moved = z.copy()
+            moved[j] += change
+            after = np.abs(_residual(system, moved, alpha) - before)
+            changes = np.maximum(changes, _finite(after))
+    return changes
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
     return residual_at(system, z, alpha, system.character(z, alpha))
 
 
+def _finite(sizes: Array) -> Array:
+    """Return sizes, zero where they are not finite and say nothing."""
+    return np.where(np.isfinite(sizes), sizes, 0.0)
+
+
+def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
+    """Return the sizes of the Newton steps at the ends of the interval, one where there are none."""
+    steps = np.zeros(system.size)
+    for alpha in interval:
+        jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
+        factor = bordered(jacobian, last_unit(system.size + 1), _column_sizes(jacobian))
+        if not factor.is_singular():
+            step = factor.solve(joined(_residual(system, z, alpha), 0.0))
+            steps = np.maximum(steps, _finite(np.abs(step[:-1])))
+    return np.where(steps > 0.0, steps, 1.0)
+
+
+def _column_sizes(jacobian: Matrix) -> Array:
+    """Return sizes of unknowns for which the columns of a matrix are balanced, powers of two."""
+    rows = _entries(jacobian)[:, :-1]
+    largest = _largest(rows, 1)
+    columns = _largest(rows / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis], 0)
+    return power_of_two(joined(1.0 / np.where(columns > 0.0, columns, 1.0), 1.0))
+
+
+def _entries(jacobian: Matrix) -> Matrix:
+    """Return the magnitudes of the entries, dense or in sparse rows."""
+    return abs(sp.csr_array(jacobian)) if sp.issparse(jacobian) else np.abs(dense(jacobian))
+
+
+def _largest(matrix: Matrix, axis: int) -> Array:
+    """Return the largest entries along an axis."""
+    found = matrix.max(axis=axis)
+    return dense(found).ravel() if sp.issparse(matrix) else found
+
+
+# -- from solutions ----------------------------------------------------------------------------
+
+
 @np.errstate(all="ignore")
-def ones_fit(
-    system: PiecewiseSystem, interval: tuple[float, float], found: Sequence[Found]
-) -> bool:
-    """Tell whether solutions found with magnitudes of one are solutions, and not far from them."""
-    sizes = _sizes(found)
-    if not SMALL < sizes.max() < LARGE or sizes[sizes > 0.0].min() < SMALL:
-        return False
-    usual = sizes[sizes > 0.0].min() > 1.0 / LARGE
-    return bool(usual) or all(_sees(system, interval, sizes, x) for x, _ in found)
+def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found]) -> Array:
+    """Return magnitudes from solutions and the directions of the curves there, shape (n,).
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+        Its magnitudes are kept where nothing is seen.
+    found : sequence of (x, error)
+        Solutions with their errors, one at least.
+    """
+    n, rows = system.size, []
+    sizes, slopes = np.zeros(n), np.full(n, np.inf)
+    moving = np.zeros(n, dtype=bool)
+    for x, error in found:
+        jacobian = jacobian_at(system, x[:-1], float(x[-1]), system.character(x[:-1], float(x[-1])))
+        factor = bordered(jacobian, last_unit(len(x)), metric.binary)
+        own = (np.abs(x) * (np.abs(x) > CONFIDENCE * magnitude(x, np.atleast_2d(error))))[:-1]
+        slope = np.full(n, np.inf)
+        if not factor.is_singular():
+            slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
+        moves = slope > STILL * own
+        sizes = np.maximum(sizes, np.where(moves, own, 0.0))
+        slopes, moving = np.minimum(slopes, slope), moving | moves
+        rows.append(sp.csc_array(_entries(jacobian)))
+    least = _finite(slopes) if n > MANY else metric.scale[:-1]
+    sizes = _by_terms(rows, np.where(moving, np.maximum(sizes, least), 0.0), metric.width)
+    return np.where(sizes > 0.0, sizes, metric.scale[:-1])
 
 
-def _sees(system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, x: Array) -> bool:
-    """Tell whether difference steps of one give the same Jacobian as steps of the sizes found."""
-    finer = system.within(*interval, np.where(sizes > 0.0, sizes, 1.0))
-    character = system.character(x[:-1], float(x[-1]))
-    J, K = (dense(jacobian_at(s, x[:-1], float(x[-1]), character)) for s in (system, finer))
-    return bool((np.abs(J - K) <= DIFFERENT * np.abs(K).max()).all())
-
-
-def _settled(
-    system: PiecewiseSystem, interval: tuple[float, float], sizes: Array, guess: Array
-) -> Array | None:
-    """Return magnitudes that the solutions found with them confirm, beginning with ``sizes``."""
-    for _ in range(ROUNDS):
-        found = list(_solutions(system.within(*interval, sizes), interval, guess))
-        new = _sizes(found)
-        if not found or not (largest := new.max()):
-            return None
-        unseen = new == 0.0
-        new = np.where(new > 0.0, np.maximum(new, TAIL * largest), largest)
-        alike = (new <= ALIKE * sizes) & (sizes <= ALIKE * new) | unseen
-        sizes = new
-        if alike.all():
+def _by_terms(rows: Sequence[Matrix], sizes: Array, width: float) -> Array:
+    """Return sizes, unknown ones from the terms of the rows in which these unknowns stand."""
+    while True:
+        terms = [entries @ joined(sizes, width) for entries in rows]
+        found = sizes.copy()
+        for j in np.flatnonzero(sizes == 0.0).tolist():
+            at = [slice(*entries.indptr[j : j + 2]) for entries in rows]
+            parts = [t[e.indices[s]] / e.data[s] for t, e, s in zip(terms, rows, at, strict=True)]
+            every = np.concatenate(parts)
+            found[j] = np.min(every[(every > 0.0) & np.isfinite(every)], initial=np.inf)
+        found[np.isinf(found)] = 0.0
+        if (found == sizes).all():
             return sizes
-    return None
-
-
-def _solutions(
-    system: PiecewiseSystem, interval: tuple[float, float], guess: Array
-) -> Iterator[Found]:
-    """Yield solutions at both ends of the interval and in its middle."""
-    metric = Metric.of(system, interval)
-    for alpha in (interval[0], 0.5 * sum(interval), interval[1]):
-        found = semismooth_newton(system, metric, guess, alpha)
-        if not isinstance(found, Failure):
-            yield found
-
-
-def _sizes(found: Sequence[Found]) -> Array:
-    """Return the largest magnitude of each unknown, zero where it is nothing but its error."""
-    if not found:
-        return np.zeros(1)
-    sizes = [np.abs(x) * (np.abs(x) > CONFIDENCE * _error(x, error)) for x, error in found]
-    largest: Array = np.max(sizes, axis=0)[:-1]
-    return largest
-
-
-def _error(x: Array, error: Array) -> Array:
-    return magnitude(x, np.atleast_2d(error))
+        sizes = found

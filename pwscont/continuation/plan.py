@@ -19,13 +19,18 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.event_division import divide
+from pwscont.continuation.fill import infinite_stretches, is_sign
+from pwscont.continuation.follow import Follower, PieceFollower, alone
+from pwscont.continuation.followed_branches import FollowedBranches
+from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
+from pwscont.graph.records import Stretch
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -130,6 +135,10 @@ class Plan:
         The detectors that a user gave, beside the default ones.
     last : LastHeld
         What corrected a start leaves for its first piece.
+    gauge : Gauge, optional
+        Judges the typical magnitudes by the path.
+    branches : FollowedBranches
+        What searches may ask about the branches that were followed.
     """
 
     system: PiecewiseSystem
@@ -139,8 +148,10 @@ class Plan:
     metric: Metric
     box: Box
     stepper: Stepper
-    added: tuple[TransitionDetector, ...]
+    added: tuple[TransitionDetector | Events, ...]
     last: LastHeld = field(default_factory=LastHeld)
+    gauge: Gauge | None = None
+    branches: FollowedBranches = field(default_factory=FollowedBranches)
 
     @classmethod
     def of(
@@ -148,7 +159,7 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        detectors: tuple[TransitionDetector, ...] = (),
+        detectors: tuple[TransitionDetector | Events, ...] = (),
         magnitudes: Array | None = None,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
@@ -171,7 +182,17 @@ class Plan:
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
         """The default detectors, and those that were added."""
-        return (*default_detectors(self.stepper, self.interval), *self.added)
+        return (*default_detectors(self.stepper, self.interval), *self.foreign)
+
+    @property
+    def foreign(self) -> list[TransitionDetector]:
+        """The detectors that a user gave."""
+        return [each for each in self.added if isinstance(each, TransitionDetector)]
+
+    @property
+    def events(self) -> Events | None:
+        """The events that are watched."""
+        return next((each for each in self.added if isinstance(each, Events)), None)
 
     def told(self, search: Search) -> dict[str, str]:
         """Return the parts of the run in words, all of them."""
@@ -205,14 +226,17 @@ class Plan:
         is_bounded = self.box.is_bounded
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
-        foreign = [each for each in self.added if not isinstance(each, Events)]
+        gauge = self.gauge if journal is None else None  # a journal is of one run
+        events, straight = self.events, None if self.events else alone(watched)
+        watch = Watch(watched, self.foreign)
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched)
+            self.stepper, watch, self.interval, bounds, straight, gauge, events
         )
         if journal is not None:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
@@ -221,13 +245,26 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
-        discovery.close(budget.spent)
+            if gauge and not budget.spent:
+                gauge.close()
+            discovery.close(budget.spent)
+            if events:
+                divide(discovery, self.followed, self.metric, events)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
         if searched.spent != budget.spent:
             searched = replace(searched, spent=budget.spent)
-        return self._graph(discovery, parameter, searched, record)
+        infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
+        return self._graph(discovery, parameter, searched, record, infinite)
+
+    def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+        """Return the stretches of alpha at which solutions fill more than curves."""
+        nodes = list(discovery.nodes.values())
+        if not (is_part or any(map(is_sign, nodes))):
+            return ()
+        alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
@@ -240,8 +277,8 @@ class Plan:
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a start, changed by the system or a detector for which it is a special point."""
-        for detector in self.added:
-            arrival = detector.begun(arrival)
+        for each in self.added:
+            arrival = each.begun(arrival)
         return ended(arrival)
 
     def _graph(
@@ -250,14 +287,14 @@ class Plan:
         parameter: str,
         searched: SearchScope,
         record: Mapping[str, Function] | None,
+        infinite: Sequence[Stretch],
     ) -> BranchGraph:
         """Return the graph of a discovery, after checking the promise of uniqueness."""
         if self.system.unique:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
-        events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events)
+        parts = (parameter, searched, reduction, record, self.events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)
@@ -270,15 +307,15 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
-            "detectors": ", ".join(type(d).__name__ for d in self.added if type(d) is not Events),
-            "events": ", ".join(_events(self.added)),
+            "detectors": ", ".join(type(d).__name__ for d in self.foreign),
+            "events": self.events.names if self.events else "",
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
 
 def checked_detectors(
     system: PiecewiseSystem, detectors: Any, events: Any
-) -> tuple[TransitionDetector, ...]:
+) -> tuple[TransitionDetector | Events, ...]:
     """Return the detectors that a caller adds, that of the events last.
 
     Raises
@@ -291,17 +328,6 @@ def checked_detectors(
         checked_kind("each of detectors", detector, TransitionDetector)
     watched = checked_events(events, shown_size(system))
     return (*added, watched) if watched else added
-
-
-def _alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
-    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
-    others = [each for each in watched if not isinstance(each, IntervalEnds)]
-    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None
-
-
-def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
-    """Return the names of the events that are watched."""
-    return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

@@ -17,7 +17,7 @@ from pwscont.continuation.plan import (
     checked_interval,
     silent,
 )
-from pwscont.continuation.prepared import measured, prepared
+from pwscont.continuation.prepared import followed, prepared
 from pwscont.continuation.start import Start, checked_start, corrected
 from pwscont.graph import BranchGraph
 from pwscont.graph.structure import NOT_SEARCHED
@@ -87,6 +87,14 @@ def trace(
         If a method of the system returns the wrong shape.
     StartNotFoundError
         If no solution is found near the start.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, trace
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> branch = trace(arch, ([0.1], 0.0), (-0.5, 1.0))
+    >>> [round(p.alpha, 6) for p in branch.special_points("fold")]
+    [0.3849]
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
@@ -96,8 +104,11 @@ def trace(
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper, watched)
-        plan, found = measured(plan, rough[0], lambda plan: _corrected(plan, rough))
-        return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
+
+        def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
+            return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
+
+        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), follow)
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:

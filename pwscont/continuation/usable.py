@@ -37,6 +37,11 @@ class Usable:
             elif is_inside(self._box, x, error):
                 yield x, error
 
+    @property
+    def is_part(self) -> bool:
+        """Whether some starts could not be followed."""
+        return self._uncertain > 0
+
     def lowered(self, searched: SearchScope) -> SearchScope:
         """Return what was searched, without a promise where a start could not be followed."""
         if not self._uncertain:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from pwscont.basics.arrays import finite_array
@@ -12,6 +12,7 @@ from pwscont.basics.errors import InvalidInputError
 WANTED_STRAIN = 0.5
 TINY = 1e-300
 FIRST = 0.02
+GAP = 0.01
 
 
 @final
@@ -33,16 +34,23 @@ class StepSize:
     ------
     InvalidInputError
         If not 0 < smallest <= first <= largest, or the cosine is not between -1 and 1.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, StepSize
+    >>> PseudoArclength(step_size=StepSize(largest=0.01)).step_size.first
+    0.01
     """
 
     first: float = FIRST
     smallest: float = 1e-10
     largest: float = 0.1
     least_cosine: float = 0.98
+    gap: float = GAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in ("first", "smallest", "largest", "least_cosine"):
+        for name in ("first", "smallest", "largest", "least_cosine", "gap"):
             number = finite_array(f"{name} of StepSize", getattr(self, name), ())
             object.__setattr__(self, name, float(number))
         if self.largest < self.first == FIRST:
@@ -56,6 +64,10 @@ class StepSize:
             raise InvalidInputError(
                 f"least_cosine of StepSize must be in [-1, 1), got {self.least_cosine}"
             )
+
+    def stretched(self, factor: float) -> StepSize:
+        """Return the control whose longest step is so many times as long."""
+        return replace(self, largest=factor * self.largest)
 
     def accepts(self, cosine: float) -> bool:
         """Tell whether the curve turned little enough within the step."""

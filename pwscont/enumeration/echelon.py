@@ -21,11 +21,15 @@ MOST_WORK = 5_000_000
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Echelon:
-    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'."""
+    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'.
+
+    ``level`` is the determinant of what was eliminated before the first row.
+    """
 
     n: int
     rows: tuple[Row, ...] = ()
     columns: tuple[int, ...] = ()
+    level: int = 1
 
     def extended(self, rows: Sequence[Row]) -> Echelon | None:
         """Return the echelon with more rows, None where they depend on each other."""
@@ -35,27 +39,47 @@ class Echelon:
         return echelon
 
     def _with(self, row: Row) -> Echelon | None:
-        before = 1
+        row = self.reduced(row)
+        column = next((j for j in range(self.n) if row[j]), None)
+        if column is None:
+            return None
+        return Echelon(self.n, (*self.rows, row), (*self.columns, column), self.level)
+
+    def reduced(self, row: Row) -> Row:
+        """Return the determinant times a row, less multiples of the eliminated rows.
+
+        Zero factors, of which sparse rows have many, are passed over until the end.
+        """
+        level = before = self.level
         for known, column in zip(self.rows, self.columns, strict=True):
             pivot, factor = known[column], row[column]
-            row = [(pivot * a - factor * b) // before for a, b in zip(row, known, strict=True)]
+            if factor:
+                row = [(pivot * a - factor * b) // level for a, b in zip(row, known, strict=True)]
+                level = pivot
             before = pivot
-        pivots = [j for j in range(self.n) if row[j]]
-        if not pivots:
-            return None
-        return Echelon(self.n, (*self.rows, row), (*self.columns, pivots[0]))
+        return row if level == before else [a * before // level for a in row]
 
     @property
     def determinant(self) -> int:
         """The determinant of the rows in order, with the columns in the order of the pivots."""
-        return self.rows[-1][self.columns[-1]]
+        return self.rows[-1][self.columns[-1]] if self.rows else self.level
 
-    def solved(self, side: int) -> Row:
-        """Return y, integers with A y + D b = 0, for the right side in one of the columns."""
-        y = [0] * self.n
+    def solved(self, side: int, D: int | None = None, y: Row | None = None) -> Row:
+        """Return y, integers with A y + D b = 0, for the right side in one of the columns.
+
+        Parameters
+        ----------
+        side : int
+            The column of b.
+        D : int, optional
+            A multiple of the determinant that makes y integers; default the determinant.
+        y : list of int, optional
+            The unknowns without a pivot, among n; default zeros.
+        """
+        D, y = self.determinant if D is None else D, [0] * self.n if y is None else [*y]
         for row, column in zip(self.rows[::-1], self.columns[::-1], strict=True):
             rest = sum(a * b for a, b in zip(row, y, strict=False) if b)
-            y[column] = -(self.determinant * row[side] + rest) // row[column]
+            y[column] = -(D * row[side] + rest) // row[column]
         return y
 
 

@@ -23,31 +23,27 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense
+from pwscont.basics.arrays import Array, Indices, dense
+from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
+from pwscont.enumeration.excluded import Cells
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
-from pwscont.system.blocks import Block
+from pwscont.system.blocks import Block, number_of_cells
 from pwscont.system.system import SlicewiseLinearSystem
 
 #: A solution is far outside its cell if a test is negative by more than this part of its terms.
 FAR = 0.1
-
-
-def is_affordable(system: SlicewiseLinearSystem) -> bool:
-    """Tell whether all cells can be tried in seconds."""
-    cells, eliminations, n = 1, 0, system.size
-    for block in _ordered(system):
-        cells *= len(block.modes)
-        eliminations += cells * len(block.rows) * n * n
-    return eliminations + cells * n * n <= MOST_WORK
+#: Inverse matrices are known to several digits where unit rows have no larger condition.
+WELL_CONDITIONED = EPS**-0.75
 
 
 def _ordered(system: SlicewiseLinearSystem) -> list[Block]:
@@ -109,45 +105,115 @@ class ExactSlice:
         self._common = np.setdiff1d(np.arange(system.size), taken).tolist()
         self._order = [*self._common, *taken]
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether all numbers are finite, and so rational."""
+    def solutions(self) -> list[ExactSolution] | None:
+        """Return the solution of every regular cell that lies in it, or not far outside.
+
+        None where numbers are not finite, and so not rational, or it takes more than seconds.
+        """
+        if self._price() > MOST_WORK or not self._is_finite():
+            return None
+        common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
+        if common is None:
+            return []
+        self._reduce(common)
+        left, d = self._cells().left(), len(self._free)
+        if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
+            return None
+        cells = self._descend((), Echelon(d, level=common.determinant), left)
+        return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
+
+    def _is_finite(self) -> bool:
         return all(np.isfinite(rows).all() for rows in (*self._rows, self._tests))
 
-    def solutions(self) -> Iterator[ExactSolution]:
-        """Yield the solution of every regular cell that lies in it, or not far outside."""
-        self._integers = [[integers(row) for row in rows] for rows in self._rows]
-        self._integer_tests = [integers(row) for row in self._tests]
-        start = Echelon(self._n).extended([self._integers[0][i] for i in self._common])
-        for picks, echelon in self._descend((), start) if start else ():
-            found = self._at(picks, echelon)
-            if found is not None:
-                yield found
+    def _price(self) -> int:
+        """Return the work before the first cell is solved exactly."""
+        n, common = self._n, len(self._common)
+        options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
+        cells = number_of_cells(self._blocks)
+        return (common + options + len(self._tests)) * common * n + cells * (n - common)
+
+    def _cells(self) -> Cells:
+        """Return the equations of all cells in doubles."""
+        m, n = len(self._tests), self._n
+        units = np.append(self._scale[self._free], 1.0)
+        z = np.zeros((n, len(units)))
+        z[self._free, :-1] = np.eye(len(units) - 1)
+        z[list(self._eliminated.columns)] = self._decided
+        z *= units
+        options = [
+            np.array([[_unit(row, units) for row in rows] for rows in o]) for o in self._options
+        ]
+        places = zip(self._blocks, self._bounding, strict=True)
+        sides = [_sides(block, bounding, m) for block, bounding in places]
+        tests = self._tests[:, :-1] @ z
+        tests[:, -1] += self._tests[:, -1]
+        growth = _condition(self._rows[0][self._common, :-1] * self._scale)
+        return Cells(options, sides, tests, z, self._tests, self._scale, growth)
+
+    def _reduce(self, common: Echelon) -> None:
+        """Eliminate the unknowns that the common rows decide from all other rows, once."""
+        n = self._n
+        self._eliminated = common
+        self._free = [j for j in range(n) if j not in common.columns]
+        kept = [*self._free, n]
+
+        def reduced(row: Array) -> Row:
+            longer = common.reduced(integers(row))
+            return [longer[j] for j in kept]
+
+        self._options = [
+            [[reduced(self._rows[k][i]) for i in block.rows] for k in range(len(block.modes))]
+            for block in self._blocks
+        ]
+        self._reduced_tests = [reduced(row) for row in self._tests]
+        decided = [common.solved(j) for j in kept]
+        D = common.determinant
+        #: The decided unknowns as affine functions of the free ones, rounded.
+        known = [[_float(Fraction(y[c], D)) for y in decided] for c in common.columns]
+        self._decided = np.array(known).reshape(-1, len(kept))
 
     def _descend(
-        self, picks: tuple[int, ...], echelon: Echelon
+        self, picks: tuple[int, ...], echelon: Echelon, left: Indices
     ) -> Iterator[tuple[tuple[int, ...], Echelon]]:
-        if len(picks) == len(self._blocks):
+        """Yield the regular choices among those left, which share the elimination of blocks."""
+        depth = len(picks)
+        if depth == len(self._blocks):
+            check_budget()
             yield picks, echelon
             return
-        block = self._blocks[len(picks)]
-        for k in range(len(block.modes)):
-            longer = echelon.extended([self._integers[k][i] for i in block.rows])
+        for k, rows in enumerate(self._options[depth]):
+            some = left[left[:, depth] == k]
+            longer = echelon.extended(rows) if len(some) else None
             if longer is not None:
-                yield from self._descend((*picks, k), longer)
+                yield from self._descend((*picks, k), longer, some)
 
     def _at(self, picks: tuple[int, ...], echelon: Echelon) -> ExactSolution | None:
         """Return the solution of a cell, None where it is far outside."""
-        y, D = echelon.solved(self._n), echelon.determinant
-        exactly = tuple(Fraction(value, D) for value in y)
-        z = np.array([_float(value) for value in exactly])
-        worst = self._worst(picks, y, D, z) if np.isfinite(z).all() else -np.inf
+        free, D = echelon.solved(echelon.n), echelon.determinant
+        worst = self._worst(picks, free, D)
         if worst <= -FAR:
             return None
+        y = [0] * self._n
+        for j, value in zip(self._free, free, strict=True):
+            y[j] = value
+        y = self._eliminated.solved(self._n, D, y)
+        exactly = tuple(Fraction(value, D) for value in y)
+        z = np.array([_float(value) for value in exactly])
+        if not np.isfinite(z).all():
+            return None
         error, signs = self._error(picks, z), self._signs(picks)
-        parity = _parity(self._order) * _parity(echelon.columns)
+        columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
+        parity = _parity(self._order) * _parity(columns)
         det_sign = parity if D > 0 else -parity
         return ExactSolution(z, exactly, error, Character(signs), det_sign, worst >= 0.0)
+
+    def _roughly(self, free: Row, D: int) -> Array:
+        """Return a solution from its free unknowns, rounded."""
+        z, some = np.zeros(self._n), np.array([_float(Fraction(value, D)) for value in free])
+        z[self._free] = some
+        if self._eliminated.columns:
+            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
+        return z
 
     def _signs(self, picks: tuple[int, ...]) -> tuple[bool, ...]:
         signs = [True] * len(self._tests)
@@ -156,18 +222,25 @@ class ExactSlice:
                 signs[test] = sign
         return tuple(signs)
 
-    def _worst(self, picks: tuple[int, ...], y: Row, D: int, z: Array) -> float:
+    def _worst(self, picks: tuple[int, ...], free: Row, D: int) -> float:
         """Return the most negative bounding test relative to its terms; exactly zero if none is."""
         signs, worst = self._signs(picks), 0.0
+        is_positive = (D > 0) == (self._eliminated.determinant > 0)
         for tests, pick in zip(self._bounding, picks, strict=True):
             for test in tests[pick]:
-                row = self._integer_tests[test]
-                value = sum(a * b for a, b in zip(row, (*y, D), strict=True))
-                if value and ((value > 0) == (D > 0)) != signs[test]:
-                    terms = np.abs(self._tests[test]) @ np.append(np.abs(z) + self._scale, 1.0)
-                    exact = abs(self._tests[test][-1] + self._tests[test][:-1] @ z) / terms
-                    worst = min(worst, -max(float(exact), np.finfo(float).tiny))
+                row = self._reduced_tests[test]
+                value = sum(a * b for a, b in zip(row, (*free, D), strict=True))
+                if value and ((value > 0) == is_positive) != signs[test]:
+                    worst = min(worst, self._off(test, self._roughly(free, D)))
         return worst
+
+    def _off(self, test: int, z: Array) -> float:
+        """Return a negative test relative to its terms, less than zero."""
+        row = self._tests[test]
+        if not np.isfinite(z).all():
+            return -np.inf
+        terms = np.abs(row) @ np.append(np.abs(z) + self._scale, 1.0)
+        return -max(float(abs(row[-1] + row[:-1] @ z) / terms), np.finfo(float).tiny)
 
     def _error(self, picks: tuple[int, ...], z: Array) -> Array:
         """Return the columns of the inverse times the rounding of the rows, as rows."""
@@ -175,15 +248,53 @@ class ExactSlice:
         for block, pick in zip(self._blocks, picks, strict=True):
             rows[list(block.rows)] = self._rows[pick][list(block.rows)]
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
-        unit = np.eye(self._n)
-        longer = [integers(np.append(row, unit[i])) for i, row in enumerate(rows)]
-        echelon = Echelon(self._n).extended(longer)
-        assert echelon is not None, "the cell is regular"
-        D = echelon.determinant
-        columns = [echelon.solved(self._n + 1 + i) for i in range(self._n)]
-        inverse = np.array([[_float(Fraction(y, D)) for y in column] for column in columns])
-        error: Array = inverse * rounding[:, np.newaxis]
+        error: Array = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
         return error
+
+
+def _inverse(matrix: Array, scale: Array) -> Array:
+    """Return the transposed inverse of a regular matrix to a digit or more."""
+    scaled = matrix * scale
+    largest = np.abs(scaled).max(axis=1, keepdims=True)
+    with suppress(np.linalg.LinAlgError):
+        inverse = np.linalg.inv(scaled / largest)
+        if np.abs(inverse).sum(axis=1).max() * len(matrix) <= WELL_CONDITIONED:
+            rounded: Array = (inverse * scale[:, np.newaxis] / largest.T).T
+            return rounded
+    n, unit = len(matrix), np.eye(len(matrix))
+    echelon = Echelon(n).extended(
+        [integers(np.append(*row)) for row in zip(matrix, unit, strict=True)]
+    )
+    assert echelon is not None, "the cell is regular"
+    columns, D = [echelon.solved(n + i) for i in range(n)], echelon.determinant
+    return np.array([[_float(Fraction(y, D)) for y in column] for column in columns])
+
+
+def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array:
+    """Return +1 or -1 where a test bounds a mode of a block, shape (modes, tests), else 0."""
+    sides = np.zeros((len(block.modes), tests))
+    for side, mode, bounds in zip(sides, block.modes, bounding, strict=True):
+        for test in bounds:
+            side[test] = 1.0 if mode[block.tests.index(test)] else -1.0
+    return sides
+
+
+def _unit(row: Row, units: Array) -> Array:
+    """Return a row of integers in these units, divided by its largest coefficient, rounded."""
+    largest = max(map(abs, row[:-1]), default=0) or max(map(abs, row)) or 1
+    values = np.array([_float(Fraction(value, largest)) for value in row]) * units
+    size = np.abs(values[:-1]).max(initial=0.0)
+    unit: Array = values / size if size else values
+    return unit
+
+
+def _condition(rows: Array) -> float:
+    """Return by how much rounding of unit rows may grow in what they leave."""
+    if not len(rows):
+        return 1.0
+    sizes = np.abs(rows).max(axis=1, keepdims=True)
+    smallest = np.linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)[-1]
+    return max(1.0, 1.0 / float(smallest)) if smallest else np.inf
 
 
 def _float(value: Fraction) -> float:

@@ -23,14 +23,17 @@ MOST_DIMENSIONS = 3
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Infinitely many solutions in one cell.
+    """Infinitely many solutions in one cell, or the only one of a singular cell.
 
     Attributes
     ----------
     character : Character
     dimension : int
+        0 where there is one solution.
     corners : ndarray, shape (k, n + 1)
         The finite extreme points; none are listed where the dimension is above three.
+    inside : ndarray, shape (n + 1,)
+        A point of the face, inside of it.
     directions : ndarray, shape (n, d)
         Vectors that span the face.
     """
@@ -38,31 +41,44 @@ class Face:
     character: Character
     dimension: int
     corners: Array
+    inside: Array
     directions: Array
 
+    @property
+    def representatives(self) -> Array:
+        """The corners, or else a point inside, shape (k, n + 1)."""
+        return self.corners if len(self.corners) else self.inside[np.newaxis]
 
-def face_of(problem: Problem, one: Choices, alpha: float) -> list[Face]:
-    """Return the face of a singular cell, if it has more than one point."""
+
+def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
+    """Return the solutions of a singular cell, None if there are none."""
     start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
-    chosen, character = problem.chosen(picks), problem.character(picks)
+    chosen = problem.chosen(picks)
     if not satisfies(chosen, start):
-        return []
-    G = np.vstack([option.G for option in chosen])
-    g = np.concatenate([option.g for option in chosen])
-    matrix, vector = G @ directions, G @ start + g
-    dimension = directions.shape[1]
-    span = problem.basis @ directions
-    if dimension > MOST_DIMENSIONS:
-        return [Face(character, dimension, np.zeros((0, len(problem.origin) + 1)), span)]
+        return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
-    around = Polyhedron.of(matrix, vector, rounding)
+    around = polyhedron_of(problem, one, rounding)
     inside = around and around.inside(rounding)
-    if inside is None or inside[1].shape[1] < dimension:
-        return []
-    corners = _corners(matrix, vector)
-    y = start + corners @ directions.T
-    z = problem.origin + y @ problem.basis.T
-    return [Face(character, dimension, np.column_stack([z, np.full(len(z), alpha)]), span)]
+    if around is None or inside is None:
+        return None
+    point, basis = inside
+
+    def whole(w: Array) -> Array:
+        z = problem.origin + (start + w @ directions.T) @ problem.basis.T
+        return np.column_stack([z, np.full(len(z), alpha)])
+
+    corners = whole(point + _corners(around.moved(point), basis, rounding) @ basis.T)
+    span = problem.basis @ directions @ basis
+    return Face(problem.character(picks), basis.shape[1], corners, whole(point[None])[0], span)
+
+
+def polyhedron_of(problem: Problem, one: Choices, rounding: float) -> Polyhedron | None:
+    """Return the closed cell of a choice, in the coordinates of its directions."""
+    start, directions = one.starts[0], one.directions[0]
+    chosen = problem.chosen(one.picks[:, 0])
+    G = np.vstack([problem.A, *(option.G for option in chosen)])
+    g = np.concatenate([problem.b, *(option.g for option in chosen)])
+    return Polyhedron.of(G @ directions, G @ start + g, rounding)
 
 
 def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool:
@@ -76,7 +92,21 @@ def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool
     return bool((np.abs(E @ y + e) <= growth * EPS * (1.0 + terms + terms.max())).all())
 
 
-def _corners(matrix: Array, vector: Array) -> Array:
+def _corners(around: Polyhedron, basis: Array, rounding: float) -> Array:
+    """Return the extreme points of a polyhedron around a point inside of it, shape (k, d)."""
+    d = basis.shape[1]
+    if d > MOST_DIMENSIONS or not d:
+        return np.zeros((1 - min(d, 1), d))
+    matrix, vector = around.matrix @ basis, around.vector
+    moves = np.abs(matrix).max(axis=1) > rounding
+    matrix, vector = matrix[moves], vector[moves]
+    if d == 1:
+        ends = [end for end in Polyhedron(matrix, vector).ends() if np.isfinite(end)]
+        return np.array(ends).reshape(-1, 1)
+    return _extreme(matrix, vector)
+
+
+def _extreme(matrix: Array, vector: Array) -> Array:
     """Return the extreme points of {s : matrix s + vector >= 0}, shape (k, q)."""
     q = matrix.shape[1]
     found: list[Array] = []

@@ -195,15 +195,20 @@ def affine(
     That H is affine there is checked at ``dx``.
     """
     zero = np.zeros(system.size)
-    signs = [True] * len(system.test_functions(zero, alpha))
-    for block in blocks:
-        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
-            signs[test] = sign
-    character = Character(tuple(signs))
+    character = in_modes(blocks, k, len(system.test_functions(zero, alpha)))
     jacobian = own_dense(system.jacobian(zero, alpha, character))
     residual = residual_at(system, zero, alpha, character)
     refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
     return jacobian[:, :-1], residual
+
+
+def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
+    """Return the character in which every block is in its k-th mode (or its last)."""
+    signs = [True] * tests
+    for block in blocks:
+        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
+            signs[test] = sign
+    return Character(tuple(signs))
 
 
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:

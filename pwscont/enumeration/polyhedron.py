@@ -88,6 +88,8 @@ class Polyhedron:
         rounding : float
             By how much inequalities may be off.
         """
+        if self.matrix.shape[1] == 1:
+            return self._inside_line(rounding)
         (k, q), last = self.matrix.shape, np.eye(self.matrix.shape[1] + 1)[-1]
         rows = np.vstack([np.column_stack([self.matrix, -np.ones(k)]), -last])
         found = Polyhedron(rows, np.append(self.vector, 1.0))._largest(last)
@@ -99,6 +101,27 @@ class Polyhedron:
         if least > off:
             return point, np.eye(q)
         return None if least < -off else self._flat(point, multipliers > SOME, rounding)
+
+    def ends(self) -> tuple[float, float]:
+        """Return the least and the largest w where there is one dimension."""
+        slopes, values = self.matrix[:, 0], self.vector
+        rises, falls = slopes > 0.0, slopes < 0.0
+        lo = (-values[rises] / slopes[rises]).max(initial=-np.inf)
+        return float(lo), float((-values[falls] / slopes[falls]).min(initial=np.inf))
+
+    def _inside_line(self, rounding: float) -> tuple[Array, Array] | None:
+        """Return :meth:`inside` where there is one dimension."""
+        lo, hi = self.ends()
+        finite = [end for end in (lo, hi) if np.isfinite(end)]
+        steepest = np.abs(self.matrix).min(initial=1.0)
+        off = rounding * (1.0 + max(map(abs, finite), default=0.0)) / steepest
+        if hi - lo < -off:
+            return None
+        middle = sum(finite) / len(finite) if finite else 0.0
+        if hi - lo <= off:
+            return np.array([middle]), np.zeros((1, 0))
+        beside = float(np.isneginf(lo)) * -1.0 + float(np.isposinf(hi))
+        return np.array([middle + beside]), np.eye(1)
 
     def _flat(self, point: Array, equal: Any, rounding: float) -> tuple[Array, Array] | None:
         """Return the inside of what is left where some inequalities hold with equality."""

@@ -23,7 +23,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
@@ -32,7 +32,7 @@ from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.exact import ExactSlice, ExactSolution, is_affordable
+from pwscont.enumeration.exact import ExactSlice, ExactSolution
 from pwscont.enumeration.face import Face, face_of
 from pwscont.enumeration.options import Problem, aside, reduce
 from pwscont.enumeration.point import Point, Slice
@@ -46,6 +46,8 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Up to this many cells, all are tried at once, without splitting the system into parts.
 FEW_CELLS = 64
+#: The known signs of solutions of singular cells.
+ALONE = (0,)
 #: Newton iterations on an affine selection: one, and one more against rounding.
 REFINEMENTS = 3
 
@@ -79,10 +81,32 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
                 check_budget()
-                faces += face_of(problem, choices[k : k + 1], alpha)
+                face = face_of(problem, choices[k : k + 1], alpha)
+                faces += [face] if face else []
         else:
             points.add(choices)
-    return Slice(tuple(points.points()), tuple(faces), points.undecided)
+    return _told_apart(points.points(), faces, points.undecided, metric)
+
+
+def _told_apart(
+    points: list[Point], faces: Sequence[Face], undecided: int, metric: Metric
+) -> Slice:
+    """Return a slice; the only solutions of singular cells are points, unless they are known.
+
+    Beside solutions that fill a face, such a point most often belongs to the face.
+    """
+    wide = tuple(face for face in faces if face.dimension)
+    for face in () if wide else faces:
+        new = lone_point(face, face.inside, metric)
+        if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in points):
+            points.append(new)
+    return Slice(tuple(points), wide, undecided)
+
+
+def lone_point(face: Face, x: Array, metric: Metric) -> Point:
+    """Return a solution of a singular cell as a point."""
+    error = GUARD * EPS * (np.abs(x) + metric.scale)[np.newaxis]
+    return Point(x, error, (face.character,), 0, ALONE, False)
 
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
@@ -163,12 +187,10 @@ def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -
 
     None where that takes too long, or the system's numbers are not finite. Faces are left out.
     """
-    if not is_affordable(system):
+    solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
+    if solutions is None:
         return None
-    rows = ExactSlice(system, metric.scale[:-1], alpha)
-    if not rows.is_finite:
-        return None
-    candidates = [_candidate(one, alpha) for one in rows.solutions()]
+    candidates = [_candidate(one, alpha) for one in solutions]
     points: list[Point] = []
     for one, point in candidates:
         if one.is_inside and not any(_joins(metric, point, other) for other in points):

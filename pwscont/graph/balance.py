@@ -43,9 +43,11 @@ class Balance(Queries):
     def _judged(self) -> list[tuple[int, tuple[float, float]]]:
         """Return balance and ends of the stretches that are longer than their ends are uncertain.
 
-        If there is no such stretch, return all of them.
+        If there is no such stretch, return all of them; none where solutions are infinitely many,
+        for the signs of the pieces around them say nothing.
         """
-        everything = list(zip(self.balances(), pairwise(self.breaks()), strict=True))
+        pairs = zip(self.balances(), pairwise(self.breaks()), strict=True)
+        everything = [row for row in pairs if not self._is_infinite(0.5 * sum(row[1]))]
         return [row for row in everything if not self._is_blurred(*row[1])] or everything
 
     def _is_blurred(self, lo: float, hi: float) -> bool:
@@ -76,7 +78,7 @@ class Balance(Queries):
             ends = [(p, n) for p, n in loose_ends(self).items() if is_on_purpose(self, p)]
             judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
             values = [value for value, _ in judged]
-            degree = max(values, key=values.count)
+            degree = max(values, key=values.count, default=None)
         merged: list[tuple[float, float]] = []
         for lo, hi in (gap for value, gap in judged if value != degree):
             if merged and merged[-1][1] == lo:

@@ -46,11 +46,24 @@ class BranchGraph(Balance):
         and nothing else of the graph is lost.
     names : sequence of str, optional
         Names of the unknowns; default those of the system.
+    infinite : sequence of Stretch
+        Where solutions fill a segment or more.
 
     Raises
     ------
     InvalidInputError
         If a recorded quantity has the name of an unknown or of something else, or is no function.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, explore
+    >>> graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> graph.count(0.0), graph.guarantee
+    (3, 'complete')
+    >>> [(round(lo, 6), round(hi, 6), n) for lo, hi, n in graph.multiplicity()]
+    [(-1.0, 0.5, 3), (0.5, 2.0, 1)]
+    >>> graph.nx.number_of_edges()
+    3
     """
 
     @cached_property
@@ -110,6 +123,7 @@ class BranchGraph(Balance):
                 self.parameter,
                 self.searched,
                 self._names_to_keep(),
+                self.infinite,
             ),
         )
 
@@ -159,6 +173,7 @@ class BranchGraph(Balance):
             searched=file.searched,
             record=record,
             names=None if system else file.names,
+            infinite=file.infinite,
         )
 
     def to_dataframe(self, rows: str) -> Any:

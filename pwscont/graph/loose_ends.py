@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import ON_BOUND
 from pwscont.graph.connected import connected
 from pwscont.graph.records import SpecialPoint
 from pwscont.graph.structure import Structure
@@ -52,6 +53,5 @@ def _suspicion(point: SpecialPoint) -> int:
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether branches end at a point because the system or the user ends them."""
-    return point.kind == Kind.END or (
-        point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
-    )
+    ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
+    return point.kind == Kind.END or ends or ON_BOUND in point.message

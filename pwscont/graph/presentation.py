@@ -7,7 +7,7 @@ from html import escape
 from math import isinf
 from typing import Any
 
-from pwscont.basics.looks import apart
+from pwscont.basics.looks import apart, counted
 from pwscont.graph.balance import Balance
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
 from pwscont.graph.verdict import verdict
@@ -32,7 +32,7 @@ def as_text(graph: Balance) -> str:
         f"special points: {len(graph.special_points())}"
     ]
     lines += [
-        f"  {stretch[2]} solution{'' if stretch[2] == 1 else 's'} for {name} in {stretch.ends}"
+        f"  {counted(stretch[2], 'solution')} for {name} in {stretch.ends}"
         for stretch in graph.multiplicity()
     ]
     lines.append(f"  {verdict(graph)}")
@@ -57,11 +57,12 @@ def as_dict(graph: Balance) -> dict[str, Any]:
     ``parameter`` has the name of alpha, and its interval. The ``name`` of a node is that of an
     event, empty for other kinds.
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
-    single values of alpha with another number of solutions, None for infinitely many. ``names``
+    single values of alpha with another number of solutions. Infinitely many are None. ``names``
     are those of the components of every state. A ``recorded`` quantity is None where it failed,
     and ``not_recorded`` then says why.
     """
-    sums, rows = graph.balance_values(), graph.multiplicity()
+    sums = graph.balance_values()
+    rows = [row for row in graph.multiplicity() if row[0] < row[1]]
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     nodes = [point for point in graph.special_points() if point.id >= 0]
     attempts = [attempted(point) for point in nodes]
@@ -84,7 +85,7 @@ def as_dict(graph: Balance) -> dict[str, Any]:
             }
             for piece in graph.pieces
         ],
-        "multiplicity": [list(row) for row in rows],
+        "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
         "stretches": [_stretch(row) for row in rows],
         "between": list(_between(graph, rows)),
         "balance": {
@@ -125,7 +126,7 @@ def not_recorded(attempts: Iterable[Attempt]) -> dict[str, list[str]]:
 def _stretch(row: Stretch) -> dict[str, Any]:
     lo, hi, count = row
     ends = {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
-    return {"lo": lo, "hi": hi, "count": count} | ends
+    return {"lo": lo, "hi": hi, "count": finite(count)} | ends
 
 
 def _between(graph: Balance, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
@@ -22,19 +23,19 @@ class Queries(Structure):
     """The queries of a branch graph; see :class:`pwscont.BranchGraph`."""
 
     def count(self, alpha: float) -> int | float:
-        """Return the number of solutions at ``alpha``; infinite on a vertical piece.
+        """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
 
         A solution at which two pieces meet counts once.
         """
         self._inside(alpha)
-        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
+        if self._is_infinite(alpha):
             return math.inf
         return len(self._through(alpha)) + len(self._nodes_at(alpha))
 
     def solutions(self, alpha: float) -> list[Solution]:
         """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
 
-        On a vertical piece these are its two ends.
+        Of infinitely many, as on a vertical piece, these are the ends of segments that are pieces.
 
         Raises
         ------
@@ -83,23 +84,42 @@ class Queries(Structure):
     def multiplicity(self) -> list[Stretch]:
         """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
 
-        The number holds at every regular alpha of the stretch; each entry says whether it holds
-        at its ends as well (``lo_closed``, ``hi_closed``). Single values of alpha with another
-        number, such as folds, are found by :meth:`with_count` and :meth:`count`.
+        The number holds at every alpha of the stretch; each entry says whether it holds at its ends
+        as well (``lo_closed``, ``hi_closed``). A single value of alpha with infinitely many
+        solutions is an entry of its own; those with another number, such as folds, are found by
+        :meth:`with_count` and :meth:`count`.
         """
-        table: list[tuple[float, float, int]] = []
-        for lo, hi in pairwise(self.breaks()):
-            count = len(self._over(0.5 * (lo + hi)))
-            if table and table[-1][2] == count:
-                table[-1] = (table[-1][0], hi, count)
-            else:
-                table.append((lo, hi, count))
-        return [self._stretch(*row) for row in table]
+        breaks = self.breaks()
+        counts = [self.count(alpha) for alpha in breaks]
+        return list(_merged([*self._between(breaks, counts)], counts))
 
-    def _stretch(self, lo: float, hi: float, count: int) -> Stretch:
-        return Stretch(lo, hi, count, self.count(lo) == count, self.count(hi) == count)
+    def _between(self, breaks: list[float], counts: list[int | float]) -> Iterator[Stretch]:
+        """Yield the stretches between successive breaks, at which there are so many solutions."""
+        for (lo, at_lo), (hi, at_hi) in pairwise(zip(breaks, counts, strict=True)):
+            middle = 0.5 * (lo + hi)
+            count = math.inf if self._is_infinite(middle) else len(self._over(middle))
+            yield Stretch(lo, hi, count, at_lo == count, at_hi == count)
 
-    def with_count(self, count: int) -> list[Stretch]:
+    def _is_infinite(self, alpha: float) -> bool:
+        """Tell whether there are infinitely many solutions at ``alpha``."""
+        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
+            return True
+        return any(self._has(stretch, alpha) for stretch in self.infinite)
+
+    def is_beside_infinite(self, alpha: float) -> bool:
+        """Tell whether there are infinitely many solutions at ``alpha`` or next to it."""
+        ends = (end for stretch in self.infinite for end in stretch[:2])
+        return self._is_infinite(alpha) or any(bool(self.same(end, alpha)) for end in ends)
+
+    def _has(self, stretch: Stretch, alpha: float) -> bool:
+        """Tell whether alpha lies in a stretch, whose ends are known to rounding."""
+        lo, hi = stretch[:2]
+        at_lo, at_hi = bool(self.same(lo, alpha)), bool(self.same(hi, alpha))
+        if at_lo or at_hi:
+            return (at_lo and stretch.lo_closed) or (at_hi and stretch.hi_closed)
+        return lo < alpha < hi
+
+    def with_count(self, count: int | float) -> list[Stretch]:
         """Return all stretches and single values of alpha with exactly ``count`` solutions."""
         stretches = [stretch for stretch in self.multiplicity() if stretch[2] == count]
         covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
@@ -152,3 +172,28 @@ class Queries(Structure):
 
     def _nodes_at(self, alpha: float) -> list[int]:
         return [self._points[i].id for i in np.flatnonzero(self.same(self._alphas, alpha))]
+
+
+def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:
+    """Yield stretches, joined where the number goes on, and breaks with infinitely many alone.
+
+    ``counts`` has the numbers at the breaks: the beginnings of all stretches, and the last end.
+    """
+    whole = rows[0]
+    if counts[0] == math.inf != whole[2]:
+        yield _single(whole[0])
+    for row, count in zip(rows[1:], counts[1:], strict=False):
+        if whole[2] == row[2] == count:
+            whole = Stretch(whole[0], row[1], count, whole.lo_closed, row.hi_closed)
+            continue
+        yield whole
+        if count == math.inf and math.inf not in (whole[2], row[2]):
+            yield _single(row[0])
+        whole = row
+    yield whole
+    if counts[-1] == math.inf != whole[2]:
+        yield _single(whole[1])
+
+
+def _single(alpha: float) -> Stretch:
+    return Stretch(alpha, alpha, math.inf, True, True)

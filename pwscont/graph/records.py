@@ -285,8 +285,10 @@ def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
 
 
 @final
-class Stretch(tuple[float, float, int]):
+class Stretch(tuple[float, float, int | float]):
     """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).
+
+    It may be a single value of alpha, and the number may be infinite.
 
     Attributes
     ----------
@@ -298,13 +300,15 @@ class Stretch(tuple[float, float, int]):
     lo_closed: bool
     hi_closed: bool
 
-    def __new__(cls, lo: float, hi: float, count: int, lo_closed: bool, hi_closed: bool) -> Stretch:
+    def __new__(
+        cls, lo: float, hi: float, count: int | float, lo_closed: bool, hi_closed: bool
+    ) -> Stretch:
         """Return the tuple (lo, hi, count) that knows its ends."""
         stretch = super().__new__(cls, (lo, hi, count))
         stretch.lo_closed, stretch.hi_closed = lo_closed, hi_closed
         return stretch
 
-    def __getnewargs__(self) -> tuple[float, float, int, bool, bool]:
+    def __getnewargs__(self) -> tuple[float, float, int | float, bool, bool]:
         return (*self, self.lo_closed, self.hi_closed)
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.connected import connected, shortest_way
-from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.system.hidden import shown_size
 from pwscont.system.system import PiecewiseSystem
 
@@ -41,7 +41,10 @@ class Structure:
         searched: SearchScope = NOT_SEARCHED,
         record: Mapping[str, Function] | None = None,
         names: Sequence[str] | None = None,
+        infinite: Sequence[Stretch] = (),
     ) -> None:
+        #: Stretches of alpha at which solutions fill a segment or more.
+        self.infinite = tuple(infinite)
         self.interval = interval
         self.searched = searched
         self.system = system
@@ -168,10 +171,14 @@ class Structure:
         return 0.0 if bool(self.same(alpha, 0.0)) else alpha
 
     def breaks(self) -> list[float]:
-        """Return both ends of the interval and the alphas of all nodes, without repetition."""
+        """Return both ends of the interval and the alphas of all nodes, without repetition.
+
+        The ends of stretches with infinitely many solutions are among them.
+        """
         lo, hi = self.interval
         breaks = [lo]
-        for alpha in sorted(self.clean(point.alpha) for point in self._points):
+        ends = [end for stretch in self.infinite for end in stretch[:2]]
+        for alpha in sorted(map(self.clean, [*(p.alpha for p in self._points), *ends])):
             if not self.same(alpha, breaks[-1]) and not self.same(alpha, hi):
                 breaks.append(alpha)
         return [*breaks, hi]

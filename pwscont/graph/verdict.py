@@ -119,8 +119,15 @@ def _doubts(graph: Balance) -> Iterator[str]:
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
     yield from _places(IN_PART, graph, _searched_in_part(graph))
+    known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
+    if known:
+        yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
     filled = [
-        point for point in points if FILL in point.message and _leaves_its_alpha(graph, point)
+        point
+        for point in points
+        if FILL in point.message
+        and _leaves_its_alpha(graph, point)
+        and not graph.is_beside_infinite(point.alpha)
     ]
     yield from _places("solutions fill more than curves", graph, filled)
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]

@@ -48,6 +48,15 @@ class BandedJacobian(StoredJacobian):
     ------
     InvalidSystemError
         If the shapes do not fit each other.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import BandedJacobian
+    >>> bands = np.array([[0.0, 1.0], [2.0, 2.0], [1.0, 0.0]])  # above, on and below the diagonal
+    >>> BandedJacobian(bands, 1, 1, np.array([5.0, 6.0])).toarray()
+    array([[2., 1., 5.],
+           [1., 2., 6.]])
     """
 
     def __init__(self, bands: Array, lower: int, upper: int, column: Array) -> None:

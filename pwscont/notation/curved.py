@@ -74,6 +74,11 @@ class SwitchedSystem(Notated):
         outcome = self._lifted.function.outcome(z, float(alpha), self._layout)
         return self._layout.values(outcome.branches, self._layout.modes(outcome.tests >= 0.0))
 
+    @property
+    def knows_jacobian(self) -> bool:
+        """Whether the function can be traced."""
+        return self._derivatives is not None
+
     # -- derivatives -------------------------------------------------------------------------
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:

@@ -13,10 +13,14 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.generic import generic
 from pwscont.basics.looks import counted
 from pwscont.notation.layout import Layout
 from pwscont.system.hidden import HidesUnknowns
 from pwscont.system.system import PiecewiseSystem
+
+#: Points at which the values of switches are seen.
+SEEN = 4
 
 
 @final
@@ -30,6 +34,7 @@ class Given:
     unique: bool = False
     bounds: tuple[Any, Any] | None = None
     periods: Any = None
+    scale: Any = None
 
 
 class Notated(PiecewiseSystem, HidesUnknowns):
@@ -95,6 +100,28 @@ class Notated(PiecewiseSystem, HidesUnknowns):
         if self._given.periods is None:
             return super().periods()
         return self._padded("periods", self._given.periods, np.inf)
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether the user gave typical magnitudes, or a run found them."""
+        return self._given.scale is not None or self.is_measured
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the magnitudes that the user gave, and those of switches that follow."""
+        if self._given.scale is None:
+            return super().scale(lo, hi)
+        shown = self._padded("scale", self._given.scale, 1.0)[: self.shown]
+        return self._with_sizes_of_switches(shown, (lo, hi))
+
+    @np.errstate(all="ignore")
+    def _with_sizes_of_switches(self, shown: Array, alphas: Sequence[float]) -> Array:
+        """Return magnitudes of all unknowns: those of switches are seen at a few points."""
+        if not len(self._hidden):
+            return shown
+        signs = [generic(self.shown, shift) for shift in range(SEEN)]
+        seen = [self.with_hidden(shown * sign, a) for sign in signs for a in alphas]
+        sizes = np.abs(np.where(np.isfinite(seen), seen, 0.0)).max(axis=0)[self.shown :]
+        return np.append(shown, np.where(sizes > 0.0, sizes, 1.0))
 
     def _padded(self, name: str, values: Any, rest: float) -> Array:
         try:

@@ -21,6 +21,7 @@ from pwscont.notation.lifted import LiftedFunction
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
+from pwscont.system.contract import checked_magnitudes
 
 #: Points at which the function must be finite.
 SURVEYED = 3
@@ -44,6 +45,7 @@ def Switched(  # noqa: N802  used like a class
     unique: bool = False,
     bounds: tuple[Any, Any] | None = None,
     periods: Any = None,
+    scale: Any = None,
 ) -> Notated:
     """Return the system f(z, alpha, sw) = 0, where ``sw`` has max, min, abs, relu, clip and where.
 
@@ -70,6 +72,8 @@ def Switched(  # noqa: N802  used like a class
         Between which values z makes sense: (lower, upper), each broadcastable to (n,).
     periods : array_like, optional
         After what each unknown repeats itself.
+    scale : array_like, optional
+        Typical magnitudes of z, broadcastable to (n,); default what a run finds.
 
     Returns
     -------
@@ -79,17 +83,26 @@ def Switched(  # noqa: N802  used like a class
     Raises
     ------
     InvalidInputError
-        If n is no positive whole number, f cannot be called, or names do not fit.
+        If n is no positive whole number, f cannot be called, or names, bounds, periods or scale do
+        not fit.
     InvalidSystemError
         If f fails, returns something else than n real numbers, has a kink without a switch, a
         number of switches that changes with z, or is not affine where that is promised.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, enumerate_solutions
+    >>> game = Switched(1, lambda z, t, sw: z - sw.clip(2 * z - t, 0, 1), linear=True)
+    >>> [s.z.tolist() for s in enumerate_solutions(game, 0.5)]
+    [[0.0], [0.5], [1.0]]
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")
     if not callable(f):
         raise InvalidInputError(f"f must be a function of (z, alpha, sw), got {f!r}")
-    given = Given(_texts(names), _texts(switches), degree, unique, _pair(bounds), periods)
-    function, size = UserFunction(f, int(n)), int(n)
+    texts, size = (_texts(names), _texts(switches)), int(n)
+    given = Given(*texts, degree, unique, _pair(bounds), periods, checked_magnitudes(scale, size))
+    function = UserFunction(f, size)
     if linear:
         _, layout = _first_calls(function, list(_points(size, Given())))
         matrix, rest = coefficients(function, size, layout)

@@ -34,6 +34,10 @@ class Answer(ABC):
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write picture and data into an existing directory; return the files."""
 
+    def in_full(self) -> Answer:
+        """Return the answer whose text has no shortened lines; default the same answer."""
+        return self
+
     def explored(self) -> tuple[Shown, BranchGraph] | None:
         """Return the scene and its branch graph, for a view in the browser; None without one."""
         return None

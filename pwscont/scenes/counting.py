@@ -5,7 +5,7 @@ Meant to stand under a branch diagram with the same horizontal axis.
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -38,9 +38,18 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     matplotlib.axes.Axes
         The same axes. Dots are the counts at single values of alpha, such as folds; dotted lines
         mark vertical pieces, where there are infinitely many.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> from pwscont import LCP, draw_counts, explore
+    >>> graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> draw_counts(graph, Figure().subplots()).get_ylabel()
+    'number'
     """
-    edges = [graph.interval[0], *(hi for _, hi, _ in graph.multiplicity())]
-    counts = [count for _, _, count in graph.multiplicity()]
+    stretches = [stretch for stretch in graph.multiplicity() if stretch[0] < stretch[1]]
+    edges = [graph.interval[0], *(hi for _, hi, _ in stretches)]
+    counts = [count if isfinite(count) else nan for _, _, count in stretches]
     ax.stairs(counts, edges, baseline=None, color="black", label="solutions")
     single = [alpha for alpha in edges[1:-1] if isfinite(graph.count(alpha))]
     ax.plot(single, [graph.count(alpha) for alpha in single], "o", color="black", markersize=4)

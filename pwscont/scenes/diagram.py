@@ -1,9 +1,9 @@
-"""One diagram: a quantity of all branches over the parameter."""
+"""One diagram: a quantity of all branches over the parameter, or over another quantity."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, final
 
@@ -11,13 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
+from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph
-from pwscont.scenes.drawn import Drawn
+from pwscont.scenes.drawn import Drawn, What
 from pwscont.scenes.marks import RADIUS, Mark, draw_marks, marks_of
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.room import Room
-from pwscont.scenes.strokes import Rail, Stroke, alike, joined, rails_of, strokes_of
+from pwscont.scenes.strokes import Rail, Stroke, alike, joined, rails_of, strokes_of, visible
 from pwscont.scenes.styles import THIN, WIDTH, color_of
 from pwscont.scenes.symbols import symbol
 
@@ -41,23 +42,37 @@ class Diagram:
     Attributes
     ----------
     quantity : Drawn
+    across : Drawn or None
+        The quantity of the horizontal axis; None for the parameter.
     strokes : list of Stroke
     rails : list of Rail
     marks : list of Mark
     """
 
     quantity: Drawn
+    across: Drawn | None
     strokes: list[Stroke]
     rails: list[Rail]
     marks: list[Mark]
 
     @classmethod
-    def of(cls, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> Diagram:
+    def of(
+        cls, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any], across: What | None = None
+    ) -> Diagram:
         """Return the lines and marks of a panel."""
         quantity, mode = Drawn.of(graph, panel.component), mode_of(graph, panel)
-        strokes = strokes_of(graph, mode, quantity.along, styles)
-        marks = marks_of(graph, mode, quantity.along)
-        return cls(quantity, joined(strokes), rails_of(strokes), marks)
+        over = None if across is None else Drawn.of(graph, across)
+
+        def place(points: Array) -> Array:
+            return np.column_stack(
+                [over.along(points) if over else points[:, -1], quantity.along(points)]
+            )
+
+        strokes, marks = strokes_of(graph, mode, place, styles), marks_of(graph, mode, place)
+        if over is not None:  # lines may bend back: no line is a function of what is across
+            return cls(quantity, over, joined(strokes), [], [replace(m, side=0) for m in marks])
+        strokes = visible(strokes)
+        return cls(quantity, None, joined(strokes), rails_of(strokes), marks)
 
     def draw(self, ax: Axes) -> None:
         """Draw lines and marks, branch by branch."""
@@ -84,7 +99,8 @@ class Diagram:
 
     def set_axes(self, ax: Axes, graph: BranchGraph, title: str) -> None:
         """Set names and limits; an axis that would show nothing but rounding is widened."""
-        ax.set(xlabel=symbol(graph.parameter), ylabel=symbol(self.quantity.label))
+        across = graph.parameter if self.across is None else self.across.label
+        ax.set(xlabel=symbol(across), ylabel=symbol(self.quantity.label))
         ax.set_title(title, fontsize="medium")
         ax.margins(0.06)
         ax.autoscale_view()

@@ -12,7 +12,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.quantities import Function, Quantities
+from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.graph import BranchGraph
 
 #: An index into z, the name of an unknown or of a recorded quantity, or a function of (z, alpha).
@@ -71,6 +71,7 @@ class Drawn:
 
     @classmethod
     def _named(cls, graph: BranchGraph, name: str) -> Drawn:
+        name = as_written(name, (*graph.names, *graph.quantities.record))
         if name in graph.names:
             return cls._component(graph, graph.names.index(name))
         value = partial(graph.quantities.value, name)
@@ -79,8 +80,16 @@ class Drawn:
         return cls(name, _each(value))
 
 
+def is_parameter(graph: BranchGraph, name: str) -> bool:
+    """Tell whether a name is that of the parameter, and of no unknown and no recorded quantity."""
+    known = (*graph.names, *graph.quantities.record)
+    return name not in known and spelled(name) == spelled(graph.parameter)
+
+
 def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Function]) -> str:
     """Return the name of an unknown or a recorded quantity, asked for by name or index.
+
+    Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
 
     Raises
     ------
@@ -89,6 +98,7 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
     """
     if name.isdecimal() and name not in record and int(name) < len(unknowns):
         return unknowns[int(name)]
+    name = as_written(name, (*unknowns, *record))
     if name not in record:
         Quantities(unknowns, record).value(name, np.zeros(len(unknowns)), 0.0)
     return name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -24,13 +24,19 @@ class GraphAnswer(Answer):
     scene: Shown
     graph: BranchGraph
     at: tuple[float, ...]
+    #: Whether the text has wide states and long labels in full.
+    full: bool = False
 
     def __repr__(self) -> str:
         return named(self, self.scene, counted(len(self.graph.pieces), "piece"))
 
     def as_text(self) -> str:
         """Return branches, transitions, numbers of solutions, and the solutions asked for."""
-        return report(self.scene, self.graph, self.at)
+        return report(self.scene, self.graph, self.at, self.full)
+
+    def in_full(self) -> GraphAnswer:
+        """Return the answer whose text has no shortened lines."""
+        return replace(self, full=True)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the graph and the solutions asked for."""

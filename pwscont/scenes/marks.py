@@ -107,16 +107,23 @@ def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
 
 
 def marks_of(
-    graph: BranchGraph, mode: Callable[[Character], str], along: Callable[[Array], Array]
+    graph: BranchGraph, mode: Callable[[Character], str], place: Callable[[Array], Array]
 ) -> list[Mark]:
-    """Return the marks of a diagram, without transitions that do not change its mode."""
+    """Return the marks of a diagram, without transitions that do not change its mode.
+
+    Parameters
+    ----------
+    graph, mode
+    place : callable
+        Points (z, alpha), shape (k, n + 1) -> their places in the diagram, shape (k, 2).
+    """
     sides, unseen, looks = _sides(graph), _unseen(graph, mode), markers_of(graph)
     return [
         Mark(
             point.kind,
             _label(graph, point),
             looks[point.kind],
-            np.array([point.alpha, along(np.append(point.z, point.alpha)[np.newaxis])[0]]),
+            place(np.append(point.z, point.alpha)[np.newaxis])[0],
             branch,
             sides.get(point.id, 0),
         )

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure, SubFigure
 from pwscont.graph import BranchGraph
 from pwscont.scenes.counting import draw_counts, is_one_number
 from pwscont.scenes.diagram import Diagram, mode_of
-from pwscont.scenes.drawn import Drawn, What
+from pwscont.scenes.drawn import Drawn, What, is_parameter
 from pwscont.scenes.inset import draw_inset
 from pwscont.scenes.labels import label_marks
 from pwscont.scenes.layout import Content, arrange, columns_for, place_legend, place_title, rows_of
@@ -28,17 +28,30 @@ from pwscont.scenes.styles import styles_of
 from pwscont.scenes.symbols import symbol
 
 
-def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
-    """Draw a quantity over the parameter: colours are branches, line styles modes.
+def plot(
+    graph: BranchGraph,
+    what: What = 0,
+    *,
+    x: What | None = None,
+    y: What | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw a quantity over the parameter, or over another one: colours are branches.
 
-    Thin lines are pieces on which det(dH/dz) is negative. Where branches coincide, the upper one
-    runs between rails in the colours of those beneath. Folds that are close together are enlarged.
+    Line styles are modes, and thin lines are pieces on which det(dH/dz) is negative. Where branches
+    coincide over the parameter, the upper branch runs between rails in the colours of the branches
+    beneath. Folds that are close together are enlarged.
 
     Parameters
     ----------
     graph : BranchGraph
     what : int, str or callable
-        Index into z, name of an unknown or of a recorded quantity, or function of (z, alpha).
+        The quantity: index into z, name of an unknown or of a recorded quantity, or function of
+        (z, alpha). Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
+    x : int, str or callable, optional
+        The quantity of the horizontal axis; default the parameter, which goes by its name, too.
+    y : int, str or callable, optional
+        Another word for ``what``.
     ax : matplotlib.axes.Axes, optional
         Where to draw; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
 
@@ -51,13 +64,26 @@ def plot(graph: BranchGraph, what: What = 0, *, ax: Axes | None = None) -> Axes:
     ------
     InvalidInputError
         If there is no such quantity; the message names close ones.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> matplotlib.use("Agg")  # no window for an example
+    >>> from pwscont import LCP, explore, plot
+    >>> graph = explore(LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> plot(graph, 0).get_xlabel()
+    '$α$'
+    >>> plot(graph, x=0, y=1).get_ylabel()
+    '$z$[1]'
     """
-    panel = Panel(what)
-    Drawn.of(graph, what)  # refuses what cannot be drawn before there is a figure
+    panel = Panel(what if y is None else y)
+    across = None if isinstance(x, str) and is_parameter(graph, x) else x
+    for quantity in (panel.component, *(() if across is None else (across,))):
+        Drawn.of(graph, quantity)  # refuses what cannot be drawn before there is a figure
     if ax is None:
         _, ax = plt.subplots(figsize=(7.5, 4.0), layout="constrained")
     styles = _styles(graph, [panel], {})
-    diagram = _draw_panel(ax, graph, panel, styles)
+    diagram = _draw_panel(ax, graph, panel, styles, across)
     handles = legend_of(graph, styles)
     ax.legend(
         handles=handles,
@@ -108,8 +134,14 @@ def _draw_cell(
     return None
 
 
-def _draw_panel(ax: Axes, graph: BranchGraph, panel: Panel, styles: Mapping[str, Any]) -> Diagram:
-    diagram = Diagram.of(graph, panel, styles)
+def _draw_panel(
+    ax: Axes,
+    graph: BranchGraph,
+    panel: Panel,
+    styles: Mapping[str, Any],
+    across: What | None = None,
+) -> Diagram:
+    diagram = Diagram.of(graph, panel, styles, across)
     diagram.draw(ax)
     diagram.set_axes(ax, graph, panel.title)
     return diagram

@@ -51,7 +51,8 @@ class Scene(Runnable):
     at : tuple of float
         Parameter values whose solutions are listed unless the user asks for others.
     orientations : tuple of int
-        Directions in which transitions are read out: +1, -1 (paper, Definition 1).
+        The first is the direction in which the table reads every branch: +1, -1 (paper,
+        Definition 1).
     search, stepper, detectors, events, record : optional
         As for :func:`pwscont.explore`.
     panels, paths, styles
@@ -60,6 +61,14 @@ class Scene(Runnable):
         Where every finished piece is kept at once.
     body : BodyPicture, optional
         How solutions look on a body, for a view in the browser.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, Panel, Scene
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    >>> scene = Scene("two", "two unknowns", problem, (-1.0, 2.0), panels=(Panel("z[1]"),))
+    >>> scene.run().count(0.0)
+    3
     """
 
     name: str

@@ -39,7 +39,7 @@ class Stroke:
     Attributes
     ----------
     points : ndarray, shape (k, 2)
-        The parameter and the quantity.
+        The places in the diagram, such as parameter and quantity.
     branch : int
     style
         Line style of matplotlib.
@@ -87,13 +87,20 @@ class Rail:
 def strokes_of(
     graph: BranchGraph,
     mode: Callable[[Character], str],
-    along: Callable[[Array], Array],
+    place: Callable[[Array], Array],
     styles: Mapping[str, Any],
 ) -> list[Stroke]:
-    """Return the lines of all pieces, one each, without lines hidden by another one."""
-    strokes = [
+    """Return the lines of all pieces, one each.
+
+    Parameters
+    ----------
+    graph, mode, styles
+    place : callable
+        Points (z, alpha), shape (k, n + 1) -> their places in the diagram, shape (k, 2).
+    """
+    return [
         Stroke(
-            np.column_stack(line_of(piece, along)),
+            line_of(piece, place)[1],
             branch,
             styles[mode(piece.character)],
             piece.det_sign < 0,
@@ -102,11 +109,10 @@ def strokes_of(
         for branch, pieces in enumerate(graph.components())
         for piece in pieces
     ]
-    return _visible(strokes)
 
 
-def _visible(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Leave out lines that lie on another line of the same branch and style.
+def visible(strokes: Sequence[Stroke]) -> list[Stroke]:
+    """Leave out lines over the parameter that lie on another line of the same branch and style.
 
     Two dashed lines of different phase would look like a solid line, which is another mode.
     """

@@ -1,19 +1,21 @@
 """The answer of a scene as text.
 
-Each special point has the estimated error of alpha behind a plus-minus sign, each solution the
-error of its state relative to typical magnitudes. Fewer than six known digits are pointed out.
+Each special point has the estimated error of the parameter behind a plus-minus sign; no sign
+stands behind a value that is exact. Each solution has the error of its state relative to typical
+magnitudes. Fewer than six known digits are pointed out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isinf
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
-from pwscont.basics.looks import apart
+from pwscont.basics.looks import apart, counted, middle_cut
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.exports import magnitudes
@@ -21,35 +23,64 @@ from pwscont.graph.presentation import DUST, number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 
-#: Kinds of points whose solutions need no remark: they are like the solutions around them.
+#: Kinds of points whose solutions are like the solutions around them, and need no remark.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
-HEADINGS = {1: "positive orientation", -1: "negative orientation"}
+HEADINGS = {1: "", -1: ", negative orientation"}
+#: States of more unknowns are shortened to so many at either end, and labels of more letters.
+MOST_UNKNOWNS, MOST_LETTERS, AT_EITHER_END = 12, 90, 3
+HINT = "Long lines are shortened: pwscont run --full prints them in full."
+
+#: What is done to a label before it is printed.
+Shortening = Callable[[str], str]
 
 
-def report(scene: Shown, graph: BranchGraph, at: Iterable[float]) -> str:
-    """Return branches, transitions, numbers of solutions, and the solutions asked for."""
+def report(scene: Shown, graph: BranchGraph, at: Iterable[float], full: bool = False) -> str:
+    """Return branches, transitions, numbers of solutions, and the solutions asked for.
+
+    Parameters
+    ----------
+    scene, graph
+    at : iterable of float
+        The values of the parameter whose solutions are listed.
+    full : bool
+        Whether wide states and long labels are printed in full.
+    """
+    short = str if full else _shortened
     lines = [
         f"{scene.name}: {scene.title}",
         f"{scene.parameter} in [{', '.join(apart(*graph.interval))}]",
-        *_branches(scene, graph),
+        *_branches(scene, graph, short),
         "",
         *_counts(graph),
     ]
     for alpha in at:
-        lines += ["", *_solutions(scene, graph, alpha)]
+        lines += ["", *_solutions(scene, graph, alpha, full)]
+    if any("..." in line for line in lines[2:]) and not full:
+        lines += ["", HINT]
     return "\n".join(lines)
 
 
-def _branches(scene: Shown, graph: BranchGraph) -> Iterator[str]:
+def _shortened(label: str) -> str:
+    return middle_cut(label, MOST_LETTERS)
+
+
+def _named(graph: BranchGraph, words: str) -> str:
+    """Return words about alpha with the parameter's own name."""
+    return re.sub(r"\balpha\b", lambda _: graph.parameter, words)
+
+
+def _branches(scene: Shown, graph: BranchGraph, short: Shortening) -> Iterator[str]:
+    """Yield every branch once, read in the first orientation that the scene names."""
+    orientation = next(iter(scene.orientations), 1)
     for i, component in enumerate(graph.components(), start=1):
-        for orientation in scene.orientations:
-            yield ""
-            heading = f", {HEADINGS[orientation]}" if len(scene.orientations) > 1 else ""
-            yield f"Branch {i} ({_plural(len(component), 'piece')}{heading})"
-            yield from _branch(graph, component, orientation)
+        yield ""
+        yield f"Branch {i} ({counted(len(component), 'piece')}{HEADINGS[orientation]})"
+        yield from _branch(graph, component, orientation, short)
 
 
-def _branch(graph: BranchGraph, component: Sequence[Piece], orientation: int) -> Iterator[str]:
+def _branch(
+    graph: BranchGraph, component: Sequence[Piece], orientation: int, short: Shortening
+) -> Iterator[str]:
     """Yield special points and pieces in turn."""
     previous = None
     for piece in component[::orientation]:
@@ -58,7 +89,7 @@ def _branch(graph: BranchGraph, component: Sequence[Piece], orientation: int) ->
             yield _point(graph, first, orientation)
         a, b = (number(alpha) for alpha in (piece.alpha[0], piece.alpha[-1])[::orientation])
         extent = f"{graph.parameter} {a} → {b}" if not piece.is_vertical else "vertical"
-        yield f"    piece {piece.id}: {piece.label}, {extent}, det {_sign(piece.det_sign)}"
+        yield f"    piece {piece.id}: {short(piece.label)}, {extent}, det {_sign(piece.det_sign)}"
         yield _point(graph, last, orientation)
         previous = last
 
@@ -67,30 +98,30 @@ def _point(graph: BranchGraph, node: int, orientation: int) -> str:
     point = graph.point(node)
     where = f"{graph.parameter} = {number(point.alpha)}{_plus_minus(point)}"
     message = "" if point.kind in ("start", "end") else point.passed(orientation)
-    notes = "; ".join(filter(None, [message, point.events, _few(point.digits)]))
+    notes = "; ".join(filter(None, [_named(graph, message), point.events, _few(point.digits)]))
     return f"  {point.kind:<15} {where:<30} {notes}".rstrip()
 
 
 def _plus_minus(point: SpecialPoint) -> str:
-    return f" ± {point.error[-1]:.0e}" if len(point.error) else ""
+    return f" ± {point.error[-1]:.0e}" if len(point.error) and point.error[-1] else ""
 
 
 def _few(digits: float) -> str:
-    return f"only {_plural(int(digits), 'digit')} known" if digits < FEW_DIGITS else ""
+    return f"only {counted(int(digits), 'digit')} known" if digits < FEW_DIGITS else ""
 
 
 def _counts(graph: BranchGraph) -> Iterator[str]:
     least = "" if graph.is_complete else ", at least"
     yield f"Number of solutions by {graph.parameter}{least}"
     previous = None
-    for stretch in graph.multiplicity():
+    for stretch in (row for row in graph.multiplicity() if row[0] < row[1]):
         if previous is not None and not (previous.hi_closed or stretch.lo_closed):
             yield f"  {number(stretch[0])}: {_between(graph, stretch[0])}"
-        yield f"  {stretch.ends}: {stretch[2]}"
+        yield f"  {stretch.ends}: {'infinitely many' if isinf(stretch[2]) else stretch[2]}"
         previous = stretch
     yield from _vertical_pieces(graph)
-    yield f"Searched: {graph.searched.what}"
-    yield f"Guarantee: {graph.guarantee} ({_balance(graph)})"
+    yield f"Searched: {_named(graph, graph.searched.what)}"
+    yield f"Guarantee: {_named(graph, graph.guarantee)} ({_balance(graph)})"
 
 
 def _between(graph: BranchGraph, alpha: float) -> str:
@@ -108,19 +139,20 @@ def _balance(graph: BranchGraph) -> str:
     """Return the balance; one value is necessary for completeness, but not sufficient."""
     values = graph.balance_values()
     if len(values) == 1:
-        return f"balance: the signs of det(dH/dz) sum to {values[0]:+d} throughout"
-    return f"no balance: the signs of det(dH/dz) sum to {' or '.join(f'{v:+d}' for v in values)}"
+        return f"balance: the signs of det(dH/dz) sum to {_sign(values[0])} throughout"
+    return f"no balance: the signs of det(dH/dz) sum to {' or '.join(map(_sign, values))}"
 
 
-def _solutions(scene: Shown, graph: BranchGraph, alpha: float) -> Iterator[str]:
+def _solutions(scene: Shown, graph: BranchGraph, alpha: float, full: bool) -> Iterator[str]:
     found = graph.solutions(alpha)
     largest = magnitudes(graph)[:-1] if graph.pieces else 0.0
     given = number(alpha) if float(number(alpha)) == alpha else repr(float(alpha))
-    yield f"{_plural(len(found), 'solution')} at {graph.parameter} = {given}"
+    yield f"{counted(len(found), 'solution')} at {graph.parameter} = {given}"
     for i, solution in enumerate(found, start=1):
         kind = f", {solution.kind}" if solution.kind not in UNREMARKABLE else ""
-        yield f"  {i}. {solution.label}, det {_sign(solution.det_sign)}{kind}{_error(solution)}"
-        yield f"     {_state(scene, solution, largest)}"
+        label = solution.label if full else _shortened(solution.label)
+        yield f"  {i}. {label}, det {_sign(solution.det_sign)}{kind}{_error(solution)}"
+        yield f"     {', '.join(_shown(_values(scene, solution, largest), full))}"
 
 
 def _error(solution: Solution) -> str:
@@ -130,18 +162,24 @@ def _error(solution: Solution) -> str:
     return f", error {10.0**-solution.digits:.0e}{few and f', {few}'}"
 
 
-def _state(scene: Shown, solution: Solution, largest: Array | float) -> str:
-    # each unknown by its own: one in metres beside one in pascals is no dust
+def _shown(values: list[str], full: bool) -> list[str]:
+    """Return the values of a state, of a wide state the first and the last ones."""
+    if full or len(values) <= MOST_UNKNOWNS:
+        return values
+    count = f"({len(values)} unknowns)"
+    *last, end = values[-AT_EITHER_END:]
+    return [*values[:AT_EITHER_END], "...", *last, f"{end} {count}"]
+
+
+def _values(scene: Shown, solution: Solution, largest: Array | float) -> list[str]:
+    """Return the unknowns of a solution by name; rounding dust reads as zero."""
+    # dust is measured by each unknown itself: metres stand beside pascals
     error = solution.error[:-1] if len(solution.error) else 0.0
     dust = np.maximum(DUST * largest, CONFIDENCE * error)
     z = np.where(np.abs(solution.z) <= dust, 0.0, solution.z)
     pairs = zip(scene.system.names(), z, strict=True)
-    return ", ".join(f"{name} = {number(float(value))}" for name, value in pairs)
+    return [f"{name} = {number(float(value))}" for name, value in pairs]
 
 
 def _sign(sign: int) -> str:
     return f"{sign:+d}" if sign else "0"
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

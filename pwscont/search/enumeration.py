@@ -26,11 +26,13 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import has_digits, is_inside, is_same, magnitude, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import (
+    ALONE,
     Face,
     Point,
     Slice,
     det_sign,
     is_in_doubt,
+    lone_point,
     solve_exactly,
     solve_slice,
 )
@@ -69,6 +71,9 @@ class Solutions(list[Solution]):
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
     """Return all isolated solutions of a system of linear pieces at one alpha.
 
+    Of infinitely many, which fill a segment or more, the corners are returned, and where there is
+    no corner one of them; the ``guarantee`` says so.
+
     Parameters
     ----------
     system : SlicewiseLinearSystem
@@ -88,6 +93,13 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     InvalidSystemError
         If typical magnitudes of z are too large or small to be computed with, or an attribute is
         a value where a method belongs, or the other way round.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, enumerate_solutions
+    >>> found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0]), 0.0)
+    >>> sorted(s.z.round(6).tolist() for s in found), found.guarantee
+    ([[0.0, 1.0], [0.333333, 0.333333], [1.0, 0.0]], 'complete')
     """
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
@@ -99,24 +111,45 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     metric, box = Metric.at(system, alpha), Box.of(system)
     with few_threads(system.size):
         found = solve_surely(system, metric, alpha)
-        solutions = [_solution(system, metric, point) for point in found.points]
-    pairs = zip(solutions, found.points, strict=True)
+        points = [*found.points, *_representatives(found, metric)]
+        solutions = [_solution(system, metric, point) for point in points]
+    pairs = zip(solutions, points, strict=True)
     within = [s for s, p in pairs if is_inside(box, p.x, p.error)]
     return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
+
+
+def _representatives(found: Slice, metric: Metric) -> list[Point]:
+    """Return points of the faces of a slice that are none of its isolated solutions."""
+    points: list[Point] = []
+    for face in found.faces:
+        for x in face.representatives:
+            new = lone_point(face, x, metric)
+            known = [*found.points, *points]
+            if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in known):
+                points.append(new)
+    return points
 
 
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
     Where exact arithmetic takes too long, at least one cell is undecided. An empty slice is always
-    checked in this way.
+    checked in this way. What has no digit is no solution, but leaves its cell undecided.
     """
     found = solve_slice(system, metric, alpha)
     doubt = _leaves_doubt(system, metric, found) or _is_empty(found)
     exactly = solve_exactly(system, metric, alpha) if doubt else None
     if exactly is not None:
-        return replace(exactly, faces=found.faces)
-    return replace(found, undecided=max(found.undecided, 1)) if doubt else found
+        alone = tuple(point for point in found.points if point.known_signs == ALONE)
+        return _certain(replace(exactly, points=exactly.points + alone, faces=found.faces), metric)
+    return _certain(replace(found, undecided=max(found.undecided, 1)), metric) if doubt else found
+
+
+def _certain(found: Slice, metric: Metric) -> Slice:
+    """Return a slice without the points that have no digit."""
+    points = [p for p in found.points if has_digits(p.x, p.error, metric.scale)]
+    lost = len(found.points) - len(points)
+    return replace(found, points=tuple(points), undecided=found.undecided + lost)
 
 
 def _is_empty(found: Slice) -> bool:
@@ -161,7 +194,10 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
         )
     how = ["in exact arithmetic"] if found.exact else []
     cells = f"cell{'s' if len(found.faces) > 1 else ''}"
-    how += [f"but for {len(found.faces)} {cells} with infinitely many"] if found.faces else []
+    if found.faces:
+        how += [
+            f"but for {len(found.faces)} {cells} with infinitely many, of which some are listed"
+        ]
     return f"complete ({', '.join(how)})" if how else "complete"
 
 
@@ -178,6 +214,8 @@ def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> So
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
     """Return the sum of signs to the right of a point, and the kind of point."""
+    if point.known_signs == ALONE:
+        return 0, Kind.DEGENERATE
     if len(point.characters) <= 2:
         signs = point.known_signs or _signs(system, metric, point)
         if len(signs) == 1:

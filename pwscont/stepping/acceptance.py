@@ -38,6 +38,7 @@ from pwscont.curve.root import Root
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.linear.vectors import dot
+from pwscont.stepping.looks import farthest_off
 from pwscont.stepping.stepper import BESIDE, CurvedSegment
 
 #: Largest correction, as a part of the step.
@@ -89,6 +90,11 @@ def accepted(
     strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
+    if strain <= 1.0:
+        inside = farthest_off(segment, corrected.factor, step_size.gap, OFF * length)
+        strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
+        if 1.0 < strain < math.inf:
+            strain = inside / (OFF * length + _noise(curve, corrected))
     if not strain <= 1.0:
         return Failure(FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)

@@ -7,6 +7,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
 
+import numpy as np
+
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
@@ -136,6 +138,20 @@ class CurvedSegment(Segment):
         point = plus(point, first * by, leaving)
         return plus(point, -last * to, arriving)
 
+    def combined(self, weights: Array) -> Array:
+        """Return points of the cubic through both ends, shape (k, n + 1).
+
+        Parameters
+        ----------
+        weights : ndarray, shape (k, 3)
+            Of the chord and the tangents at the start and the end, for a segment of length one.
+        """
+        (leaving, by), (arriving, to), length = self.leaving, self.arriving, self.length
+        ways = np.array([self.chord, leaving, arriving])
+        points: Array = (weights * (length, length * by, length * to)).dot(ways)
+        points += self.start.x
+        return points
+
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
         (leaving, by), (arriving, to) = self.leaving, self.arriving
@@ -182,7 +198,17 @@ def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
 
 
 class Stepper(ABC):
-    """Owns one step along the curve of a frozen selection; what follows is the loop's policy."""
+    """Owns one step along the curve of a frozen selection; what follows is the loop's policy.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, NaturalParameter, Stepper, explore
+    >>> isinstance(NaturalParameter(), Stepper)
+    True
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> len(explore(problem, (-1.0, 2.0), stepper=NaturalParameter()).pieces)
+    2
+    """
 
     @abstractmethod
     def step(
@@ -239,3 +265,10 @@ class Stepper(ABC):
             step, or the step would not be true: it is then found in a step beyond it.
         """
         return None
+
+    def stretched(self, factor: float) -> Stepper:
+        """Return a stepper whose longest step is so many times as long; default: the same one.
+
+        It is asked for where a piece runs towards infinity, by steps in proportion to its size.
+        """
+        return self

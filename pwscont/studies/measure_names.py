@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from functools import partial
 from typing import Any
 
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
@@ -22,9 +23,16 @@ from pwscont.studies.measures import (
 )
 
 
-def _critical(text: str) -> Measure:
-    setting, lo, hi = text.split(":")
-    return CriticalValue(setting, float(lo), float(hi))
+def _critical(text: str, bracket: bool = False) -> Measure:
+    setting, lo, hi, *tolerance = text.split(":")
+    return CriticalValue(setting, float(lo), float(hi), tolerance=_only(tolerance), bracket=bracket)
+
+
+def _only(tolerance: list[str]) -> float | None:
+    """Return the tolerance that may stand at the end."""
+    if len(tolerance) > 1:
+        raise ValueError("more than a tolerance behind the bracket")
+    return float(tolerance[0]) if tolerance else None
 
 
 def _largest(text: str) -> Measure:
@@ -46,7 +54,8 @@ SIMPLE: Mapping[str, Callable[[], Measure]] = {
 }
 WITH_VALUE: Mapping[str, tuple[str, Callable[[str], Measure]]] = {
     "count-at": ("ALPHA", lambda text: CountAt(float(text))),
-    "critical": ("SETTING:LO:HI", _critical),
+    "critical": ("SETTING:LO:HI[:TOLERANCE]", _critical),
+    "critical-bracket": ("SETTING:LO:HI[:TOLERANCE]", partial(_critical, bracket=True)),
     "largest": ("QUANTITY@ALPHA", _largest),
     "smallest": ("QUANTITY@ALPHA", _smallest),
 }

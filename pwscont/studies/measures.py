@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
 from numbers import Real
 from typing import Any, TypeAlias, final
 
@@ -24,12 +24,23 @@ from pwscont.studies.explored import ExploredCase
 from pwscont.studies.problem import described
 
 Measured: TypeAlias = bool | int | float | str | tuple[Any, ...] | None
-#: A critical value is known to this part of the interval in which it is searched.
-TOLERANCE = 1e-9
+#: Where no tolerance is given, a bracket is bisected to this part of its length.
+BRACKET_PART = 1e-9
 
 
 class Measure(ABC):
-    """Something that is measured of each case; it must be the same whenever it is measured."""
+    """Something that is measured of each case; it must be the same whenever it is measured.
+
+    Examples
+    --------
+    >>> from pwscont import Measure, Study
+    >>> class Pieces(Measure):
+    ...     def of(self, case):
+    ...         return len(case.graph.pieces)
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"pieces": Pieces()})
+    >>> [row.values["pieces"] for row in bar.run()]
+    [3]
+    """
 
     #: The further settings that are varied to measure it.
     varied: tuple[str, ...] = ()
@@ -63,7 +74,15 @@ class OfGraph(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class CountAt(Measure):
-    """The number of solutions at one alpha; infinite on a vertical piece."""
+    """The number of solutions at one alpha; infinite on a vertical piece.
+
+    Examples
+    --------
+    >>> from pwscont import CountAt, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": CountAt(2.5)})
+    >>> [row.values["asked"] for row in bar.run()]
+    [3]
+    """
 
     alpha: float
 
@@ -79,7 +98,15 @@ class CountAt(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class MaxCount(Measure):
-    """The largest number of solutions at any alpha of the interval."""
+    """The largest number of solutions at any alpha of the interval.
+
+    Examples
+    --------
+    >>> from pwscont import MaxCount, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": MaxCount()})
+    >>> [row.values["asked"] for row in bar.run()]
+    [3]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the largest number, infinite where a piece is vertical."""
@@ -95,7 +122,15 @@ def most_solutions(graph: BranchGraph) -> int | float:
 @final
 @dataclass(frozen=True, slots=True)
 class NonUnique(Measure):
-    """The intervals of alpha with more than one solution: pairs (lo, hi), ascending."""
+    """The intervals of alpha with more than one solution: pairs (lo, hi), ascending.
+
+    Examples
+    --------
+    >>> from pwscont import NonUnique, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": NonUnique()})
+    >>> [[round(end, 6) for end in row.values["asked"][0]] for row in bar.run()]
+    [[2.25, 3.0]]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the intervals; one with equal ends is a single alpha."""
@@ -105,7 +140,15 @@ class NonUnique(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class NonUniqueLength(Measure):
-    """The length of all intervals of alpha with more than one solution."""
+    """The length of all intervals of alpha with more than one solution.
+
+    Examples
+    --------
+    >>> from pwscont import NonUniqueLength, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": NonUniqueLength()})
+    >>> [round(row.values["asked"], 6) for row in bar.run()]
+    [0.75]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the sum of the lengths."""
@@ -128,7 +171,15 @@ def non_unique(graph: BranchGraph) -> tuple[tuple[float, float], ...]:
 @final
 @dataclass(frozen=True, slots=True)
 class FirstFold(Measure):
-    """The smallest alpha at which a branch turns, smoothly or not; None without folds."""
+    """The smallest alpha at which a branch turns, smoothly or not; None without folds.
+
+    Examples
+    --------
+    >>> from pwscont import FirstFold, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": FirstFold()})
+    >>> [round(row.values["asked"], 6) for row in bar.run()]
+    [2.25]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return alpha of the first fold."""
@@ -148,6 +199,13 @@ class QuantityAt(Measure):
     alpha : float
     of_all : callable
         What to take of the values of all solutions there: ``max``, ``min``, ``tuple``, ...
+
+    Examples
+    --------
+    >>> from pwscont import QuantityAt, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"force": QuantityAt("force", 2.0)})
+    >>> [round(row.values["force"], 6) for row in bar.run()]
+    [0.666667]
     """
 
     quantity: str
@@ -181,32 +239,51 @@ def has_several(graph: BranchGraph) -> bool:
 class CriticalValue(Measure):
     """The value of a further setting at which something begins, by bisection.
 
-    At every value tried the system is explored, and the graph itself is asked. The guarantee of the
-    case is that of the least certain graph: where it is not complete, what was not seen may be
-    there nevertheless.
+    At every value tried the system is explored, and the graph is asked. The guarantee of the case
+    is the guarantee of the least certain graph: where that graph is not complete, a solution that
+    was not seen may be there nevertheless.
 
     Attributes
     ----------
     setting : str
     lo, hi : float
-        Where to look: something is there at hi and not at lo. Where it is not at hi either, the
-        value is None; where it is there at lo, the critical value is smaller, and the case fails.
-        Of several changes between them one is found.
+        The first bracket: something is there at hi and not at lo. If nothing is there at hi, the
+        value is None; if something is there at lo, the critical value is smaller, and the case
+        fails. If something begins several times in between, one of these values is found.
     begins : callable
         BranchGraph -> bool; default whether some alpha has more than one solution.
-    tolerance : float
-        Part of hi - lo to which the value is known; it is the end of the last bracket at which
-        something is there.
+    tolerance : float, optional
+        Longest last bracket, in units of the setting; default 1e-9 times hi - lo.
+    bracket : bool
+        Whether the value is the last bracket, (lo, hi); default the upper end of the last bracket,
+        at which something is there.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, CriticalValue, Study
+    >>> def case(coupling, shift):
+    ...     return LCP([[1, coupling], [coupling, 1]], q=[-1, shift], d=[1, 0]), (-1.0, 2.0)
+    >>> critical = CriticalValue("coupling", 0.5, 2.0, tolerance=0.01, bracket=True)
+    >>> (row,) = Study(case, {"shift": [-1.0]}, {"coupling": critical}).run()
+    >>> row.values["coupling"]
+    (0.998046875, 1.00390625)
     """
 
     setting: str
     lo: float
     hi: float
     begins: Callable[[BranchGraph], bool] = has_several
-    tolerance: float = TOLERANCE
+    tolerance: float | None = None
+    bracket: bool = False
 
     def __post_init__(self) -> None:
-        """Check the bracket."""
+        """Check bracket and tolerance."""
+        known = self.tolerance
+        if known is not None and not (isinstance(known, Real) and 0.0 < known < inf):
+            raise InvalidInputError(
+                f"critical value of {self.setting}: tolerance must be a positive number in units "
+                f"of {self.setting}, got {short(repr(known))}"
+            )
         if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
             raise InvalidInputError(
                 f"critical value of {self.setting}: lo must be less than hi, and both finite, "
@@ -219,7 +296,7 @@ class CriticalValue(Measure):
         return (self.setting,)
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return the critical value."""
+        """Return the critical value, or its bracket."""
         if not self._is_there(case, self.hi):
             return None
         if self._is_there(case, self.lo):
@@ -227,16 +304,19 @@ class CriticalValue(Measure):
                 f"{self.setting} = {self.lo:g} is beyond the critical value already: choose a "
                 "smaller one"
             )
-        return self._bisected(case)
+        last = self._bisected(case)
+        return last if self.bracket else last[1]
 
-    def _bisected(self, case: ExploredCase) -> float:
-        lo, hi = self.lo, self.hi
-        while hi - lo > self.tolerance * (self.hi - self.lo):
+    def _bisected(self, case: ExploredCase) -> tuple[float, float]:
+        """Return the last bracket: nothing is there at its lower end, something at its upper."""
+        lo, hi = float(self.lo), float(self.hi)
+        tolerance = self.tolerance or BRACKET_PART * (hi - lo)
+        while hi - lo > tolerance:
             middle = 0.5 * (lo + hi)
             if not lo < middle < hi:
                 break
             lo, hi = (lo, middle) if self._is_there(case, middle) else (middle, hi)
-        return hi
+        return lo, hi
 
     def _is_there(self, case: ExploredCase, value: float) -> bool:
         return bool(self.begins(case.beside(**{self.setting: value})))

@@ -49,6 +49,15 @@ class StudyResult:
         The problem, the settings, the measures, and the versions of what computed them.
     interrupted : bool
         Whether Ctrl-C ended the study.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, Study
+    >>> def case(coupling):
+    ...     return LCP([[1, coupling], [coupling, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0)
+    >>> result = Study(case, {"coupling": [0.5, 2.0]}, ["max-count"]).run()
+    >>> result.column("max-count").tolist(), result.is_finished
+    ([1, 3], True)
     """
 
     def __init__(self, store: Store, graphs: Path | None = None, interrupted: bool = False) -> None:

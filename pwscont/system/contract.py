@@ -20,7 +20,7 @@ from pwscont.basics.arrays import (
     joined,
 )
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
 from pwscont.system.hidden import shown_size
@@ -142,7 +142,8 @@ def _has_methods(system: PiecewiseSystem) -> bool:
 def checked_size(system: PiecewiseSystem) -> int:
     """Return the number of unknowns, or say that the system has none."""
     size = getattr(system, "size", None)
-    if not isinstance(size, int | np.integer) or size < 1:
+    is_number = isinstance(size, int | np.integer) and not isinstance(size, bool)
+    if not is_number or size < 1:
         raise InvalidSystemError(
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )
@@ -163,6 +164,22 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
             f"{type(system).__name__}.scale() must return {system.size} positive numbers"
         )
     return scale
+
+
+def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
+    """Return typical magnitudes that a caller gives, shape (size,), None where there are none.
+
+    Raises
+    ------
+    InvalidInputError
+        If they are not positive numbers that can be broadcast to that shape.
+    """
+    if magnitudes is None:
+        return None
+    scale = finite_array("scale", magnitudes)
+    if scale.shape not in ((), (1,), (size,)) or not (scale > 0.0).all():
+        raise InvalidInputError(f"scale must be {size} positive numbers, got {magnitudes!r}")
+    return np.broadcast_to(scale, (size,)).copy()
 
 
 def check_names(system: PiecewiseSystem) -> None:

@@ -19,6 +19,7 @@ from pwscont.basics.looks import card, counted, short
 from pwscont.system.blocks import Block
 from pwscont.system.differences import Differences
 from pwscont.system.shapes import own_array
+from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
@@ -26,7 +27,7 @@ MANY_TESTS = 16
 OWN = ("__weakref__", "_differences")
 
 
-class PiecewiseSystem(ABC):
+class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
@@ -51,6 +52,19 @@ class PiecewiseSystem(ABC):
         problem); default False. One found is then all, and two are an error in the promise.
     line_styles : mapping of str to matplotlib's line styles
         How pictures draw the pieces of a label; default in the order in which they occur.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseSystem, explore
+    >>> class ArchOverStop(PiecewiseSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+    ...         return z * (z - 1.0) * (z - 2.0) + stop - alpha
+    >>> explore(ArchOverStop(), (-0.5, 1.0)).count(0.2)
+    3
     """
 
     __slots__ = ("__dict__", "__weakref__", "_differences")
@@ -132,7 +146,17 @@ class PiecewiseSystem(ABC):
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
         own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
-        return own or (self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any()))
+        return own or self.is_measured
+
+    @property
+    def knows_jacobian(self) -> bool:
+        """Whether derivatives are more than differences that depend on typical magnitudes."""
+        return type(self).jacobian is not PiecewiseSystem.jacobian
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether a run found typical magnitudes that differ from one."""
+        return self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any())
 
     @property
     def _is_fitted(self) -> bool:
@@ -276,6 +300,18 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     The promise lets pwscont list all solutions at one alpha by solving one linear system per
     cell. A system whose cells are all combinations of the modes of independent parts (contact
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
+
+    Examples
+    --------
+    >>> from pwscont import SlicewiseLinearSystem, explore
+    >>> class Spring(SlicewiseLinearSystem):  # alpha multiplies z: affine in z alone
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha**2 + (alpha * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete but for closed loops'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
@@ -310,6 +346,18 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
     to corner without a step size. The default Jacobians are exact here, because differences
     of affine functions are.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseLinearSystem, explore
+    >>> class Spring(PiecewiseLinearSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha + (3.0 * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:

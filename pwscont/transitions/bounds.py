@@ -2,8 +2,13 @@
 
 Failure modes and answers
 -------------------------
-- A piece may run along a bound, as a multiplier that stays zero does: a distance that is zero,
-  and stays so, is no event.
+- A piece may run along a bound, as a multiplier that stays zero does, or touch a bound: Newton
+  leaves its points on either side. An unknown leaves its bounds only where it is beyond them by
+  more than the error of the point.
+- The last correction of Newton may be smaller than rounding by chance: where a point is beyond a
+  bound by next to nothing its error is estimated anew.
+- Where branches cross on a bound, those that leave the bounds are not followed: the point says so,
+  for they take their sign out of the sum of signs.
 - A test may vanish where a bound is met, as the test of a complementarity does: the rays of that
   transition that stay within the bounds are followed.
 """
@@ -15,17 +20,23 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude
+from pwscont.curve.uncertainty import uncertainty_beside
 from pwscont.stepping.stepper import Segment
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
+
+#: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
+LEVEL = EPS**0.5
+EVERY = slice(None)
 
 
 @final
@@ -49,32 +60,46 @@ class Bounds(TransitionDetector):
         self._names = names
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the distances to the bounds; a distance that is zero and stays so is set to 1."""
-        values = self._side * (state.x[self._which] - self._limit)
-        slopes = self._side * state.tangent[self._which]
-        rides = self._is_on(curve, state) & (np.abs(slopes) <= self._flat(curve, state))
-        values[rides], slopes[rides] = 1.0, 0.0
+        """Return the distances to the bounds; one that the state is on is positive."""
+        values, slopes = self._distances(state), self._side * state.tangent[self._which]
+        on = self._is_on(curve, state)
+        values[on] = self._rounding(curve, on)
+        slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
-    def _is_on(self, curve: Curve, state: State) -> Array:
-        """Tell for which bounds the state is on them, but for rounding."""
-        error = state.size[self._which]
-        rounding = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
-        on: Array = np.abs(state.x[self._which] - self._limit) <= CONFIDENCE * (error + rounding)
+    def _distances(self, state: State) -> Array:
+        """Return how far a state is inside of each bound."""
+        inside: Array = self._side * (state.x[self._which] - self._limit)
+        return inside
+
+    def _is_on(self, curve: Curve, state: State) -> Signs:
+        """Tell for which bounds the state is on them, but for its error."""
+        off, rounding = np.abs(self._distances(state)), self._rounding(curve)
+        on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
+        doubtful = ~on & (off <= self._level(curve, state))
+        if doubtful.any():
+            error = magnitude(state.x, uncertainty_beside(curve, state))[self._which]
+            on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
-    def _flat(self, curve: Curve, state: State) -> Array:
-        """Return the size below which a slope is rounding."""
-        flat: Array = GUARD * EPS * (curve.metric.scale + np.abs(state.x))[self._which]
-        return flat
+    def _rounding(self, curve: Curve, some: Signs | slice = EVERY) -> Array:
+        """Return the rounding of distances to bounds."""
+        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))[some]
+        return rounding
+
+    def _level(self, curve: Curve, state: State) -> Array:
+        """Return slopes that are none, and distances that may be the error of a point."""
+        level = GUARD * EPS if curve.selection.is_straight else LEVEL
+        sizes: Array = level * (curve.metric.scale + np.abs(state.x))[self._which]
+        return sizes
 
     def left_by(self, ray: Ray) -> str | None:
         """Return in words which bound a ray leaves at once, None if none."""
         if not len(self._which):
             return None
-        slopes = self._side * ray.state.tangent[self._which]
-        out = slopes < -self._flat(ray.curve, ray.state)
-        found = np.flatnonzero(self._is_on(ray.curve, ray.state) & out)
+        curve, state = ray.curve, ray.state
+        out = self._side * state.tangent[self._which] < -self._level(curve, state)
+        found = np.flatnonzero(self._is_on(curve, state) & out) if out.any() else ()
         return self._message(int(found[0])) if len(found) else None
 
     def _message(self, index: int) -> str:

@@ -75,7 +75,7 @@ class SmoothFolds(TransitionDetector):
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
         forth = Ray(curve, state)
-        message = f"fold on {curve.selection.label}"
+        message = f'fold within "{curve.selection.label}"'
         return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
 
 

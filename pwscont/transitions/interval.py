@@ -95,7 +95,7 @@ def _onwards(segment: CurvedSegment, state: State) -> State:
 
 def _turning(forth: Ray) -> SpecialPointFound:
     """Return the fold at which a curve turns at an end."""
-    message = f"fold on {forth.curve.selection.label}, at the end of the interval"
+    message = f'fold within "{forth.curve.selection.label}", at the end of the interval'
     return SpecialPointFound(Kind.FOLD, forth.state.x, message, (forth.reversed(), forth))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import counted
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, SpecialPoint
 from pwscont.graph.connected import connected
@@ -19,7 +20,7 @@ from pwscont.graph.presentation import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, styles_of
-from pwscont.scenes.symbols import GREEK
+from pwscont.scenes.symbols import in_letters
 from pwscont.view.numbers import Numbers, is_curved
 
 #: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
@@ -151,12 +152,13 @@ def _branches(graph: BranchGraph) -> dict[int, int]:
 
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
     """Return what is said of a special point when the pointer is over it."""
-    name = GREEK.get(graph.parameter, graph.parameter)
+    name = in_letters(graph.parameter)
     lines = [f"{name} = {_alpha(graph, point.alpha)}", point.message]
     lines += [point.events] if point.events else []
     lines += [f"{name} = {_value(value)}" for name, value in attempted(point).items()]
     few = point.digits < FEW_DIGITS
-    return [line for line in lines if line] + [f"only {int(point.digits)} digits known"] * few
+    known = f"only {counted(int(point.digits), 'digit')} known"
+    return [line for line in lines if line] + [known] * few
 
 
 def _alpha(graph: BranchGraph, alpha: float) -> str:

@@ -1,0 +1,167 @@
+"""What lies inside a step: places at which H tells whether the curve is where the cubic leads.
+
+Two folds of a bump that is far narrower than the step leave no trace at its ends. Only values of H
+inside the step show such a bump, and only next to it.
+
+Failure modes and answers
+-------------------------
+- A bump between two places: neighbouring places are about :attr:`~pwscont.StepSize.gap` apart.
+  What is narrower may be passed over.
+- H repeats itself as places do: their distances vary, as multiples of the golden section do.
+- At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
+  the distances from the cubic vary. Along a smooth curve they are u^2 (1 - u)^2 times a polynomial.
+  Where they are not, places around the one that stands out are looked at, closer and closer.
+- The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
+  points of the curve next to the places must be in order. Points that are not are corrected before
+  they count.
+- Looking must cost less than the step: one residual for each place, all solved for at once with the
+  factorisation of the end; fewer places where there are many unknowns.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import ceil, inf, sqrt
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, largest
+from pwscont.basics.rounding import CONVERGED
+from pwscont.linear.factorise import Factor
+from pwscont.stepping.stepper import CurvedSegment
+
+#: No step is looked at in more places than these.
+MOST = 64
+#: Up to so many unknowns a look costs little beside a step.
+FEW = 8
+#: How much the distances between places vary, as a part of them.
+UNEVEN = 0.3
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+#: Distances from the cubic are smooth up to this part of the largest.
+ROUGH = 0.05
+#: Distances from the cubic, in the metric, below which nothing is read from how these vary.
+INVISIBLE = 10.0 * CONVERGED
+#: So many places around one that stands out are looked at, so often, in ever so much less room.
+CLOSER, ROUNDS, ZOOM = 8, 3, 0.25
+#: Degree of the polynomial that is taken for smooth; no more than a third of the places.
+SMOOTH = 3
+
+
+def gap_between_looks(gap: float, size: int) -> float:
+    """Return how far apart places are with so many unknowns, in the metric."""
+    return gap * sqrt(max(size / FEW, 1.0))
+
+
+def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:
+    """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
+
+    Parameters
+    ----------
+    segment : CurvedSegment
+    factor : Factor
+        A factorisation [J; border] from its end.
+    gap : float
+        The distance between places, in the metric.
+    allowed : float
+        Places are not looked at more closely where the curve is farther from the cubic than this.
+    """
+    count = min(ceil(segment.length / gap_between_looks(gap, len(segment.chord) - 1)) - 1, MOST)
+    if count < 1 or segment.curve.selection.is_straight:
+        return 0.0
+    off, alphas = _looked_at(segment, factor, _at_places(count))
+    worst = largest(np.abs(off)) if len(off) else 0.0
+    if not worst <= allowed:
+        return worst if worst > allowed else inf  # perhaps it is not a number
+    if worst > INVISIBLE and len(off) == count:
+        rough = np.abs(_rough(count) @ off).max(axis=1)
+        odd = int(rough.argmax())
+        if rough[odd] > ROUGH * worst + INVISIBLE:
+            around = float(places(count)[odd]), 1.0 / count
+            worst = max(worst, _close_in(segment, factor, around, allowed))
+    turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
+    return inf if turns else worst
+
+
+@lru_cache(maxsize=MOST)
+def places(count: int) -> Array:
+    """Return so many places inside a step, as parts of it, at uneven distances."""
+    j = np.arange(1.0, count + 1.0)
+    return (j + UNEVEN * ((j * GOLDEN) % 1.0 - 0.5)) / (count + 1.0)
+
+
+@lru_cache(maxsize=MOST)
+def _rough(count: int) -> Array:
+    """Return the projection on what of distances from the cubic at some places is not smooth."""
+    u = places(count)
+    smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH, count // 3) + 1)
+    q = np.linalg.qr(smooth)[0]
+    rough: Array = np.eye(count) - q @ q.T
+    return rough
+
+
+def _weights(u: Array) -> Array:
+    """Return what a cubic makes of its chord and its tangents at parts of it, shape (k, 3)."""
+    v = 1.0 - u
+    first, last = u * v * v, v * u * u
+    return np.stack([u - first + last, first, -last], axis=1)
+
+
+@lru_cache(maxsize=MOST)
+def _at_places(count: int) -> Array:
+    return _weights(places(count))
+
+
+def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[Array, Array]:
+    """Return how far the curve is off the cubic at some places, and the alphas of the curve there.
+
+    The distances are in typical magnitudes, shape (k, n + 1). Places outside the interval are left
+    out.
+    """
+    metric, residual = segment.curve.metric, segment.curve.selection.residual_and
+    points = [x for x in segment.combined(weights) if metric.admits(x)]
+    if not points:
+        return np.empty((0, len(segment.chord))), np.empty(0)
+    off = factor.solve_all(np.array([residual(x, 0.0) for x in points]))
+    return off / metric.scale, np.array(points)[:, -1] - off[:, -1]
+
+
+def _close_in(
+    segment: CurvedSegment, factor: Factor, around: tuple[float, float], allowed: float
+) -> float:
+    """Return how far off the curve is within a distance of a place, looked at ever closer."""
+    (odd, apart), worst = around, 0.0
+    for _ in range(ROUNDS):
+        u = odd + apart * np.linspace(-1.0, 1.0, CLOSER + 2)[1:-1]
+        u = u[(u > 0.0) & (u < 1.0)]
+        off, alphas = _looked_at(segment, factor, _weights(u))
+        if not len(off) or len(off) < len(u):
+            break
+        sizes = np.abs(off).max(axis=1)
+        worst = max(worst, float(sizes.max()))
+        if not worst <= allowed or (_turns(segment, alphas) and _really_turns(segment, factor, u)):
+            return inf
+        odd, apart = float(u[sizes.argmax()]), ZOOM * apart
+    return worst
+
+
+def _turns(segment: CurvedSegment, alphas: Array) -> bool:
+    """Tell whether alpha turns more often than the slopes at both ends of a step say."""
+    start, end = segment.start, segment.end
+    steps = np.empty(len(alphas) + 1)
+    steps[:-1], steps[-1] = alphas, end.alpha
+    steps[1:] -= alphas
+    steps[0] -= start.alpha
+    leaving, arriving = float(start.tangent[-1]), float(end.tangent[-1])
+    least = CONVERGED * segment.curve.metric.width
+    if leaving * arriving > 0.0:  # nearly always
+        return bool((steps if leaving < 0.0 else -steps).max() > least)
+    signs = np.sign(steps[np.abs(steps) > least])
+    signs = np.concatenate([[leaving], signs, [arriving]])
+    signs = signs[signs != 0.0]
+    return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
+
+
+def _really_turns(segment: CurvedSegment, factor: Factor, u: Array) -> bool:
+    """Tell the same from points of the curve itself."""
+    points = [segment.point(s * segment.length, factor) for s in u]
+    return _turns(segment, np.array([x[-1] for x in points if x is not None]))
