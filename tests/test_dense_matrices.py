@@ -11,7 +11,7 @@ from pwscont.curve.curve import Curve, LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.linear.factor import power_of_two
-from pwscont.linear.factorise import bordered, inner, last_unit
+from pwscont.linear.factorise import bordered, factor, inner, last_unit
 from pwscont.linear.updates import TOGETHER, Changes, ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection

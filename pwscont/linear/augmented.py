@@ -5,8 +5,8 @@ Newton's method for branch points solves with this matrix, see :mod:`pwscont.cur
 Failure modes and answers
 -------------------------
 - The full rows and the full column would fill a sparse factorisation: rows and columns are added
-  one by one to an LU of B, the part of J for z. First come the borders that make up for the rank that B
-  lacks, then the column for alpha.
+  one by one to an LU of B, the part of J for z. First come the borders that make up for the rank
+  that B lacks, then the column for alpha.
 - B lacks two ranks, where two vertical curves cross: the whole matrix is factorised, sparse, at
   whatever cost.
 """
