@@ -15,7 +15,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
-from pwscont.continuation.gauge import Gauge
+from pwscont.continuation.gauge import Gauge, MisjudgedError
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.slopes import refuse_wrong_jacobian
@@ -129,7 +129,7 @@ class PieceFollower(Follower):
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         if not curve.selection.is_straight:
             selection = curve.selection
@@ -170,10 +170,18 @@ class PieceFollower(Follower):
         """Go to the end of a step; return the piece if an event of a user ends it on the way."""
         if end := self._ended_by_event(reached, step, step.length):
             return end
-        if self.gauge:
-            self.gauge.see(step.start.x, step.end.x)
         reached.go_to(step, before)
+        if self.gauge:
+            self._measure(reached, step, self.gauge)
         return None
+
+    def _measure(self, reached: _Reached, step: CurvedSegment, gauge: Gauge) -> None:
+        """Let a gauge see a step; what leaves for infinity says nothing of typical magnitudes."""
+        try:
+            gauge.see(step.start.x, step.end.x)
+        except MisjudgedError:
+            if not reached.shrinks():
+                raise
 
     def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
         """Return the next step; of a long piece it is longer the farther the piece has gone."""
@@ -287,20 +295,30 @@ class _Reached:
     def is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Where the distance from its beginning doubles, alpha changes by less and less; all these
-        changes together are next to nothing.
+        All changes of alpha that are still to come are next to nothing together.
         """
-        points, metric = np.array(self.points), self.curve.metric
-        away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
-        if away[-1] < FAR or away[-1] < away.max():
-            return False
-        last, half, quarter = (
-            points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
-        )
-        late, early = abs(last - half), abs(half - quarter)
+        late, _ = self._changes()
         rest = late * SHRINKING / (1.0 - SHRINKING)
-        is_next_to_nothing = rest <= ALMOST * metric.width or len(points) > MANY_LOOKED
-        return bool(late <= SHRINKING * early and is_next_to_nothing)
+        is_next_to_nothing = rest <= ALMOST * self.curve.metric.width
+        return self.shrinks() and (is_next_to_nothing or len(self.points) > MANY_LOOKED)
+
+    def shrinks(self) -> bool:
+        """Tell whether alpha changes by less and less where the distance doubles, far away."""
+        late, early = self._changes()
+        return late <= SHRINKING * early
+
+    def _changes(self) -> tuple[float, float]:
+        """Return how alpha changed while the distance doubled, and doubled before; infinite near.
+
+        Infinite, too, where the piece has been farther away.
+        """
+        points = np.array(self.points)
+        away = np.linalg.norm((points - points[0]) / self.curve.metric.scale, axis=1)
+        if away[-1] < max(FAR, away.max()):
+            return np.inf, 0.0
+        parts = (np.argmax(away >= part * away[-1]) for part in (1.0, 0.5, 0.25))
+        last, half, quarter = (float(points[i, -1]) for i in parts)
+        return abs(last - half), abs(half - quarter)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""
