@@ -50,6 +50,10 @@ USUAL = 20
 SAME = EPS**0.5
 #: Known solutions closer than this, found by few means, are one.
 DISTINCT = 1e-5
+#: Where more was found between the ends, or nothing at all, starts there are tried so many times.
+MOST_ROUNDS = 4
+#: Starts are spread over one typical magnitude, so many times as much, and so on.
+WIDER, WIDTHS = 4.0, 3
 #: A correction moves what a pursuit found by less than this.
 CORRECTED = 1e-3
 MOST_CORRECTIONS = 8
@@ -97,15 +101,30 @@ class Throughout(Search):
         rough = self.ends.guesses(looking.box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from looking.at(alpha, rough)
-        for number, part in enumerate(_spread(self.slices)):
-            alpha = interval[0] + (interval[1] - interval[0]) * part
-            numbers = range(number * self.count, (number + 1) * self.count)
-            yield from looking.at(alpha, map(looking.guess, numbers))
+        for number in range(MOST_ROUNDS):
+            more = False
+            for found in self._between(looking, interval, number):
+                yield found
+                more = True
+            if number and not more:
+                return
+            if not more and known.extremes():
+                return
+
+    def _between(
+        self, looking: _Looking, interval: tuple[float, float], turn: int
+    ) -> Iterator[Found]:
+        """Yield what starts inside the interval lead to; at other alphas and states each turn."""
+        lo, hi = interval
+        for k in range(turn * self.slices, (turn + 1) * self.slices):
+            guesses = map(looking.guess, range(k * self.count, (k + 1) * self.count))
+            yield from looking.at(lo + (hi - lo) * _part(k), guesses)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
         ends = f"Newton from {self.ends.count} starts at both ends (seed {self.ends.seed})"
         what = f"{ends} and {self.count} at {self.slices} values of alpha between, deflated"
+        what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
 
 
@@ -200,10 +219,20 @@ class _Looking:
         )
 
     def guess(self, number: int) -> Array:
-        """Return the state of a start: such points fill space evenly, with heavy tails."""
+        """Return the state of a start: such points fill space evenly, with heavy tails.
+
+        Typical magnitudes may be those of one branch, and another one lie far from there.
+        """
         even = _filling(number, self._system.size)
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
-        return self.box.guess(spread, 0.5 * even, self._metric.scale[:-1])
+        farther = WIDER ** (number % WIDTHS)
+        return self.box.guess(spread, 0.5 * even, farther * self._reach())
+
+    def _reach(self) -> Array:
+        """Return typical magnitudes, or how far known branches reach where that is farther."""
+        reached = [np.abs(x[:-1]) for x in self._known.extremes()]
+        reach: Array = np.max([self._metric.scale[:-1], *reached], axis=0)
+        return reach
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
         """Return a solution near a rough one, None where there is none or no digit is certain."""
@@ -225,10 +254,10 @@ class _Looking:
         return (x, error) if is_usable else None
 
 
-def _spread(count: int) -> list[float]:
-    """Return parts of the interval, evenly spread and well mixed, that avoid special values."""
+def _part(number: int) -> float:
+    """Return a part of the interval; such parts are evenly spread and avoid special values."""
     golden = 0.5 * (5.0**0.5 - 1.0)
-    return [(0.5 + golden * (k + 0.118)) % 1.0 for k in range(count)]
+    return (0.5 + golden * (number + 0.118)) % 1.0
 
 
 def _filling(number: int, size: int) -> Array:
