@@ -45,6 +45,11 @@ FAR = 1e5
 #: A step at fixed alpha is regularised by so much of the merit where the Jacobian is singular.
 DAMPED = 1e-2
 MOST_CORRECTIONS = 5
+#: What is found by a free alpha is moved along the curve by this part of its length: a pursuit may
+#: have ended right beside a kink.
+FARTHER = 0.01
+#: Farther away than so many typical magnitudes, alpha hardly changes below this slope.
+AWAY, ALMOST = 10.0, 1e-3
 #: How much of its length a point is moved before alpha is set free: a minimum of the merit may lie
 #: where H is flat by symmetry.
 ASIDE = 1e-3
@@ -124,20 +129,42 @@ class Pursuit:
         Each of its steps is normal to the curve at that point.
         """
         direction = self.direction(y)
-        if direction is None:
+        found = None if direction is None else self.across(start, y, direction)
+        if found is None:
             return False
+        return _length(self._apart(found, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
+
+    def across(self, start: Array, y: Array, direction: Array) -> Array | None:
+        """Return the point of a curve to which Newton leads in the plane normal to a direction.
+
+        The plane goes through ``y``.
+        """
         for _ in range(MOST_CORRECTIONS):
             here = self._linear(start)
             if here is None:
-                return False
-            matrix = np.vstack([here[1], direction])
-            step = _newton_step(matrix, np.append(here[0], direction.dot(self._apart(start, y))))
+                return None
+            matrix, off = np.vstack([here[1], direction]), direction.dot(self._apart(start, y))
+            step = _newton_step(matrix, np.append(here[0], off))
             if not are_finite(step):
-                return False
+                return None
             start = start + step
             if _length(step) <= ARRIVED * (1.0 + _length(y)):
-                return _length(self._apart(start, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
-        return False
+                return start
+        return None
+
+    def along(self, y: Array) -> Array:
+        """Return another point of the curve through a point, which may be a special one."""
+        direction = self.direction(y)
+        if direction is None:
+            return y
+        for way in (direction, -direction):
+            beside = y + FARTHER * (1.0 + _length(y)) * way
+            if not self._ends[0] <= beside[-1] <= self._ends[1]:
+                continue
+            found = self.across(beside, beside, direction)
+            if found is not None and self._ends[0] <= found[-1] <= self._ends[1]:
+                return found
+        return y
 
     def direction(self, y: Array) -> Array | None:
         """Return the direction of the curve at a point, None where H is not finite."""
@@ -145,11 +172,16 @@ class Pursuit:
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
     def is_flat(self, y: Array, direction: Array) -> bool:
-        """Tell whether alpha changes along the curve neither at a point nor beside it."""
-        if abs(direction[-1]) > LEAN:
+        """Tell whether alpha hardly changes along the curve, neither at a point nor beside it.
+
+        Far away that is so where a pursuit has run to infinity.
+        """
+        far = _length(y) > AWAY
+        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, ASIDE)
+        if abs(direction[-1]) > least:
             return False
-        beside = self.direction(self.aside(y, direction))
-        return beside is None or abs(beside[-1]) <= LEAN
+        beside = self.direction(y + way * direction)
+        return beside is None or abs(beside[-1]) <= least
 
     def aside(self, y: Array, direction: Array) -> Array:
         """Return a point moved aside."""

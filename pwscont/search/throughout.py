@@ -142,6 +142,7 @@ class _Looking:
         self._system, self._metric, self._interval = system, metric, interval
         self.box, self._known = Box.of(system), known
         self._pursuit = Pursuit(system, metric, interval)
+        self._reach = metric.scale[:-1]  # or how far known branches reach where that is farther
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield what starts at one alpha lead to."""
@@ -167,7 +168,7 @@ class _Looking:
         free = self._pursuit.free(self._pursuit.aside(y, direction))
         if free is None or not self._is_inside(free) or self._is_known(free):
             return None
-        return self._standing(free)
+        return self._standing(self._pursuit.along(free))
 
     def _is_inside(self, y: Array) -> bool:
         lo, hi = self._interval
@@ -198,6 +199,7 @@ class _Looking:
         """Return the known solutions at one alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
+            self._reach = np.maximum(self._reach, np.abs(x[:-1]))
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
         return self._distinct(found)
@@ -226,13 +228,7 @@ class _Looking:
         even = _filling(number, self._system.size)
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
         farther = WIDER ** (number % WIDTHS)
-        return self.box.guess(spread, 0.5 * even, farther * self._reach())
-
-    def _reach(self) -> Array:
-        """Return typical magnitudes, or how far known branches reach where that is farther."""
-        reached = [np.abs(x[:-1]) for x in self._known.extremes()]
-        reach: Array = np.max([self._metric.scale[:-1], *reached], axis=0)
-        return reach
+        return self.box.guess(spread, 0.5 * even, farther * self._reach)
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
         """Return a solution near a rough one, None where there is none or no digit is certain."""
