@@ -38,7 +38,6 @@ from pwscont.extending import (
     locate_sign_change,
 )
 from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds
-from pwscont.transitions.events import checked_events
 
 STEPPERS = [
     PseudoArclength(),
@@ -52,7 +51,6 @@ DETECTORS = [
     BoundingTests(),
     IntervalEnds(-5.0, 5.0),
     SmoothFolds(),
-    checked_events({"level": lambda z, alpha: z[0] ** 2 - 0.3, "place": lambda z, alpha: alpha}),
 ]
 SEARCHES = [EndPoints(), Slices((0.1, 0.3)), MultiStart(), EndPoints() + MultiStart()]
 

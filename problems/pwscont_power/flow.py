@@ -81,6 +81,16 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     InvalidInputError
         If the shapes do not fit, magnitudes are not positive, or a part of the network is not
         connected to the slack.
+
+    Examples
+    --------
+    >>> from pwscont import trace
+    >>> from pwscont_power import Branch, Generator, Network, PowerFlow
+    >>> line = (Branch(1, 2, 0.0, 0.5),)
+    >>> network = Network((1, 2), line, (Generator(1, 1.0),), slack=1, load=[0, 1.0])
+    >>> graph = trace(PowerFlow(network), ([0.0, 1.0], 0.1), (0.1, 2.0), parameter="lambda")
+    >>> [round(p.alpha, 6) for p in graph.special_points("fold")]  # 1 / (2 x)
+    [1.0]
     """
 
     def __init__(
@@ -268,7 +278,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     @property
     def gives_scale(self) -> bool:
         """Whether magnitudes were given, or a run found them."""
-        return self._scale is not None or self.is_measured
+        return self._scale is not None or bool((super().scale(0.0, 0.0) != 1.0).any())
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return the magnitudes that were given."""

@@ -1,4 +1,4 @@
-"""The derivatives of the power into a network."""
+"""Derivatives of the power that flows into a network."""
 
 from __future__ import annotations
 

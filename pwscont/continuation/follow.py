@@ -16,20 +16,31 @@ from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
 from pwscont.continuation.gauge import Gauge
-from pwscont.curve.curve import Curve
+from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detection import first_on_curve, first_on_ray
-from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import ended
+from pwscont.transitions.events import Events
+from pwscont.transitions.events_along import EventsAlong
 from pwscont.transitions.fold_at_end import leaning
+from pwscont.transitions.interval import IntervalEnds
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Readings, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
+#: A piece of more steps may run to infinity: its longest step grows with the distance from where it
+#: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
+MANY_STEPS, NEAR = 150, 2.0
+#: After each so many steps a piece is asked whether it runs to infinity: whether it is farther than
+#: so far from its beginning, and alpha changes by less than this part of the change before whenever
+#: the distance doubles, altogether by less than this part of the interval. The last does not matter
+#: any more after so many steps.
+LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
@@ -102,6 +113,7 @@ class PieceFollower(Follower):
     bounds: Bounds
     straight: StraightTests | None = None
     gauge: Gauge | None = None
+    events: Events | None = None
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
@@ -111,22 +123,26 @@ class PieceFollower(Follower):
             if arrival := self.straight and self.straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
             reached = _Reached(leaning(ray))
+            reached.stops = self.events and self.events.stops_along(ray.curve, ray.state)
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         if not curve.selection.is_straight:
             selection = curve.selection
             refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
-        for _ in range(MOST_STEPS):
+        for number in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
-            segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
+            stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
+            if number % LOOKED == LOOKED - 1 and reached.is_endless():
+                return reached.stopped(str(Failure(FailureReason.ENDLESS)))
+            segment = stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
@@ -148,11 +164,26 @@ class PieceFollower(Follower):
                 longest, blocked = 0.5 * segment.length, event
                 continue
             assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            if self.gauge:
-                self.gauge.see(segment.start.x, segment.end.x)
-            reached.go_to(segment, before)
+            if end := self._gone(reached, segment, before):
+                return end
             before, reading, longest, blocked = segment, after, np.inf, None
         return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _gone(
+        self, reached: _Reached, step: CurvedSegment, before: Segment | None
+    ) -> FollowedPiece | None:
+        """Go to the end of a step; return the piece if an event of a user ends it on the way."""
+        if end := self._ended_by_event(reached, step, step.length):
+            return end
+        if self.gauge:
+            self.gauge.see(step.start.x, step.end.x)
+        reached.go_to(step, before)
+        return None
+
+    def _stepper(self, reached: _Reached) -> Stepper:
+        """Return the stepper of a long piece: far from where it began its steps are longer."""
+        factor = reached.distance() / NEAR
+        return self.stepper.stretched(factor) if factor > 1.0 else self.stepper
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
@@ -184,12 +215,33 @@ class PieceFollower(Follower):
 
     def _ended(self, reached: _Reached, segment: Segment, event: Event) -> FollowedPiece:
         """Return the piece that an event on the last step ends."""
-        points = [*reached.points, *reached.between(segment, event), event.state.x]
+        if end := self._ended_by_event(reached, segment, event.position):
+            return end
+        points = [
+            *reached.points,
+            *reached.between(segment, event.position, event.state),
+            event.state.x,
+        ]
         return FollowedPiece(points, self._arrived(event, reached.curve))
+
+    def _ended_by_event(
+        self, reached: _Reached, segment: Segment, length: float
+    ) -> FollowedPiece | None:
+        """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
+        if not (self.events and reached.stops and length > 0.0):
+            return None
+        marks = reached.stops.look(segment, length, len(reached.points))
+        if not marks:
+            return None
+        mark = marks[0]
+        between = reached.between(segment, mark.position, mark.state)
+        points = [*reached.points, *between, mark.state.x]
+        return FollowedPiece(points, self.events.stopped(reached.curve, mark))
 
     def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
         """Return the special point that an event makes, with the ways on that are allowed."""
         arrival = self.watch.ended(event.arrive(curve))
+        arrival = self.events.ended(arrival) if self.events else arrival
         final = ended(arrival)
         return arrival if final is arrival else final.leading(final.rays[:1])
 
@@ -210,6 +262,7 @@ class _Reached:
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
         self.blocked = self._shortened = 0
+        self.stops: EventsAlong | None = None
         self._part = part_of(self.curve)
 
     def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
@@ -225,16 +278,38 @@ class _Reached:
         if self._shortened == MOST_SHORTENED:
             self.refines()
 
+    def distance(self) -> float:
+        """Return how far from its beginning the piece is now."""
+        return self.curve.metric.norm(self.state.x - self.points[0])
+
+    def is_endless(self) -> bool:
+        """Tell whether a long piece leads to infinity while alpha stays inside the interval.
+
+        Where the distance from its beginning doubles, alpha changes by less and less; all these
+        changes together are next to nothing.
+        """
+        points, metric = np.array(self.points), self.curve.metric
+        away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
+        if away[-1] < FAR or away[-1] < away.max():
+            return False
+        last, half, quarter = (
+            points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
+        )
+        late, early = abs(last - half), abs(half - quarter)
+        rest = late * SHRINKING / (1.0 - SHRINKING)
+        is_next_to_nothing = rest <= ALMOST * metric.width or len(points) > MANY_LOOKED
+        return bool(late <= SHRINKING * early and is_next_to_nothing)
+
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""
         self._shortened = 0
         return refined(self.curve, self.state.x)
 
-    def between(self, segment: Segment, event: Event) -> list[Array]:
+    def between(self, segment: Segment, position: float, end: State) -> list[Array]:
         """Return a point between the only two of a curved piece: two alone mean a straight one."""
         if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
             return []
-        middle = segment.point(0.5 * event.position, event.state.located_by)
+        middle = segment.point(0.5 * position, end.located_by)
         return [] if middle is None else [middle]
 
     def stopped(self, why: str) -> FollowedPiece:
@@ -243,3 +318,9 @@ class _Reached:
         back = Ray(self.curve, self.state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
         return FollowedPiece(self.points, arrival)
+
+
+def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
+    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
+    others = [each for each in watched if not isinstance(each, IntervalEnds)]
+    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import isfinite
 from typing import Any, final
 
@@ -15,20 +16,25 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
 from pwscont.basics.given import checked_kind
-from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
+from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.event_division import divide
 from pwscont.continuation.fill import infinite_stretches, is_sign
-from pwscont.continuation.follow import Follower, PieceFollower
+from pwscont.continuation.follow import Follower, PieceFollower, alone
+from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.reentry import Beyond, reentries
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
 from pwscont.graph.records import Stretch
+from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -39,14 +45,7 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
 from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions import (
-    BoundingTests,
-    IntervalEnds,
-    SmoothBranchPoints,
-    SmoothFolds,
-    StraightTests,
-    TransitionDetector,
-)
+from pwscont.transitions import TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
@@ -97,19 +96,6 @@ def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper
     return stepper if stepper is not None else default_stepper(system)
 
 
-def default_detectors(
-    stepper: Stepper, interval: tuple[float, float]
-) -> tuple[TransitionDetector, ...]:
-    """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
-
-    Branch points come before folds, for alpha may turn at a branch point.
-    """
-    ends = IntervalEnds(*interval)
-    if isinstance(stepper, ExactLinear):
-        return ends, StraightTests()
-    return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
-
-
 @final
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -135,6 +121,8 @@ class Plan:
         What corrected a start leaves for its first piece.
     gauge : Gauge, optional
         Judges the typical magnitudes by the path.
+    branches : FollowedBranches
+        What searches may ask about the branches that were followed.
     """
 
     system: PiecewiseSystem
@@ -144,9 +132,10 @@ class Plan:
     metric: Metric
     box: Box
     stepper: Stepper
-    added: tuple[TransitionDetector, ...]
+    added: tuple[TransitionDetector | Events, ...]
     last: LastHeld = field(default_factory=LastHeld)
     gauge: Gauge | None = None
+    branches: FollowedBranches = field(default_factory=FollowedBranches)
 
     @classmethod
     def of(
@@ -154,7 +143,7 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        detectors: tuple[TransitionDetector, ...] = (),
+        detectors: tuple[TransitionDetector | Events, ...] = (),
         magnitudes: Array | None = None,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
@@ -177,7 +166,17 @@ class Plan:
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
         """The default detectors, and those that were added."""
-        return (*default_detectors(self.stepper, self.interval), *self.added)
+        return (*default_detectors(self.stepper, self.interval), *self.foreign)
+
+    @property
+    def foreign(self) -> list[TransitionDetector]:
+        """The detectors that a user gave."""
+        return [each for each in self.added if isinstance(each, TransitionDetector)]
+
+    @property
+    def events(self) -> Events | None:
+        """The events that are watched."""
+        return next((each for each in self.added if isinstance(each, Events)), None)
 
     def told(self, search: Search) -> dict[str, str]:
         """Return the parts of the run in words, all of them."""
@@ -212,14 +211,19 @@ class Plan:
         bounds = Bounds(self.box, self.followed.names()) if is_bounded else NO_BOUNDS
         watched = (*self.detectors, bounds) if is_bounded else self.detectors
         gauge = self.gauge if journal is None else None  # a journal is of one run
-        foreign = [each for each in self.added if not isinstance(each, Events)]
+        events, straight = self.events, None if self.events else alone(watched)
+        watch = Watch(watched, self.foreign)
         follower: Follower = PieceFollower(
-            self.stepper, Watch(watched, foreign), self.interval, bounds, _alone(watched), gauge
+            self.stepper, watch, self.interval, bounds, straight, gauge, events
         )
         if journal is not None:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
+            beyond = Beyond(self.followed, self.metric, self.stepper, bounds)
+            starts = chain(starts, reentries(discovery, beyond))
+        self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
@@ -228,9 +232,11 @@ class Plan:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
                 budget.end(why)
-        if gauge and not budget.spent:
-            gauge.close()
-        discovery.close(budget.spent)
+            if gauge and not budget.spent:
+                gauge.close()
+            discovery.close(budget.spent)
+            if events:
+                divide(discovery, self.followed, self.metric, events)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
@@ -242,7 +248,7 @@ class Plan:
     def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
         """Return the stretches of alpha at which solutions fill more than curves."""
         nodes = list(discovery.nodes.values())
-        if not (is_part or any(map(is_sign, nodes))):
+        if nodes and not (is_part or any(map(is_sign, nodes))):
             return ()
         alphas = [*self.interval, *(node.place.alpha for node in nodes)]
         return infinite_stretches(self.followed, self.metric, alphas)
@@ -258,8 +264,8 @@ class Plan:
 
     def _begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a start, changed by the system or a detector for which it is a special point."""
-        for detector in self.added:
-            arrival = detector.begun(arrival)
+        for each in self.added:
+            arrival = each.begun(arrival)
         return ended(arrival)
 
     def _graph(
@@ -275,8 +281,7 @@ class Plan:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
-        events = next((d for d in self.added if isinstance(d, Events)), None)
-        parts = (parameter, searched, reduction, record, events, infinite)
+        parts = (parameter, searched, reduction, record, self.events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:
             check_unique(graph)
@@ -289,15 +294,15 @@ class Plan:
             "number of unknowns": str(self.followed.size),
             "interval": str(list(self.interval)),
             "stepper": repr(self.stepper),
-            "detectors": ", ".join(type(d).__name__ for d in self.added if type(d) is not Events),
-            "events": ", ".join(_events(self.added)),
+            "detectors": ", ".join(type(d).__name__ for d in self.foreign),
+            "events": self.events.names if self.events else "",
         }
         journal.check(facts, _probes(self.followed, self.metric, self.interval))
 
 
 def checked_detectors(
     system: PiecewiseSystem, detectors: Any, events: Any
-) -> tuple[TransitionDetector, ...]:
+) -> tuple[TransitionDetector | Events, ...]:
     """Return the detectors that a caller adds, that of the events last.
 
     Raises
@@ -310,17 +315,6 @@ def checked_detectors(
         checked_kind("each of detectors", detector, TransitionDetector)
     watched = checked_events(events, shown_size(system))
     return (*added, watched) if watched else added
-
-
-def _alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
-    """Return the tests of straight pieces, where nothing else is watched inside the interval."""
-    others = [each for each in watched if not isinstance(each, IntervalEnds)]
-    return others[0] if len(others) == 1 and isinstance(others[0], StraightTests) else None
-
-
-def _events(detectors: Iterable[TransitionDetector]) -> list[str]:
-    """Return the names of the events that are watched."""
-    return [event.name for d in detectors if isinstance(d, Events) for event in d.events]
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:

@@ -29,6 +29,7 @@ from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.linear.factorise import Factor
 from pwscont.stepping.stepper import CurvedSegment
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: No step is looked at in more places than these.
 MOST = 64
@@ -41,15 +42,20 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUGH = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
-#: So many places around one that stands out are looked at, so often, each time in so much less room.
+#: So many places around one that stands out are looked at, so often, in ever so much less room.
 CLOSER, ROUNDS, ZOOM = 8, 3, 0.25
 #: Degree of the polynomial that is taken for smooth; no more than a third of the places.
 SMOOTH = 3
 
 
-def gap_between_looks(gap: float, size: int) -> float:
-    """Return how far apart places are with so many unknowns, in the metric."""
-    return gap * sqrt(max(size / FEW, 1.0))
+def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
+    """Return how far apart the places are in which the steps of a system are looked at.
+
+    In the metric; infinite where no cell has a fold, for at fixed alpha its equations are linear.
+    """
+    if isinstance(system, SlicewiseLinearSystem):
+        return inf
+    return gap * sqrt(max(system.size / FEW, 1.0))
 
 
 def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:
@@ -65,19 +71,22 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     allowed : float
         Places are not looked at more closely where the curve is farther from the cubic than this.
     """
-    count = min(ceil(segment.length / gap_between_looks(gap, len(segment.chord) - 1)) - 1, MOST)
-    if count < 1 or segment.curve.selection.is_straight:
+    gap = gap_between_looks(segment.curve.selection.system, gap)
+    if segment.length <= gap:
         return 0.0
+    count = min(ceil(segment.length / gap) - 1, MOST)
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
-        return inf if worst != worst else worst
+        return worst if worst > allowed else inf  # perhaps it is not a number
     if worst > INVISIBLE and len(off) == count:
         rough = np.abs(_rough(count) @ off).max(axis=1)
         odd = int(rough.argmax())
         if rough[odd] > ROUGH * worst + INVISIBLE:
-            worst = max(worst, _close_in(segment, factor, float(places(count)[odd]), 1.0 / count, allowed))
-    return inf if _turns(segment, alphas) and _really_turns(segment, factor, places(count)) else worst
+            around = float(places(count)[odd]), 1.0 / count
+            worst = max(worst, _close_in(segment, factor, around, allowed))
+    turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
+    return inf if turns else worst
 
 
 @lru_cache(maxsize=MOST)
@@ -93,7 +102,8 @@ def _rough(count: int) -> Array:
     u = places(count)
     smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]
-    return np.eye(count) - q @ q.T
+    rough: Array = np.eye(count) - q @ q.T
+    return rough
 
 
 def _weights(u: Array) -> Array:
@@ -123,10 +133,10 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
 
 
 def _close_in(
-    segment: CurvedSegment, factor: Factor, odd: float, apart: float, allowed: float
+    segment: CurvedSegment, factor: Factor, around: tuple[float, float], allowed: float
 ) -> float:
-    """Return how far off the curve is around a place, looked at closer and closer."""
-    worst = 0.0
+    """Return how far off the curve is within a distance of a place, looked at ever closer."""
+    (odd, apart), worst = around, 0.0
     for _ in range(ROUNDS):
         u = odd + apart * np.linspace(-1.0, 1.0, CLOSER + 2)[1:-1]
         u = u[(u > 0.0) & (u < 1.0)]

@@ -51,6 +51,14 @@ class Stop:
     ----------
     function : callable
         (z, alpha) -> float; the branch ends where it is zero.
+
+    Examples
+    --------
+    >>> from pwscont import Stop, Switched, trace
+    >>> line = Switched(1, lambda z, t, sw: z - t)
+    >>> ended = trace(line, ([0.0], 0.0), (0.0, 2.0), events={"top": Stop(lambda z, t: z[0] - 1.5)})
+    >>> [(p.name, round(p.alpha, 6)) for p in ended.special_points("event")]
+    [('top', 1.5)]
     """
 
     function: Function
@@ -112,13 +120,17 @@ class UserEvent:
 
         ``beyond`` are points of these pieces.
         """
-        value = abs(self.value(x))
         ways = (metric.difference(y, x) for y in beyond)
-        if not any(value <= self._nearly(metric, x, way) for way in ways) and value > self.noise(
-            metric, x, error
+        if not any(self.is_near(metric, x, error, way) for way in ways) and (
+            beyond or self.cleared(metric, x, error)
         ):
             return False
         return not beyond or any(self.cleared(metric, y, error) for y in beyond)
+
+    def is_near(self, metric: Metric, x: Array, error: Array, way: Array) -> bool:
+        """Tell whether g is zero where a way begins, to the accuracy of that point."""
+        value = abs(self.value(x))
+        return value <= self._nearly(metric, x, way) or value <= self.noise(metric, x, error)
 
     def _nearly(self, metric: Metric, x: Array, way: Array) -> float:
         """Return how large g is where an event on the way is taken to be at its beginning."""
