@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pwscont import Switched, explore, trace
+from pwscont.search import MultiStart
 
 
 def curve(f, size=1, bounds=(0.0, 9.0)):
@@ -18,7 +19,8 @@ def test_a_branch_that_leaves_its_bounds_on_another_is_named(rate, unit):
     """An epidemic: nobody is ill, or a part 1 - rate / b of all, of which b < rate makes none."""
     f = lambda z, b, sw: (b * (1.0 - z / unit) - rate) * z  # noqa: E731
     starts = [([0.0], 0.1 * rate), ([0.0], 3.0 * rate), ([unit * 2.0 / 3.0], 3.0 * rate)]
-    graph = explore(curve(f, bounds=(0.0, unit)), (0.1 * rate, 3.0 * rate), starts=starts)
+    system, interval = curve(f, bounds=(0.0, unit)), (0.1 * rate, 3.0 * rate)
+    graph = explore(system, interval, starts=starts, search=MultiStart(count=1))
     assert [graph.count(b * rate) for b in (0.5, 1.5, 2.9)] == [1, 2, 2]
     assert "missing" not in graph.guarantee
     (point,) = graph.special_points("branch point")
@@ -58,7 +60,7 @@ def test_communities_of_species(seed):
     interval = (-1.0, 2.0)
     starts = [(x, alpha) for alpha in interval for x in equilibria(A, r + alpha * s)]
     system = curve(lambda z, t, sw: z * (r + t * s - A @ z), 2, (0.0, 50.0))
-    graph = explore(system, interval, starts=starts)
+    graph = explore(system, interval, starts=starts, search=MultiStart(count=1))
     for alpha in rng.uniform(-0.95, 1.95, 6):
         assert graph.count(alpha) == len(equilibria(A, r + alpha * s))
     assert "missing" not in graph.guarantee

@@ -36,7 +36,7 @@ def divided(z):
         (lambda z: 10.0 ** (400.0 * z) - 1.0, lambda a: math.log10(1.0 + a) / 400.0),
         (math.log, math.exp),
         (divided, lambda a: 1.0 / (2.0 - a)),
-        (lambda z: math.sqrt(z) - 1.0, lambda a: (1.0 + a) ** 2),
+        (lambda z: math.sqrt(z) - 0.5, lambda a: (0.5 + a) ** 2),
         (lambda z: math.asin(z), math.sin),
     ],
 )
