@@ -248,7 +248,7 @@ class Plan:
     def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
         """Return the stretches of alpha at which solutions fill more than curves."""
         nodes = list(discovery.nodes.values())
-        if not (is_part or any(map(is_sign, nodes))):
+        if nodes and not (is_part or any(map(is_sign, nodes))):
             return ()
         alphas = [*self.interval, *(node.place.alpha for node in nodes)]
         return infinite_stretches(self.followed, self.metric, alphas)

@@ -145,18 +145,8 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
-        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
-        return own or self.is_measured
-
-    @property
-    def knows_jacobian(self) -> bool:
-        """Whether derivatives are more than differences that depend on typical magnitudes."""
-        return type(self).jacobian is not PiecewiseSystem.jacobian
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether a run found typical magnitudes that differ from one."""
-        return self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any())
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in vars(self)
+        return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
     def _is_fitted(self) -> bool:
