@@ -131,7 +131,7 @@ class PieceFollower(Follower):
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         reading = self.watch.first(curve, reached.state)
         for number in range(MOST_STEPS):

@@ -107,7 +107,7 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
 def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
     """Tell whether a solution with samples of its error may lie within the bounds of unknowns.
 
-    Rounding of typical magnitudes counts as well: on a bound of zero an unknown has none of its own.
+    Rounding of typical magnitudes counts as well: an unknown that is zero has none of its own.
     """
     if not box.is_bounded:
         return True  # nearly always, and magnitudes cost something
