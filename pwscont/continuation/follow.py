@@ -123,17 +123,16 @@ class PieceFollower(Follower):
             if arrival := self.straight and self.straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
             reached = _Reached(leaning(ray))
+            if not (selection := ray.curve.selection).is_straight:
+                refuse_wrong_jacobian(selection.system, selection.character, ray.state.x)
             reached.stops = self.events and self.events.stops_along(ray.curve, ray.state)
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911
         curve, before, longest, blocked = reached.curve, None, np.inf, None
-        if not curve.selection.is_straight:
-            selection = curve.selection
-            refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
         for number in range(MOST_STEPS):
             check_budget()
