@@ -35,7 +35,7 @@ from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.events import Events
-from pwscont.transitions.events_along import Mark
+from pwscont.transitions.events_along import EventMark
 
 
 def divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
@@ -57,7 +57,7 @@ class _EdgeWithEvents:
     edge: Edge
     curve: Curve
     segments: Sequence[Segment]
-    marks: Sequence[Mark]
+    marks: Sequence[EventMark]
 
     @classmethod
     def of(

@@ -34,7 +34,7 @@ from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
-from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
+from pwscont.stepping import ExactLinear, PseudoArclength, Stepper, gap_of
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
@@ -289,6 +289,7 @@ class Plan:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
+        searched = replace(searched, gap=gap_of(self.stepper, self.followed))
         parts = (parameter, searched, reduction, record, self.events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:

@@ -43,7 +43,7 @@ BESIDE = 1e-6
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Mark:
+class EventMark:
     """A place on a piece where events are zero.
 
     Attributes
@@ -74,14 +74,14 @@ class EventsAlong:
     def __init__(
         self, events: Sequence[UserEvent], curve: Curve, begin: tuple[Array, Array]
     ) -> None:
-        self._marks: list[Mark] = []
+        self._marks: list[EventMark] = []
         self._curve, self._begin = curve, begin
         self._watched = [_Watched(event, curve, *begin) for event in events]
 
-    def look(self, segment: Segment, length: float, after: int) -> Sequence[Mark]:
+    def look(self, segment: Segment, length: float, after: int) -> Sequence[EventMark]:
         """Return the events on a stretch of the piece, and keep them."""
         found = [
-            Mark(state, (watched.event,), after, s)
+            EventMark(state, (watched.event,), after, s)
             for watched in self._watched
             for s, state in watched.zeros(segment, length)
         ]
@@ -95,19 +95,19 @@ class EventsAlong:
             self._marks.append(mark)
         return self._marks[known:]
 
-    def before(self, x: Array, error: Array) -> Sequence[Mark]:
+    def before(self, x: Array, error: Array) -> Sequence[EventMark]:
         """Return the events on the piece but those at the special point in which it ends."""
         end = len(self._marks)
         while end and self._is_at(self._marks[end - 1], x, error):
             end -= 1
         return self._marks[:end]
 
-    def _is_one(self, one: Mark, other: Mark) -> bool:
+    def _is_one(self, one: EventMark, other: EventMark) -> bool:
         """Tell whether two events are at one place."""
         metric, x = self._curve.metric, one.state.x
         return metric.norm(x - other.state.x) <= metric.slack(x, CONVERGED)
 
-    def _is_at(self, mark: Mark, x: Array, error: Array) -> bool:
+    def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
         """Tell whether events are at a special point, to the accuracy of that point."""
         metric, way = self._curve.metric, mark.state.x - x
         if metric.norm(way) > BESIDE:
