@@ -1,5 +1,7 @@
 """Folds far closer together than a step: bumps in alpha(z), against a fine sampling of alpha(z)."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,7 @@ class Bump(PiecewiseSystem):
 
 def agrees(system, graph):
     folds, count = system.truth()
-    between = [0.37 * a + 0.63 * b for a, b in zip(folds, folds[1:], strict=False)]
+    between = [0.37 * a + 0.63 * b for a, b in pairwise(folds)]
     return len(graph.special_points("fold")) == len(folds) and all(
         graph.count(a) == count(a) for a in between
     )

@@ -19,7 +19,7 @@ from pwscont.basics.guarantee import SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.event_division import divide
+from pwscont.continuation.event_division import mark
 from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower, alone
 from pwscont.continuation.gauge import Gauge
@@ -243,8 +243,7 @@ class Plan:
             if gauge and not budget.spent:
                 gauge.close()
             discovery.close(budget.spent)
-            if events:
-                divide(discovery, self.followed, self.metric, events)
+            mark(discovery, self.followed, self.metric, self.added)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
