@@ -30,9 +30,8 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.cores import Core, ScaledCore
-from pwscont.linear.factor import Factor, power_of_two
-from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.body_picture import BodyPicture, Shapes
@@ -53,6 +52,9 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray
+
+#: Other names of two classes, for whoever factorises a part of a matrix.
+Core, ScaledCore = Factor, ScaledFactor
 
 __all__ = [
     "CONVERGED",
@@ -95,6 +97,7 @@ __all__ = [
     "RowSolver",
     "Runnable",
     "ScaledCore",
+    "ScaledFactor",
     "Search",
     "SearchScope",
     "Segment",

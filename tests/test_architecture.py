@@ -47,7 +47,7 @@ FLOORS = {room: floor for floor, room in enumerate(ROOMS)}
 FILES = sorted(path for path in ROOT.rglob("*.py"))
 BUILDING = [path for path in FILES if path.parent != ROOT]
 PLUG_INS = sorted(PROBLEMS.rglob("*.py"))
-LONGEST_FILE = 350
+LONGEST_FILE = 500
 
 
 def module_of(path):

@@ -310,6 +310,9 @@ def test_a_netlist_is_read_from_a_file(tmp_path):
         ("R1 a 0", "R1 needs 2 nodes and a value"),
         ("R1 a 0 -5", "R1: resistance must be positive, got -5"),
         ("V0 a 0 1", "the name V0 is used a second time"),
+        ("R1 a 0 10mil", "'10mil' is no number"),
+        (".model T D(von=0.6 ron=1 von=0.7)", "the parameter von is given a second time"),
+        (".model dd D(von=0.6)", "there is a second .model dd"),
         ("D1 a 0 what", "there is no .model what"),
         ("Q1 a b 0 DD", "model DD is for elements D"),
         (".model T NPN(bf=100)", "NPN has no parameter 'bf'; it has af, ar, vf"),
@@ -322,6 +325,11 @@ def test_errors_name_the_line(line, words):
     text = f"title\n.model DD D(von=0.6)\n\nV0 a 0 1\n{line}\n"
     with pytest.raises(InvalidInputError, match=re.escape(f"line 5 of the netlist: {words}")):
         parse_netlist(text)
+
+
+def test_one_source_is_swept():
+    with pytest.raises(InvalidInputError, match=r"line 5 of the netlist: there is a second \.dc"):
+        parse_netlist("title\nV0 a 0 1\nR1 a 0 1\n.dc V0 0 1\n.dc V0 0 2\n")
 
 
 def test_errors_count_lines_before_the_title():

@@ -4,6 +4,9 @@ Cells listed twice, subdomains that overlap, gaps that are rounding, normals of 
 the load of a solution whose parameter is the friction.
 """
 
+import re
+import sys
+
 import numpy as np
 import pytest
 import skfem
@@ -17,11 +20,12 @@ from pwscont_coulomb.elastic import (
     Young,
     recover,
 )
+from pwscont_coulomb.elastic.mesh_files import read_mesh
 from scipy.optimize import nnls
 from test_elastic_body import GMSH_22, GMSH_41
 
 from pwscont import explore, trace
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -76,6 +80,63 @@ def test_msh_4_1_has_overlapping_groups_without_copies(tmp_path):
     assert list(mesh.boundaries["low"]) == list(mesh.boundaries["bottom"])
     same = pressed(file, material=Lame(1.2, 0.8))
     np.testing.assert_array_equal(body.A.toarray(), same.A.toarray())
+
+
+def without_names(text):
+    return re.sub(r"\$PhysicalNames.*?\$EndPhysicalNames\n", "", text, flags=re.DOTALL)
+
+
+MEDIT = """MeshVersionFormatted 2\nDimension 2\nVertices\n4\n0 0 0\n1 0 0\n1 1 0\n0 1 0
+Edges\n2\n1 2 1\n3 4 2\nTriangles\n2\n1 2 3 3\n1 3 4 3\nEnd\n"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a.msh", without_names(GMSH_22)), ("b.msh", without_names(GMSH_41)), ("c.mesh", MEDIT)],
+)
+def test_groups_without_names_have_their_numbers(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    mesh = read_mesh(tmp_path / name)
+    assert {group: len(part) for group, part in mesh.boundaries.items()} == {"1": 1, "2": 1}
+    for group, height in (("1", 0.0), ("2", 1.0)):
+        assert (mesh.p[1, mesh.facets[:, np.asarray(mesh.boundaries[group])]] == height).all()
+    assert {group: part.tolist() for group, part in mesh.subdomains.items()} == {"3": [0, 1]}
+
+
+def test_some_groups_may_have_names(tmp_path):
+    file = tmp_path / "some.msh"
+    file.write_text(GMSH_22.replace('3\n1 1 "bottom"\n1 2 "top"\n', '2\n1 1 "bottom"\n'))
+    assert set(read_mesh(file).boundaries) == {"bottom", "2"}
+    file.write_text(GMSH_22.replace('3\n1 1 "bottom"\n1 2 "top"\n', '2\n1 1 "2"\n'))
+    with pytest.raises(InvalidInputError, match=r"group 2 in .* has no name; another one is 2"):
+        read_mesh(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("empty.msh", "", r"the mesh file .*empty.msh is empty"),
+        ("e.mesh", "MeshVersionFormatted 2\nhello\n", r"Couldn't read file .* as medit"),
+        ("u.vtu", "no xml", r"Couldn't read file .* as vtu"),
+        ("v.vtu", "<VTKFile/>", r"KeyError: 'type'"),
+        ("v.msh", "$MeshFormat\n9.9 0 8\n$EndMeshFormat\n", r"got 9.9"),
+        ("a.nothing", "a", "Could not deduce file format"),
+    ],
+)
+def test_why_a_file_is_not_read(tmp_path, capsys, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InvalidInputError, match=words):
+        read_mesh(tmp_path / name)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_the_package_that_a_format_needs_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)  # as where h5py is not installed
+    (tmp_path / "a.med").write_text("a")
+    with pytest.raises(
+        MissingPackageError, match=r"meshio needs h5py to read .*: pip install h5py"
+    ):
+        read_mesh(tmp_path / "a.med")
 
 
 def test_groups_of_lines_and_of_surfaces_may_have_the_same_number(tmp_path):

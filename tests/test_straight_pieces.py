@@ -13,7 +13,7 @@ from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.curve import straight
-from pwscont.linear.product_form import ProductForm
+from pwscont.linear.updates import ProductForm
 from pwscont.transitions.detector import FARTHEST, soonest
 
 # -- stated errors ---------------------------------------------------------------------------------
@@ -140,6 +140,9 @@ class Terraces(PiecewiseLinearSystem):
 
     size = 70
     walls = np.arange(100.5, 130.0)
+
+    def scale(self, lo, hi):
+        return np.full(self.size, 100.0)
 
     def test_functions(self, z, alpha):
         return z[0] - self.walls

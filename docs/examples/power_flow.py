@@ -105,10 +105,11 @@ ax.set(xlabel="λ", ylabel="Q max", xlim=(0.2, 3.2), ylim=(0.0, 4.0))
 #
 # The IEEE 14-bus case, loads and generation scaled together. :func:`~pwscont_power.from_matpower`
 # reads it from a MATPOWER file, :func:`~pwscont_power.from_pandapower` would take a pandapower net.
+# A file may convert its own units, ohm and kW as case33bw does; a statement that is not understood
+# is refused by its line. The start has the voltages that the generators hold.
 network = ieee14()
 system = PowerFlow(network)
-start = [1.0 if name.startswith("V") else 0.0 for name in system.names()]
-graph = trace(system, (start, 0.3), (0.3, 2.0), parameter="lambda")
+graph = trace(system, (system.start(), 0.3), (0.3, 2.0), parameter="lambda")
 for point in graph.special_points():
     print(f"{point.kind:11} lambda = {point.alpha:.6f}  {point.message}")
 
@@ -126,8 +127,7 @@ figure = plot(graph, "V14").figure
 # With 118 buses and 54 generators the curve has 96 kinks. The largest load is where generator 10
 # meets its limit, a non-smooth fold: no derivative vanishes there, and no step across it says so.
 system = PowerFlow(ieee118())
-start = [1.0 if name.startswith("V") else 0.0 for name in system.names()]
-graph = trace(system, (start, 0.3), (0.3, 2.3), parameter="lambda")
+graph = trace(system, (system.start(), 0.3), (0.3, 2.3), parameter="lambda")
 (fold,) = graph.special_points("nonsmooth fold")
 print(f"{len(graph.pieces)} pieces; {fold.message} at lambda = {fold.alpha:.6f}")
 

@@ -27,6 +27,16 @@ class Circuit:
     InvalidInputError
         If a name is used twice, nothing is at ground, a node is met by one element alone or floats,
         or voltage sources and outputs of op-amps form a loop.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_circuits import Circuit, Diode, Resistor, VoltageSource
+    >>> source, diode = VoltageSource("E", "in", "0", 0.0), Diode("D", "out", "0")
+    >>> clipper = Circuit([source, Resistor("R", "in", "out", 9.0), diode])
+    >>> graph = explore(clipper.sweep("E"), (0.0, 2.0), parameter="E")
+    >>> [(p.message, round(p.alpha, 6)) for p in graph.special_points("transition")]
+    [('D turns on', 0.6)]
     """
 
     def __init__(self, elements: Iterable[Element]) -> None:

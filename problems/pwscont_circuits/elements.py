@@ -23,7 +23,14 @@ States: TypeAlias = Mapping[tuple[int, ...], tuple[str, str]]
 
 @dataclass(frozen=True)
 class Element(ABC):
-    """A named element between named nodes; its numbers must be finite."""
+    """A named element between named nodes; its numbers must be finite.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import Element, Resistor
+    >>> isinstance(Resistor("R", "in", "out", 100.0), Element)
+    True
+    """
 
     name: str
     #: The fields that must be positive, and those that must not be negative.
@@ -62,7 +69,14 @@ class Element(ABC):
 @final
 @dataclass(frozen=True)
 class Resistor(Element):
-    """A linear resistor."""
+    """A linear resistor.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import Resistor
+    >>> Resistor("R", "in", "out", 100.0).resistance
+    100.0
+    """
 
     plus: str
     minus: str
@@ -85,7 +99,14 @@ class Source(Element):
 
 @final
 class VoltageSource(Source):
-    """A source of the voltage V(plus) - V(minus) = value."""
+    """A source of the voltage V(plus) - V(minus) = value.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import VoltageSource
+    >>> VoltageSource("E", "in", "0", 5.0).value
+    5.0
+    """
 
     def stamp(self, stamps: Stamps) -> None:
         """Add the voltage."""
@@ -94,7 +115,14 @@ class VoltageSource(Source):
 
 @final
 class CurrentSource(Source):
-    """A source of a current that flows from plus through the source to minus, as in SPICE."""
+    """A source of a current that flows from plus through the source to minus, as in SPICE.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import CurrentSource
+    >>> CurrentSource("J", "0", "out", 1e-3).value
+    0.001
+    """
 
     def stamp(self, stamps: Stamps) -> None:
         """Add the current."""
@@ -104,7 +132,14 @@ class CurrentSource(Source):
 @final
 @dataclass(frozen=True)
 class NonlinearResistor(Element):
-    """Any polyline as the current of a voltage; slopes may be negative."""
+    """Any polyline as the current of a voltage; slopes may be negative.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import NonlinearResistor, Polyline
+    >>> NonlinearResistor("N", "a", "0", Polyline([1.0], [1.0, -0.5])).name
+    'N'
+    """
 
     plus: str
     minus: str
@@ -133,6 +168,12 @@ class Diode(Element):
         The slope dv/di of a diode that is on.
     leakage : float
         The slope di/dv of a diode that is off.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import Diode
+    >>> Diode("D", "out", "0").threshold
+    0.6
     """
 
     anode: str
@@ -162,6 +203,15 @@ class TunnelDiode(Element):
     peak_voltage, peak_current, valley_voltage, valley_current : float
     resistance : float
         The slope dv/di beyond the valley.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_circuits import Circuit, Resistor, TunnelDiode, VoltageSource
+    >>> diode = TunnelDiode("D", "d", "0", 1.0, 1.0, 2.0, 0.5, resistance=1.0)
+    >>> elements = [VoltageSource("E", "in", "0", 0.0), Resistor("R", "in", "d", 8.0), diode]
+    >>> explore(Circuit(elements).sweep("E"), (0.0, 12.0), parameter="E").count(7.5)
+    3
     """
 
     anode: str
@@ -208,6 +258,12 @@ class BipolarTransistor(Element):
     same of v_BC. The collector takes i_C = forward_alpha i_F - i_R, the emitter gives
     i_E = i_F - reverse_alpha i_R (Ebers and Moll, *Large-signal behavior of junction transistors*,
     Proceedings of the IRE 42, 1954). A PNP transistor has all voltages and currents reversed.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import BipolarTransistor
+    >>> BipolarTransistor("Q1", "c", "b", "e", kind="pnp").kind
+    'pnp'
     """
 
     collector: str
@@ -257,6 +313,12 @@ class MosfetSwitch(Element):
     resistance: the resistance itself where both ends conduct (on), a constant current where only
     one does (saturated), none where none does (off). The gate takes no current. In a PMOS switch
     all voltages and currents are reversed.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import MosfetSwitch
+    >>> MosfetSwitch("M1", "out", "in", "0").threshold
+    1.0
     """
 
     drain: str
@@ -293,6 +355,12 @@ class OpAmp(Element):
     """An operational amplifier that saturates: V(out) = clip(gain (V(plus) - V(minus)), low, high).
 
     The inputs take no current; the output gives whatever is asked for.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import OpAmp
+    >>> OpAmp("X1", "in", "out", "out", low=-5.0, high=5.0).gain
+    100000.0
     """
 
     plus: str

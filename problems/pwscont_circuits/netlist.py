@@ -77,7 +77,7 @@ ENDS = {"r": 2, "v": 2, "i": 2, "d": 2, "q": 3, "m": 3, "x": 3}
 @final
 @dataclass(frozen=True, slots=True)
 class Netlist:
-    """What a netlist says.
+    r"""What a netlist says.
 
     Attributes
     ----------
@@ -85,6 +85,13 @@ class Netlist:
     circuit : Circuit
     sweep : tuple of (str, float, float), optional
         The source that ``.dc`` sweeps, and from where to where.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import parse_netlist
+    >>> netlist = parse_netlist("divider\nVE a 0 1\nR1 a 0 1k\n.dc VE 0 5 0.1\n.end\n")
+    >>> netlist.title, netlist.sweep
+    ('divider', ('VE', 0.0, 5.0))
     """
 
     title: str
@@ -99,6 +106,13 @@ def read_netlist(path: str | Path) -> Netlist:
     ------
     InvalidInputError
         If the file cannot be read, too.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> from pwscont_circuits import read_netlist
+    >>> read_netlist(files("pwscont_circuits") / "inverter.cir").title
+    'CMOS inverter with a load'
     """
     try:
         return parse_netlist(Path(path).read_text(encoding="utf-8"))
@@ -107,12 +121,18 @@ def read_netlist(path: str | Path) -> Netlist:
 
 
 def parse_netlist(text: str) -> Netlist:
-    """Return what a netlist says.
+    r"""Return what a netlist says.
 
     Raises
     ------
     InvalidInputError
         Naming the line that is not understood, or what is wrong with the circuit.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import parse_netlist
+    >>> len(parse_netlist("divider\nVE a 0 1\nR1 a b 1k\nR2 b 0 1k\n.end\n").circuit.elements)
+    3
     """
     every = text.removeprefix("\ufeff").splitlines()
     before = next((i for i, line in enumerate(every) if line.strip()), 0)
@@ -151,7 +171,7 @@ def _at_line(number: int, read: Callable[[list[str]], None], words: list[str]) -
 def number_of(word: str) -> float:
     """Return the number that a word stands for, such as 4700 for ``4.7kOhm``."""
     match = NUMBER.fullmatch(word.lower())
-    if match is None:
+    if match is None or word.lower().endswith("mil"):  # a thousandth of an inch, in SPICE
         raise InvalidInputError(f"{word!r} is no number")
     return float(match[1]) * SUFFIXES[match[2] or ""]
 
@@ -221,10 +241,16 @@ class _Reader:
             if name.lower() not in parameters:
                 known = ", ".join(parameters)
                 raise InvalidInputError(f"{words[1]} has no parameter {name!r}; it has {known}")
+            if parameters[name.lower()] in given:
+                raise InvalidInputError(f"the parameter {name} is given a second time")
             given[parameters[name.lower()]] = number_of(value)
+        if words[0].lower() in self._models:
+            raise InvalidInputError(f"there is a second .model {words[0]}")
         self._models[words[0].lower()] = letter, partial(make, **given)
 
     def _read_sweep(self, words: list[str]) -> None:
         if len(words) not in (3, 4):
             raise InvalidInputError(".dc needs a source and two values, perhaps a step")
+        if self.sweep:
+            raise InvalidInputError("there is a second .dc; one source is swept")
         self.sweep = self._spelled(words[0]), number_of(words[1]), number_of(words[2])

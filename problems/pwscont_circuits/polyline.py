@@ -28,6 +28,13 @@ class Polyline:
     ------
     InvalidInputError
         If the knots do not ascend, or their number does not fit that of the slopes.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import Polyline
+    >>> line = Polyline([1.0, 2.0], [1.0, -0.5, 1.0])  # slopes before, between and after the knots
+    >>> line.knots.tolist()
+    [1.0, 2.0]
     """
 
     def __init__(self, knots: Sequence[float], slopes: Sequence[float], value: float = 0.0) -> None:

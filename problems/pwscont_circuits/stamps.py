@@ -63,6 +63,14 @@ class Stamps:
         Nodes whose voltage is given, and by what.
     is_monotone : bool
         Whether all elements have two ends and currents that never fall while voltages grow.
+
+    Examples
+    --------
+    >>> from pwscont_circuits import Resistor, Stamps
+    >>> stamps = Stamps()
+    >>> Resistor("R", "in", "0", 2.0).stamp(stamps)
+    >>> stamps.has_ground
+    True
     """
 
     nodes: dict[str, None] = field(default_factory=dict)

@@ -36,6 +36,15 @@ class SourceSweep(PiecewiseLinearSystem):
         The values of all other sources.
     unique : bool
         Whether there is never more than one operating point.
+
+    Examples
+    --------
+    >>> from pwscont import enumerate_solutions
+    >>> from pwscont_circuits import Circuit, Resistor, VoltageSource
+    >>> resistors = [Resistor("R1", "a", "b", 1.0), Resistor("R2", "b", "0", 1.0)]
+    >>> divider = Circuit([VoltageSource("E", "a", "0", 0.0), *resistors])
+    >>> round(enumerate_solutions(divider.sweep("E"), 4.0)[0]["V(b)"], 9)
+    2.0
     """
 
     def __init__(

@@ -56,6 +56,12 @@ class ContactBody(Fixed):
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
         a gap is negative, the tangential displacement of a guided node is coupled with others,
         or anything is not finite, or an attribute is set.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb import ContactBody
+    >>> ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    ContactBody(2 displacements, 1 contact node, dense)
     """
 
     _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness"})

@@ -10,11 +10,10 @@ import numpy as np
 from pwscont.extending import (
     Array,
     BorderedFactor,
-    Core,
     Factor,
     Indices,
     Interior,
-    ScaledCore,
+    ScaledFactor,
     StructuredJacobian,
     drifted,
     power_of_two,
@@ -28,7 +27,7 @@ SIDES = np.array([0.0, 0.0, 1.0, -1.0])
 
 
 @final
-class ContactMatrix(Core):
+class ContactMatrix(Factor):
     """dH/dz for one mode of every node, shape (n + 2 p, n + 2 p).
 
     Parameters
@@ -225,7 +224,7 @@ class ContactJacobian(StructuredJacobian):
         whole[:-1] = rows
         return BorderedFactor(interior, scaled / whole[-1], whole, scale)
 
-    def inner(self, scale: Array) -> Core:
+    def inner(self, scale: Array) -> Factor:
         """Return the part for z, which solves in its own units."""
         return self.matrix
 
@@ -239,7 +238,7 @@ class ContactJacobian(StructuredJacobian):
         if self._interior is None or self._interior[0] is not scale:
             largest = self.matrix.largest_in_rows(scale[:-1])
             rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
-            core = ScaledCore(self.matrix, 1.0 / rows, 1.0 / scale[:-1])
+            core = ScaledFactor(self.matrix, 1.0 / rows, 1.0 / scale[:-1])
             first = None if beside is None else beside[:-1] / rows
             interior = Interior.at_once(core, self.column * scale[-1] / rows, first)
             self._interior = scale, rows, interior

@@ -31,6 +31,15 @@ class CoulombFriction(Coulomb):
         As for :class:`~pwscont_coulomb.coulomb.Coulomb`.
     profile : float or array_like, shape (p,), optional
         Ratios between the nodes' coefficients, not negative; default all 1.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb import ContactBody, CoulombFriction
+    >>> body = ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    >>> graph = explore(CoulombFriction(body, [1, -3]), (0.1, 15.0), parameter="F")
+    >>> [round(p.alpha, 6) for p in graph.special_points("nonsmooth fold")]
+    [3.0]
     """
 
     domain = (0.0, np.inf)

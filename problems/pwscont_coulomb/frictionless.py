@@ -21,7 +21,17 @@ from pwscont_coulomb.coulomb import Coulomb
 @final
 @dataclass(frozen=True, slots=True)
 class FromFrictionless(Search):
-    """Solutions at both ends of the interval by homotopy from F = 0."""
+    """Solutions at both ends of the interval by homotopy from F = 0.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, FromFrictionless
+    >>> body = ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    >>> system = CoulombLoad(body, AffineLoad([0.25, 0], [0, 1]), 4.0)
+    >>> explore(system, (-2.0, 2.0), search=FromFrictionless()).count(1.0)
+    1
+    """
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]

@@ -50,6 +50,15 @@ class CoulombLoad(Coulomb):
     ------
     InvalidInputError
         If the friction is negative or the load has the wrong shape.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+    >>> body = ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    >>> system = CoulombLoad(body, AffineLoad([0.25, 0], [0, 1]), 4.0)
+    >>> [s.label for s in explore(system, (-2.0, 2.0)).solutions(-0.75)]
+    ['no contact', 'slip-', 'stick']
     """
 
     def __new__(cls, body: ContactBody, load: Any, friction: Any, r: Any = None) -> CoulombLoad:

@@ -19,6 +19,12 @@ class AffineLoad(Fixed):
     ----------
     f0, f1 : array_like, shape (n,)
         Load at alpha = 0 and load per unit of alpha.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb import AffineLoad
+    >>> AffineLoad([0.25, 0.0], [0.0, 1.0])(2.0)
+    array([0.25, 2.  ])
     """
 
     _given = frozenset({"f0", "f1"})
@@ -51,6 +57,12 @@ class HarmonicLoad(Fixed):
         Angle per unit of alpha; default 1.
     phase : float, optional
         Angle at alpha = 0; default 0.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb import HarmonicLoad
+    >>> HarmonicLoad([0.25, 0.0], [0.0, 1.0], [1.0, 0.0])(0.0)
+    array([0.25, 1.  ])
     """
 
     _given = frozenset({"_parts", "w", "phase"})

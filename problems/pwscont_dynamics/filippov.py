@@ -45,6 +45,19 @@ class FilippovEquilibria(PiecewiseSystem):
     ------
     InvalidInputError
         If a function cannot be called, or n is no positive whole number.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_dynamics import FilippovEquilibria
+    >>> system = FilippovEquilibria(
+    ...     plus=lambda x, mu: [-x[0] + x[1] + mu, -x[1]],
+    ...     minus=lambda x, mu: [1.0, 0.3],
+    ...     h=lambda x, mu: x[0],
+    ...     n=2,
+    ... )
+    >>> explore(system, (-1.0, 1.0), parameter="mu").count(0.5)
+    1
     """
 
     def __init__(self, plus: Function, minus: Function, h: Function, n: int) -> None:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 
 from pwscont import Block, Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.extending import EPS, Array, dense, finite_array
+from pwscont.extending import EPS, Array, BringsSearches, Search, dense, finite_array
 from pwscont_dynamics.called import Called, Function, affine, first_coordinate, positive_whole
+from pwscont_dynamics.shorter import ShorterPeriods, largest_divisors
 
 #: Points of an orbit that differ by less, relative to the largest, are one.
 SAME = EPS**0.5
 
 
-class Orbits(PiecewiseSystem):
+class Orbits(PiecewiseSystem, BringsSearches):
     """Points with f(...f(x)) = x after k steps of f = right where the border is >= 0, else left.
 
     The unknowns are all points of the orbit, z = (x_0, ..., x_{k-1}), so that products of slopes
@@ -50,6 +51,19 @@ class Orbits(PiecewiseSystem):
 
     def _points(self, z: Array) -> Array:
         return z.reshape(self.period, self.n)
+
+    # -- searches ----------------------------------------------------------------------------
+
+    def searches(self) -> list[Search]:
+        """Return the search for points of shorter periods, where there are any."""
+        shorter = {d: self.of_period(d) for d in largest_divisors(self.period)}
+        return [ShorterPeriods(shorter)] if shorter else []
+
+    def of_period(self, period: int) -> Self:
+        """Return the same map, whose points of another period are asked for."""
+        other = object.__new__(type(self))
+        vars(other).update(vars(self), period=period, size=self.n * period)
+        return other
 
     # -- stability ---------------------------------------------------------------------------
 
@@ -125,6 +139,19 @@ class PeriodicPoints(Orbits):
     ------
     InvalidInputError
         If a function cannot be called, or n or period is no positive whole number.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_dynamics import PeriodicPoints
+    >>> tent = PeriodicPoints(
+    ...     left=lambda x, mu: mu + 0.5 * x,
+    ...     right=lambda x, mu: mu - 3.0 * x,
+    ...     border=lambda x, mu: x[0],
+    ...     n=1,
+    ... )
+    >>> explore(tent, (-1.0, 1.0), parameter="mu").count(0.5)
+    1
     """
 
     def __init__(
@@ -155,6 +182,14 @@ class AffinePeriodicPoints(Orbits, PiecewiseLinearSystem):
     ------
     InvalidInputError
         If shapes do not fit, or the map jumps at x_1 = 0.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_dynamics import AffinePeriodicPoints
+    >>> points = AffinePeriodicPoints([[0.5]], [[-3.0]], [1.0], period=2)
+    >>> explore(points, (-1.0, 1.0), parameter="mu").count(0.5)
+    3
     """
 
     def __init__(self, left: Any, right: Any, c: Any, b: Any = None, period: int = 1) -> None:

@@ -49,6 +49,14 @@ def BestReplies(  # noqa: N802  used like a class
         If shapes do not fit.
     InvalidSystemError
         If a lower bound is above the upper one.
+
+    Examples
+    --------
+    >>> from pwscont import enumerate_solutions
+    >>> from pwscont_optimisation import BestReplies
+    >>> game = BestReplies([[0.0, -2.0], [-2.0, 0.0]], [1.0, 1.0], [1.0, 1.0])
+    >>> sorted(s.z.round(6).tolist() for s in enumerate_solutions(game, 0.0))
+    [[0.0, 1.0], [0.333333, 0.333333], [1.0, 0.0]]
     """
     matrix, a, c = _affine(B=B, a=a, c=c)
     n = len(a)
@@ -91,6 +99,14 @@ def Game(  # noqa: N802  used like a class
     ------
     InvalidInputError, InvalidSystemError
         As for :func:`pwscont.Complementarity`.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_optimisation import Game
+    >>> game = Game(lambda x, alpha: alpha - x - 0.5 * x[::-1], n=2)
+    >>> [s.z.round(6).tolist() for s in explore(game, (0.0, 2.0)).solutions(0.75)]
+    [[0.5, 0.5]]
     """
     if not callable(marginal):
         raise InvalidInputError(f"marginal must be a function of (x, alpha), got {marginal!r}")
@@ -122,6 +138,14 @@ def ReluLayer(  # noqa: N802  used like a class
     ------
     InvalidInputError
         If shapes do not fit.
+
+    Examples
+    --------
+    >>> from pwscont import enumerate_solutions
+    >>> from pwscont_optimisation import ReluLayer
+    >>> layer = ReluLayer([[2.0]], [-0.5], [0.0])  # z = relu(W z + b + alpha c)
+    >>> sorted(s.z.tolist() for s in enumerate_solutions(layer, 0.0))
+    [[0.0], [0.5]]
     """
     matrix, b, c = _affine(W=W, b=b, c=c)
 

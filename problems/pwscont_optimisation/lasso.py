@@ -48,6 +48,14 @@ class Lasso(ActiveSets):
     ------
     InvalidInputError
         If shapes do not fit, or a feature is zero in all observations.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_optimisation import Lasso
+    >>> path = explore(Lasso([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], [1.0, 2.0, 3.5]), (0.01, 10.0))
+    >>> [p.message for p in path.special_points("transition")]
+    ['b1+ leaves', 'b2+ leaves']
     """
 
     active = ("-", None, "+")

@@ -49,6 +49,14 @@ class QuadraticProgram(ActiveSets):
     ------
     InvalidInputError
         If shapes do not fit, Q is zero or not symmetric, or a row of A is zero.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_optimisation import QuadraticProgram
+    >>> program = QuadraticProgram([[1.0]], [0.0], A=[[1.0]], b=[1.0], d=[-1.0])  # x <= 1
+    >>> [round(p.alpha, 6) for p in explore(program, (0.0, 2.0)).special_points("transition")]
+    [1.0]
     """
 
     active = (None, "")

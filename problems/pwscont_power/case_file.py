@@ -119,9 +119,9 @@ class CaseFile:
         elif token.text == "define_constants":
             for names in NAMES.values():
                 self._assign_names([pair.split("=")[0] for pair in names.split()], names)
-        elif token.text in ("end", "return"):
+        elif token.text in ("end", "return", "endfunction"):
             pass
-        elif token.kind != "name" or reader.next.text not in (".", "="):
+        elif token.kind != "name" or reader.next.text not in (".", "=", "("):
             refuse(token.line, f"the statement that begins with {token.text!r} is not known here")
         else:
             self._assignment(token)
@@ -129,6 +129,8 @@ class CaseFile:
     def _function(self) -> None:
         """Take the names of what the file returns: one case, or its tables one by one."""
         reader = self._reader
+        if self._fields or self._names:
+            refuse(reader.next.line, "a second function is not known here")
         self._outputs = []
         several = reader.taken("[")
         while not reader.taken("]" if several else "="):
@@ -171,32 +173,31 @@ class CaseFile:
             self._names[name] = np.array([[float(pair.split("=")[1])]])
 
     def _assignment(self, token: Token) -> None:
-        """Carry out an assignment to a name, a field, or a part of a field."""
-        reader = self._reader
-        if token.text != self._case and reader.taken("="):
-            self._names[token.text] = reader.expression()
-            return
-        reader.take(".")
-        field = reader.take().text
-        if token.text != self._case or field not in READ | BESIDE:
-            refuse(token.line, f"{token.text}.{field} is not known here")
-        if field in BESIDE:
+        """Carry out an assignment to a name or a field, or to a part of one."""
+        reader, values, name = self._reader, self._names, token.text
+        if reader.taken("."):
+            values, name = self._fields, reader.take().text
+            if token.text != self._case or name not in READ | BESIDE:
+                refuse(token.line, f"{token.text}.{name} is not known here")
+        if name in BESIDE and values is self._fields:
             self._passed_over()
-        elif reader.taken("="):
-            self._fields[field] = reader.expression()
+            return
+        if name == self._case or not (name in values or reader.next.text == "="):
+            refuse(token.line, f"a value for {name!r}, of which there is no table yet")
+        if reader.taken("="):
+            values[name] = reader.expression()
         else:
-            self._assign_part(field, token.line)
+            values[name] = self._changed_part(values[name].copy(), token.line)
 
-    def _assign_part(self, field: str, line: int) -> None:
-        if field not in self._fields:
-            refuse(line, f"there is no table {field!r} yet")
-        table = self._fields[field] = self._fields[field].copy()
+    def _changed_part(self, table: Array, line: int) -> Array:
+        """Return a table after an assignment to some of its rows and columns."""
         part = self._reader.indices(table)
         self._reader.take("=")
         value = self._reader.expression()
         if value.size != 1 and value.shape != table[part].shape:
             refuse(line, f"values of shape {value.shape} for a part of shape {table[part].shape}")
         table[part] = value
+        return table
 
     def _passed_over(self) -> None:
         """Pass over an assignment that says nothing about the power flow."""

@@ -24,6 +24,7 @@ TOKEN = re.compile(
     r"|(?P<sign>\.[*/^]|[=~<>]=|&&|\|\||[-+*/^()\[\]{}.,;:=<>&|~\n])"
 )
 CONSTANTS = {"Inf": np.inf, "inf": np.inf, "NaN": np.nan, "nan": np.nan, "pi": np.pi}
+CONSTANTS |= {"true": 1.0, "false": 0.0}
 FUNCTIONS: dict[str, Callable[[Array], Any]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "abs")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan")},

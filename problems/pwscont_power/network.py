@@ -33,6 +33,12 @@ class Branch:
         Its phase shift in radians.
     g : float
         Total shunt conductance, such as iron losses.
+
+    Examples
+    --------
+    >>> from pwscont_power import Branch
+    >>> Branch(1, 2, r=0.02, x=0.2).tap
+    1.0
     """
 
     start: int
@@ -71,6 +77,12 @@ class Generator:
         The voltage to hold.
     Q_min, Q_max : float
         Limits of the reactive power, Q_min < Q_max; either may be infinite.
+
+    Examples
+    --------
+    >>> from pwscont_power import Generator
+    >>> Generator(2, V=1.02, Q_max=0.8).Q_min
+    -inf
     """
 
     bus: int
@@ -112,6 +124,13 @@ class Network:
     ------
     InvalidInputError
         If numbers of buses are not known, or not distinct, or shapes do not fit.
+
+    Examples
+    --------
+    >>> from pwscont_power import Branch, Generator, Network
+    >>> line = Branch(1, 2, 0.02, 0.2)
+    >>> Network((1, 2), (line,), (Generator(1, 1.0),), slack=1, load=[0, 0.5 + 0.2j]).buses
+    (1, 2)
     """
 
     buses: tuple[int, ...]

@@ -56,6 +56,13 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
         If tables are missing, too narrow, or not finite, or there is not one slack; if the case
         has what is not read, such as DC lines in service or a statement of another kind, which is
         named by its line.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> from pwscont_power import from_matpower
+    >>> len(from_matpower(files("pwscont_power") / "data" / "case14.m").buses)
+    14
     """
     tables = case if isinstance(case, Mapping) else read_case_file(Path(case))
     _check_all_is_read(tables)
@@ -110,6 +117,12 @@ def from_pandapower(net: Any) -> Network:
     InvalidInputError
         As for :func:`from_matpower`; for loads that depend on the voltage, DC lines, elements of
         power electronics, and impedances that differ from one direction to the other.
+
+    Examples
+    --------
+    >>> from pandapower.networks import case14  # doctest: +SKIP
+    >>> from pwscont_power import from_pandapower
+    >>> len(from_pandapower(case14()).buses)  # doctest: +SKIP
     """
     try:
         from pandapower.converter.pypower.to_ppc import to_ppc  # noqa: PLC0415  an optional package
@@ -160,7 +173,7 @@ def _check_all_is_read(tables: Mapping[str, Any]) -> None:
 def _base(given: Any) -> float:
     base = np.asarray(given, dtype=float)
     if base.size != 1 or not 0.0 < base.item() < np.inf:
-        raise InvalidInputError(f"baseMVA must be a positive number, got {given}")
+        raise InvalidInputError(f"baseMVA must be positive, and one number, got {given}")
     return float(base.item())
 
 

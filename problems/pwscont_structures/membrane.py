@@ -43,6 +43,15 @@ def membrane(
         If scikit-fem is not installed.
     InvalidInputError
         If the tension is not positive, or no node is inside.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from pwscont_structures import membrane
+    >>> mesh = skfem.MeshTri.init_tensor([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])
+    >>> sheet, inside = membrane(mesh, lambda x: -0.02 + 0.0 * x[0])
+    >>> sheet.size, inside.tolist()
+    (1, [4])
     """
     skfem, poisson = _scikit_fem()
     if not tension > 0.0:

@@ -41,6 +41,14 @@ class ObstacleProblem(PiecewiseLinearSystem):
     ------
     InvalidInputError
         If shapes do not fit, or K is not symmetric with a positive diagonal.
+
+    Examples
+    --------
+    >>> from pwscont import enumerate_solutions
+    >>> from pwscont_structures import ObstacleProblem
+    >>> pad = ObstacleProblem([[2.0, -1.0], [-1.0, 2.0]], obstacle=[-0.5, -2.0], load=[-1.0, -1.0])
+    >>> enumerate_solutions(pad, 1.0)[0].z.tolist()
+    [1.0, 1.0]
     """
 
     degree = 1
@@ -165,6 +173,14 @@ def string(
     ------
     InvalidInputError
         If there are no nodes, or a number is not positive.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_structures import string
+    >>> table = explore(string(9, lambda x: -0.05), (0.0, 8.0), parameter="load")
+    >>> table.guarantee
+    "complete (unique by the system's promise)"
     """
     if nodes < 1 or not (length > 0.0 and tension > 0.0):
         raise InvalidInputError("a string needs a node, a positive length and a positive tension")

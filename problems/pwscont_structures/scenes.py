@@ -136,7 +136,7 @@ def strut_supports(elements: int = 8, gap: float = 0.1, bow: float = 0.01) -> Sc
             "w(0.5)": partial(_deflection, system, 0.5),
             "shortening": partial(_shortening, system),
         },
-        panels=(Panel("w(0.5)"), Panel("w(0.25)")),
+        panels=(Panel("w(0.25)"), Panel("shortening")),
         styles={"free": "-", "support 1": "--", "support 2": ":"},
     )
 

@@ -51,6 +51,13 @@ class SofteningBar(PiecewiseLinearSystem):
     ------
     InvalidInputError
         If a number is not positive, lengths do not fit, or the remaining slope does not.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_structures import SofteningBar
+    >>> explore(SofteningBar(), (0.0, 5.0), parameter="displacement").count(2.5)
+    3
     """
 
     degree = 1  # forces fall without bound with all elongations, and stay bounded as they grow

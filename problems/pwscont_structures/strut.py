@@ -37,6 +37,12 @@ class Support:
         Along the rod, between 0 and 1, moved to the next end of an element.
     height : float
         Where the support is, in units of length: above the straight rod if positive.
+
+    Examples
+    --------
+    >>> from pwscont_structures import Strut, Support
+    >>> Strut(4, supports=[Support(0.5, 0.1)]).size
+    11
     """
 
     place: float
@@ -68,6 +74,14 @@ class Strut(PiecewiseSystem):
     ------
     InvalidInputError
         If a support is at no inner end of an element, at height zero, or meets the unloaded rod.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_structures import Strut
+    >>> buckled = explore(Strut(4), (5.0, 15.0), parameter="P")
+    >>> [round(p.alpha, 3) for p in buckled.special_points("branch point")]  # pi^2 = 9.870
+    [9.875]
     """
 
     def __init__(

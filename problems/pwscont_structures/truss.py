@@ -44,6 +44,13 @@ class TrussChain(PiecewiseSystem, BringsSearches):
     ------
     InvalidInputError
         If a stiffness is not positive, or a stop is at no node.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_structures import TrussChain
+    >>> explore(TrussChain([1.0]), (-0.6, 0.6), parameter="load").count(0.0)
+    3
     """
 
     degree = 1  # the gradient of an energy that grows beyond all bounds

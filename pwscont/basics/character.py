@@ -30,6 +30,14 @@ class Character:
     signs : iterable of bool, length m
         One sign per test function (Janovsky and Ligursky 2012, section 3.1; there the
         signs are stored as a triple of 0 and 1 per contact node).
+
+    Examples
+    --------
+    >>> from pwscont import Character
+    >>> Character([True, False]).flip(1)
+    Character(++)
+    >>> Character([True, False]).signs
+    (True, False)
     """
 
     __slots__ = ("_array", "_stored")

@@ -30,6 +30,13 @@ class Limits:
     ------
     InvalidInputError
         If pieces is no positive whole number, or seconds no positive number.
+
+    Examples
+    --------
+    >>> from pwscont import Limits, Switched, explore
+    >>> waves = Switched(1, lambda z, t, sw: z - sw.abs(t), linear=True)
+    >>> explore(waves, (-1.0, 1.0), limits=Limits(pieces=1)).guarantee
+    'the limit of 1 piece was reached: there may be more; open ends at alpha = 0'
     """
 
     pieces: int | None = None

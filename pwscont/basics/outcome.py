@@ -56,6 +56,10 @@ class FailureReason(Enum):
         "the parameter does not change any more: the branch runs to infinity, or is flat; where "
         "unknowns are far from one, give scale()"
     )
+    ENDLESS = (
+        "the branch runs to infinity: the parameter hardly changes any more; where unknowns are "
+        "far from one, give scale()"
+    )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
     TOO_MANY_STEPS = (

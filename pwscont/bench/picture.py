@@ -27,6 +27,7 @@ from pwscont.bench.report import FLOOR
 WIDTH, HEIGHT, MOST_COLUMNS = 3.3, 2.7, 4  # inches; panels in a row
 MOST_LABELLED = 200.0  # up to this ratio of the longest time to the shortest there is room for 3
 LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3
+LEAST_WIDTH = 10.0  # inches, for the three columns of the legend
 COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
 #: By the place of a name: always the same for a stepper; other programs come after all steppers.
 LOOKS = [{"color": c, "marker": m} for c, m in zip(COLOURS, "*opsD^vP<>hd8H", strict=True)]
@@ -44,13 +45,13 @@ def special(errors: Errors) -> float:
     return float(np.fmax(errors.transitions, errors.folds))
 
 
-def draw(problems: Sequence[str], rows: Sequence[Row]) -> Figure:
-    """Draw errors of branches and of special points over the median time."""
-    across = min(MOST_COLUMNS, len(problems))
+def draw(problems: Sequence[str], rows: Sequence[Row], columns: int = MOST_COLUMNS) -> Figure:
+    """Draw errors of branches and of special points over the median time, a panel per problem."""
+    across = min(columns, len(problems))
     down = -(-len(problems) // across)
     looks, handles = _looks(rows), _legend(rows)
     legend = LEGEND + LEGEND_ROW * -(-len(handles) // LEGEND_COLUMNS)
-    size = (max(WIDTH * across, 2.5 * WIDTH), HEIGHT * down + legend)
+    size = (max(WIDTH * across, LEAST_WIDTH), HEIGHT * down + legend)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(down, across, squeeze=False, sharey=True)
     for ax, name in zip(grid.flat, problems, strict=False):
@@ -131,7 +132,7 @@ def _legend(rows: Sequence[Row]) -> list[Line2D]:
             linestyle=":",
             markersize=4,
             markerfacecolor="w",
-            label=f"hollow: transitions and folds; below {FLOOR:.0e} drawn there",
+            label=f"hollow: transitions and folds (at least {FLOOR:.0e})",
             **black,
         ),
         Line2D([], [], color="black", marker="x", linestyle="none", label="wrong answer"),

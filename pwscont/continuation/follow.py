@@ -33,6 +33,14 @@ from pwscont.transitions.watch import Event, Readings, Watch
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000
+#: A piece of more steps may run to infinity: its longest step grows with the distance from where it
+#: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
+MANY_STEPS, NEAR = 150, 2.0
+#: After each so many steps a piece is asked whether it runs to infinity: whether it is farther than
+#: so far from its beginning, and alpha changes by less than this part of the change before whenever
+#: the distance doubles, altogether by less than this part of the interval. The last does not matter
+#: any more after so many steps.
+LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
@@ -121,17 +129,20 @@ class PieceFollower(Follower):
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         if not curve.selection.is_straight:
             selection = curve.selection
             refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
-        for _ in range(MOST_STEPS):
+        for number in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
-            segment = self.stepper.step(curve, self.interval, reached.state, before, longest)
+            stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
+            if number % LOOKED == LOOKED - 1 and reached.is_endless():
+                return reached.stopped(str(Failure(FailureReason.ENDLESS)))
+            segment = stepper.step(curve, self.interval, reached.state, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
@@ -168,6 +179,11 @@ class PieceFollower(Follower):
             self.gauge.see(step.start.x, step.end.x)
         reached.go_to(step, before)
         return None
+
+    def _stepper(self, reached: _Reached) -> Stepper:
+        """Return the stepper of a long piece: far from where it began its steps are longer."""
+        factor = reached.distance() / NEAR
+        return self.stepper.stretched(factor) if factor > 1.0 else self.stepper
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
@@ -261,6 +277,28 @@ class _Reached:
             self._shortened = max(self._shortened - 1, 0)
         if self._shortened == MOST_SHORTENED:
             self.refines()
+
+    def distance(self) -> float:
+        """Return how far from its beginning the piece is now."""
+        return self.curve.metric.norm(self.state.x - self.points[0])
+
+    def is_endless(self) -> bool:
+        """Tell whether a long piece leads to infinity while alpha stays inside the interval.
+
+        Where the distance from its beginning doubles, alpha changes by less and less; all these
+        changes together are next to nothing.
+        """
+        points, metric = np.array(self.points), self.curve.metric
+        away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
+        if away[-1] < FAR or away[-1] < away.max():
+            return False
+        last, half, quarter = (
+            points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
+        )
+        late, early = abs(last - half), abs(half - quarter)
+        rest = late * SHRINKING / (1.0 - SHRINKING)
+        is_next_to_nothing = rest <= ALMOST * metric.width or len(points) > MANY_LOOKED
+        return bool(late <= SHRINKING * early and is_next_to_nothing)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""

@@ -92,6 +92,17 @@ class Journal:
     ------
     InvalidInputError
         If the file cannot be opened, is in use, is damaged, or is no journal.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from pwscont import LCP, Journal, explore
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> with TemporaryDirectory() as folder, Journal(Path(folder, "run.journal")) as journal:
+    ...     graph = explore(problem, (-1.0, 2.0), journal=journal)
+    ...     journal.is_finished
+    True
     """
 
     def __init__(self, path: str | Path) -> None:

@@ -87,6 +87,14 @@ def trace(
         If a method of the system returns the wrong shape.
     StartNotFoundError
         If no solution is found near the start.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, trace
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> branch = trace(arch, ([0.1], 0.0), (-0.5, 1.0))
+    >>> [round(p.alpha, 6) for p in branch.special_points("fold")]
+    [0.3849]
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)

@@ -58,6 +58,12 @@ class BorderedNewton(Corrector):
     Attributes
     ----------
     most_iterations : int
+
+    Examples
+    --------
+    >>> from pwscont import BorderedNewton, PseudoArclength
+    >>> PseudoArclength(corrector=BorderedNewton(most_iterations=5)).corrector.most_iterations
+    5
     """
 
     most_iterations: int = 8
@@ -87,6 +93,12 @@ class MoorePenrose(Corrector):
     Attributes
     ----------
     most_iterations : int
+
+    Examples
+    --------
+    >>> from pwscont import MoorePenrose, PseudoArclength
+    >>> PseudoArclength(corrector=MoorePenrose()).corrector
+    MoorePenrose(most_iterations=8)
     """
 
     most_iterations: int = 8

@@ -31,8 +31,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve
 from pwscont.linear.augmented import augmented
-from pwscont.linear.equilibration import columns_scaled, largest_in_rows, rows_divided
-from pwscont.linear.factor import power_of_two
+from pwscont.linear.factorise import columns_scaled, largest_in_rows, power_of_two, rows_divided
 
 MOST_ITERATIONS = 12
 #: Rounds of renewing generic borders before the first iteration.
@@ -181,7 +180,7 @@ def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | No
     n, scale = len(b), curve.metric.scale
     scaled = columns_scaled(curve.selection.jacobian(x), scale)
     matrix = augmented(rows_divided(scaled, rows), b, C)
-    if matrix is None or matrix.is_singular():
+    if matrix.is_singular():
         return None
     unit = np.eye(n + 2)[n:]
     solved = np.column_stack([matrix.solve(e) for e in unit])

@@ -43,7 +43,14 @@ class Predictor(ABC):
 @final
 @dataclass(frozen=True, slots=True)
 class Tangent(Predictor):
-    """Along the tangent: the error of the prediction is of second order in the step."""
+    """Along the tangent: the error of the prediction is of second order in the step.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Tangent
+    >>> PseudoArclength(predictor=Tangent()).predictor
+    Tangent()
+    """
 
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
@@ -55,7 +62,14 @@ class Tangent(Predictor):
 @final
 @dataclass(frozen=True, slots=True)
 class Secant(Predictor):
-    """Through the last two points; along the tangent where there is only one."""
+    """Through the last two points; along the tangent where there is only one.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Secant
+    >>> PseudoArclength(predictor=Secant()).predictor
+    Secant()
+    """
 
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
@@ -76,6 +90,12 @@ class Hermite(Predictor):
     too much, or Jacobians are differences. What Newton has left to do is often rounding after one
     Jacobian (higher order predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore
     1991).
+
+    Examples
+    --------
+    >>> from pwscont import Hermite, PseudoArclength
+    >>> PseudoArclength().predictor == Hermite()
+    True
     """
 
     def predict(

@@ -20,7 +20,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix
 from pwscont.curve.curve import Curve
-from pwscont.linear.inner import column
+from pwscont.linear.factorise import column
 
 #: How many times larger than all other unknowns one is made, in their typical magnitudes.
 FAR = 2.0**20

@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, largest, product
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
@@ -90,7 +90,8 @@ def semismooth_newton(
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            if not _is_solved(place.residual / linear.rows, x / metric.scale):
+            flat = linear.is_flat(metric)
+            if not _is_solved(place.residual / linear.rows, x / metric.scale, flat):
                 return Failure(FailureReason.NO_DESCENT)
             if last and isinstance(system, PiecewiseLinearSystem):
                 linear.leave(last, place.character)
@@ -167,6 +168,12 @@ class _Linear:
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
         return cls(character, jacobian, rows, factor, factor.is_singular())
 
+    def is_flat(self, metric: Metric) -> Array:
+        """Tell which rows do not see z: H hardly changes where a start has run away."""
+        by_z = product(abs(self.jacobian), joined(metric.scale[:-1], 0.0))
+        by_alpha = product(abs(self.jacobian), joined(np.zeros(len(self.rows)), metric.width))
+        return np.asarray(by_z <= EPS * by_alpha)
+
     def leave(self, last: LastHeld, character: Character) -> None:
         """Leave the Jacobian, if it is regular, where the piece that begins here finds it."""
         if not self.is_singular:
@@ -181,13 +188,14 @@ class _Linear:
         return here == there or system.cell(here) == system.cell(there)
 
 
-def _is_solved(scaled: Array, size: Array) -> bool:
+def _is_solved(scaled: Array, size: Array, flat: Array) -> bool:
     """Tell whether a residual, divided by its coefficients, fits a correction that is rounding.
 
-    Where the Jacobian is singular the regularised step may vanish where the residual does not.
+    Where the Jacobian is singular the regularised step may vanish where the residual does not. What
+    rounding of the point makes of a row is none of it where the row does not see the point.
     """
-    most = math.sqrt(CONVERGED) + CONVERGED * float(np.add.reduce(np.abs(size)))
-    return largest(np.abs(scaled)) <= most
+    rounding = CONVERGED * float(np.add.reduce(np.abs(size)))
+    return bool((np.abs(scaled) <= math.sqrt(CONVERGED) + np.where(flat, 0.0, rounding)).all())
 
 
 def _as_good_as_it_gets(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 from pwscont.basics.arrays import finite_array
@@ -39,6 +39,12 @@ class StepSize:
     InvalidInputError
         If not 0 < smallest <= first <= largest, the cosine is not between -1 and 1, or the gap is
         not positive.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, StepSize
+    >>> PseudoArclength(step_size=StepSize(largest=0.01)).step_size.first
+    0.01
     """
 
     first: float = FIRST
@@ -63,9 +69,12 @@ class StepSize:
             raise InvalidInputError(
                 f"least_cosine of StepSize must be in [-1, 1), got {self.least_cosine}"
             )
-
         if not self.gap > 0.0:
             raise InvalidInputError(f"gap of StepSize must be positive, got {self.gap}")
+
+    def stretched(self, factor: float) -> StepSize:
+        """Return the control whose longest step is so many times as long."""
+        return replace(self, largest=factor * self.largest)
 
     def accepts(self, cosine: float) -> bool:
         """Tell whether the curve turned little enough within the step."""

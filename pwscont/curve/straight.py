@@ -32,11 +32,11 @@ from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
-from pwscont.linear.cores import Core
-from pwscont.linear.factorise import DenseFactor
-from pwscont.linear.inner import column, inner
-from pwscont.linear.product_form import ProductForm
-from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.dense import DenseFactor
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import column, inner
+from pwscont.linear.jacobian import StructuredJacobian
+from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
@@ -279,7 +279,7 @@ class StraightCell:
         return beside
 
 
-def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Core | None]:
+def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
     """Return the Jacobian of a curve and the factorisation of its part for z, where there is one.
 
     A dense one that was factorised with alpha held, where the piece begins, serves as it is.

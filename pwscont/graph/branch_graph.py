@@ -53,6 +53,17 @@ class BranchGraph(Balance):
     ------
     InvalidInputError
         If a recorded quantity has the name of an unknown or of something else, or is no function.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, explore
+    >>> graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> graph.count(0.0), graph.guarantee
+    (3, 'complete')
+    >>> [(round(lo, 6), round(hi, 6), n) for lo, hi, n in graph.multiplicity()]
+    [(-1.0, 0.5, 3), (0.5, 2.0, 1)]
+    >>> graph.nx.number_of_edges()
+    3
     """
 
     @cached_property

@@ -1,121 +1,96 @@
-"""The matrix [[J, b], [C, 0]] with one more column and two more rows than a Jacobian (n, n + 1).
+"""The matrix [[J, b], [C, 0]], with one more column and two more rows than a Jacobian (n, n + 1).
+
+Newton's method for branch points solves with this matrix, see :mod:`pwscont.curve.crossing`.
 
 Failure modes and answers
 -------------------------
-- The full rows and the full column would fill a sparse factorisation: they are added one after
-  the other to an LU of the part of J for z, first the borders that make up for the rank which that
-  part lacks, then the column of alpha.
-- The part for z lacks two ranks, where two curves that cross are both vertical: the whole matrix is
-  factorised, sparse, whatever that costs.
+- The full rows and the full column would fill a sparse factorisation: rows and columns are added
+  one by one to an LU of B, the part of J for z. First come the borders that make up for the rank
+  that B lacks, then the column for alpha.
+- B lacks two ranks, where two vertical curves cross: the whole matrix is factorised, sparse, at
+  whatever cost.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix
-from pwscont.linear.banded import BandedJacobian
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.factorise import factor
-from pwscont.linear.sparse import split
+from pwscont.linear.dense import DenseFactor
+from pwscont.linear.factor import Factor
+from pwscont.linear.jacobian import StoredJacobian
+from pwscont.linear.sparse import SparseFactor
 
 
-class Augmented(ABC):
-    """Solves with [[J, b], [C, 0]] and its transpose."""
-
-    @abstractmethod
-    def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
-
-    @abstractmethod
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (n + 2,)."""
-
-    @abstractmethod
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-
-
-def augmented(jacobian: Matrix, b: Array, C: Array) -> Augmented | None:
-    """Factorise [[J, b], [C, 0]]; None where it is singular.
+def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
+    """Factorise [[J, b], [C, 0]], for solves with the matrix and with its transpose.
 
     Parameters
     ----------
-    jacobian : ndarray, CSC matrix or BandedJacobian, shape (n, n + 1)
+    jacobian : ndarray or StoredJacobian, shape (n, n + 1)
         With entries of about one.
     b : ndarray, shape (n,)
     C : ndarray, shape (2, n + 1)
     """
+    n = len(b)
     if isinstance(jacobian, np.ndarray):
-        upper, lower = np.column_stack([jacobian, b]), np.column_stack([C, np.zeros(2)])
-        return DirectAugmented(np.vstack([upper, lower]))
-    nested = BorderedAugmented.of(jacobian, b, C)
-    if nested is not None and not nested.is_singular():
-        return nested
+        whole = np.zeros((n + 2, n + 2), order="F")
+        whole[:n, :-1], whole[:n, -1], whole[n:, :-1] = jacobian, b, C
+        return DenseFactor(whole, np.ones(n + 2))
+    by_parts = _by_parts(jacobian, b, C)
+    if not by_parts.is_singular():
+        return by_parts
     blocks = [[jacobian.tocsc(), b[:, np.newaxis]], [sp.csc_matrix(C), None]]
-    return DirectAugmented(sp.bmat(blocks, format="csc"))
+    return SparseFactor(sp.bmat(blocks, format="csc"), np.ones(n + 2))
+
+
+def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
+    """Factorise [[J, b], [C, 0]] by two borders around an LU of B.
+
+    The rows of C are turned so that the first has no entry for alpha: this row and b are the first
+    border, which needs no column for alpha. Where B or B with the first border has no LU, that
+    factor is returned, and is singular.
+    """
+    core, column = jacobian.split()
+    if core.failed:
+        return core
+    turn, ones = _turn(C[:, -1]), np.ones(len(b) + 2)
+    first, second = turn @ C
+    inner = BorderedFactor(Interior(core, b), np.append(first[:-1], 0.0), ones[1:], ones[1:])
+    if inner.is_singular():
+        return inner
+    row = np.concatenate([second[:-1], [0.0, second[-1]]])
+    outer = BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones)
+    return _Turned(outer, turn)
 
 
 @final
-class DirectAugmented(Augmented):
-    """By a factorisation of the matrix and one of its transpose."""
+class _Turned(Factor):
+    """Solves with [[J, b], [C, 0]] by a factor in which C is turned and alpha comes last.
 
-    def __init__(self, matrix: Any) -> None:
-        ones = np.ones(matrix.shape[0])
-        self._direct, self._transposed = (factor(m, ones) for m in (matrix, matrix.T))
-
-    def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
-        return self._direct.is_singular() or self._transposed.is_singular()
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
-        return self._direct.solve(rhs)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._transposed.solve(rhs)
-
-
-@final
-class BorderedAugmented(Augmented):
-    """By borders around an LU of the part of J for z.
-
-    The rows of C are turned so that the first has no entry for alpha. With ``T C`` in place of C
-    the unknowns are ordered (z, mu, alpha) within.
+    Parameters
+    ----------
+    factor : Factor
+        Of the matrix with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
+    turn : ndarray, shape (2, 2)
+        A rotation.
     """
 
-    def __init__(self, factor: BorderedFactor, turn: Array) -> None:
+    def __init__(self, factor: Factor, turn: Array) -> None:
         self._factor, self._turn = factor, turn
+        self.failed = factor.failed
 
-    @classmethod
-    def of(cls, jacobian: Matrix, b: Array, C: Array) -> BorderedAugmented | None:
-        """Factorise; None where an inner matrix has no LU."""
-        parts = jacobian.split() if isinstance(jacobian, BandedJacobian) else split(jacobian)
-        core, column = parts
-        turn = _turn(C[:, -1])
-        first, second = turn @ C
-        if core is None:
-            return None
-        n = len(b)
-        ones, row = np.ones(n + 1), np.append(first[:-1], 0.0)
-        inner = BorderedFactor(Interior(core, b), row, ones, ones)
-        if inner.is_singular():
-            return None
-        row = np.concatenate([second[:-1], [0.0, second[-1]]])
-        ones = np.ones(n + 2)
-        return cls(BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones), turn)
-
-    def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
-        return self._factor.is_singular()
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant, which the exchange of two columns turns."""
+        return -self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+        """Return the solution for one right-hand side, shape (n + 2,)."""
         turned = np.append(rhs[:-2], self._turn @ rhs[-2:])
         return _exchanged(self._factor.solve(turned))
 
@@ -123,6 +98,10 @@ class BorderedAugmented(Augmented):
         """Return the solution with the transposed matrix."""
         turned = self._factor.solve_transposed(_exchanged(rhs))
         return np.append(turned[:-2], self._turn.T @ turned[-2:])
+
+    def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
+        return self._factor.is_singular()
 
 
 def _turn(pair: Array) -> Array:

@@ -1,15 +1,17 @@
 """Bordered matrices [[B, b], [c^T, d]] by solves with B alone, also where B is singular.
 
-B keeps its structure (banded, sparse), which a full row and a full column would spoil.
+B keeps its structure (banded, sparse, eliminated by hand), which a full row and a full column would
+spoil.
 
 Failure modes and answers
 -------------------------
 - B is singular at every fold, where the bordered matrix is not: plain block elimination loses
   all digits there. The mixed elimination BEMW of Govaerts (2000, section 3.6) finds the last
-  unknown with the transpose of B, and corrects it with B: as stable as the solves with B. Far
-  from folds its first half is left out, which saves a third of the time.
+  unknown with the transpose of B, and corrects the last unknown with B: BEMW is as stable as the
+  solves with B. Far from folds the first half of BEMW is left out, which saves a third of the time.
 - The bordered matrix itself is singular: the solution of a generic right-hand side is huge.
-- Rows and columns in different units: both are scaled as in :mod:`pwscont.linear.factorise`.
+- Rows and columns have different units: rows and columns are scaled, see
+  :mod:`pwscont.linear.factor`.
 """
 
 from __future__ import annotations
@@ -22,29 +24,29 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.generic import generic_angles
 from pwscont.basics.rounding import EPS
-from pwscont.linear.cores import Core
 from pwscont.linear.factor import Factor, power_of_two
 
-#: Plain elimination loses as many digits as B^-1 b is larger than b. Up to this growth nothing is
-#: done about the loss: what is lost of a Newton correction is below rounding of the unknowns.
+#: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
+#: scaled to about one. Plain elimination multiplies rounding errors by the largest entry; an error
+#: of GROWTH * EPS = 2e-12 of a Newton correction is below rounding of the corrected unknowns.
 GROWTH = 1e4
 
 
 @final
 class Interior:
-    """What a bordered matrix needs of [B, b], whatever the border.
+    """[B, b], and the solves with B that do not depend on the border.
 
     Parameters
     ----------
-    core : Core
-        LU of B, shape (n, n).
+    core : Factor
+        Of B, shape (n, n); solves with the transposed matrix, too.
     column : ndarray, shape (n,)
         b.
     """
 
-    def __init__(self, core: Core, column: Array) -> None:
+    def __init__(self, core: Factor, column: Array) -> None:
         self.core, self.column = core, column
-        #: Vectors f that B^-1 f is known of.
+        #: Vectors f, each with the known B^-1 f.
         self.beside: tuple[tuple[Array, Array], ...] = ()
 
     def solve(self, f: Array) -> Array:
@@ -55,16 +57,16 @@ class Interior:
         return self.core.solve(f)
 
     @classmethod
-    def at_once(cls, core: Core, column: Array, beside: Array | None = None) -> Interior:
-        """Return an interior whose solves are done together, where all cost as much as one.
+    def at_once(cls, core: Factor, column: Array, beside: Array | None = None) -> Interior:
+        """Return an interior after one call of ``solve_all``, where many solves cost little more.
 
-        Also for f, shape (n,), if it is given ``beside``.
+        Where a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
         """
-        interior, vectors = cls(core, column), _generic(len(column) + 1)
+        interior, vectors = cls(core, column), _two_generic(len(column) + 1)
         more = [] if beside is None else [beside]
-        right, one, other, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
+        right, first, second, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
         interior.right = right
-        interior.generic = tuple(zip(vectors, (one, other), strict=True))
+        interior.generic = tuple(zip(vectors, (first, second), strict=True))
         interior.beside = tuple(zip(more, solved, strict=True))
         return interior
 
@@ -76,13 +78,13 @@ class Interior:
     @cached_property
     def generic(self) -> tuple[tuple[Array, Array], ...]:
         """Two generic vectors f, shape (n + 1,), each with B^-1 f[:-1]."""
-        vectors = _generic(len(self.column) + 1)
+        vectors = _two_generic(len(self.column) + 1)
         return tuple(zip(vectors, self.core.solve_all(vectors[:, :-1]), strict=True))
 
 
 @final
-class BorderedFactor(Factor, Core):
-    """Factorisation of [[B, b], [c^T, d]] by one of B.
+class BorderedFactor(Factor):
+    """Factorisation of a matrix M in any units, where (M / rows) * columns is [[B, b], [c^T, d]].
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ class BorderedFactor(Factor, Core):
     row : ndarray, shape (n + 1,)
         (c, d).
     rows, columns : ndarray, shape (n + 1,)
-        What the rows of the matrix were divided by, and its columns multiplied by.
+        The divisors of the rows of M, and the multipliers of its columns.
     """
 
     def __init__(self, interior: Interior, row: Array, rows: Array, columns: Array) -> None:
@@ -105,7 +107,7 @@ class BorderedFactor(Factor, Core):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant; 0 where it vanishes exactly."""
+        """Sign of the determinant; 0 where the Schur complement vanishes exactly."""
         if self.failed:
             return 0
         return self._core.sign if self._schur > 0.0 else -self._core.sign
@@ -124,15 +126,16 @@ class BorderedFactor(Factor, Core):
         return self._columns * np.stack([self._completed(f, float(g)) for f, g in pairs])
 
     def _solve(self, rhs: Array) -> Array:
+        """Return the scaled solution for a scaled right-hand side."""
         f, g = rhs[:-1], float(rhs[-1])
         guess = self._guess(f, g) if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
-        inner = self._interior.solve(f) if f.any() else f  # zero for a tangent
+        inner = self._interior.solve(f) if f.any() else f  # a tangent is solved for with f = 0
         return self._completed(inner, g, guess)
 
     def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:
-        """Return the solution from B^-1 f, the entry for the border and a guess of the last."""
+        """Return the solution from B^-1 f, the last entry g and a guess of the last unknown."""
         correction = (g - float(self._row.dot(inner))) / self._schur
         solution = np.empty(len(inner) + 1)
         np.subtract(inner, correction * self._right, out=solution[:-1])
@@ -140,66 +143,79 @@ class BorderedFactor(Factor, Core):
         return solution
 
     def _guess(self, f: Array, g: float) -> float:
-        """Return the last unknown as the transposed elimination finds it."""
-        left, schur = self._transposed
+        """Return the last unknown, from solves with the transpose of B."""
+        left, schur = self._left
         return (g - float(left.dot(f))) / schur
+
+    @cached_property
+    def _left(self) -> tuple[Array, float]:
+        """B^-T c, and the Schur complement that follows from B^-T c."""
+        left = self._core.solve_transposed(self._row)
+        schur = self._corner - float(self._column.dot(left))
+        return left, schur or EPS  # zero by rounding alone, for the Schur complement is not zero
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
-        return self._twin.solve(rhs)
+        return self._transpose.solve(rhs)
 
     @cached_property
-    def _twin(self) -> BorderedFactor:
-        twin = Interior(_Transposed(self._core), self._row)
+    def _transpose(self) -> BorderedFactor:
+        """The factorisation of the transposed matrix."""
+        interior = Interior(_Transposed(self._core), self._row)
         column = np.append(self._column, self._corner)
-        return BorderedFactor(twin, column, 1.0 / self._columns, 1.0 / self._rows)
-
-    @cached_property
-    def _transposed(self) -> tuple[Array, float]:
-        left = self._core.solve_transposed(self._row)
-        schur = self._corner - float(self._column.dot(left))
-        return left, schur or EPS  # that it vanishes and the other does not is rounding
+        return BorderedFactor(interior, column, 1.0 / self._columns, 1.0 / self._rows)
 
     def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding, by solving for two generic vectors."""
+        """Tell whether the matrix is singular to rounding, from solutions for two generic vectors.
+
+        The scaled entries are about one and the vectors have the length sqrt((n + 1) / 2), so a
+        solution is about as long as that, divided by the smallest singular value.
+        """
         if self.failed:
             return True
-        # entries are about one, so that these are about 1 / (smallest singular value)
-        growth = [np.linalg.norm(self._generic(*pair)) for pair in self._interior.generic]
-        return not max(growth) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
+        lengths = [np.linalg.norm(self._generic(*pair)) for pair in self._interior.generic]
+        return not max(lengths) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
 
     def _generic(self, f: Array, inner: Array) -> Array:
-        """Return the solution for a generic vector f, of which B^-1 f[:-1] is known."""
+        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] where that serves."""
         return self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
 
 
-def _generic(size: int) -> Array:
+def row_scale(largest: Array, row: Array) -> Array:
+    """Return the divisors of the rows of [J; row], shape (n + 1,), powers of two.
+
+    Parameters
+    ----------
+    largest : ndarray, shape (n,)
+        The largest magnitude in each row of J, with scaled columns.
+    row : ndarray, shape (n + 1,)
+        With scaled entries.
+    """
+    return power_of_two(np.append(largest, np.abs(row).max()))
+
+
+def _two_generic(size: int) -> Array:
     """Return two vectors related to no simple numbers, shape (2, size)."""
     angles = generic_angles(size)
     return np.stack([np.cos(angles), np.sin(angles)])
 
 
-def row_scale(largest: Array, row: Array) -> Array:
-    """Return what rows and border are divided by, from the largest entries of the rows."""
-    return power_of_two(np.append(largest, np.abs(row).max()))
-
-
 @final
-class _Transposed(Core):
-    """A core with its two solves exchanged."""
+class _Transposed(Factor):
+    """The transpose of a matrix, whose factorisation solves with the transpose, too."""
 
-    def __init__(self, core: Core) -> None:
-        self._core = core
+    def __init__(self, factor: Factor) -> None:
+        self._factor = factor
 
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
-        return self._core.sign
+        return self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
-        return self._core.solve_transposed(rhs)
+        return self._factor.solve_transposed(rhs)
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the matrix itself."""
-        return self._core.solve(rhs)
+        return self._factor.solve(rhs)

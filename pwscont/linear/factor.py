@@ -1,24 +1,54 @@
-"""The seam of the factorisations of square matrices."""
+"""The seam of all factorisations, and what their implementations share.
+
+A Jacobian J has shape (n, n + 1). Its columns belong to the unknowns z and to alpha; B is the part
+of J for z, and b the column for alpha. :class:`Factor` has these implementations:
+
+=====================================  ============================================
+dense.py                               :class:`DenseFactor` in any units; :class:`DenseLU`
+sparse.py                              :class:`SparseFactor` in any units; :class:`SparseLU`
+banded.py                              :class:`BandLU`, :class:`TridiagonalLU`
+bordered.py                            :class:`BorderedFactor`, around a factor of B
+updates.py                             :class:`ProductForm`, a factor and its changes
+this file                              :class:`ScaledFactor`, a factor in other units
+=====================================  ============================================
+
+Failure modes and answers
+-------------------------
+- The determinant of a large matrix overflows: only the sign of the determinant is computed, from
+  the signs of the pivots and the parity of the row exchanges (docs/theory, F10).
+- Equations and unknowns have different units: rows and columns are scaled by powers of two, so that
+  scaling rounds nothing. Pivots and condition then do not depend on units.
+- B is singular at every fold, where the bordered matrix [J; row] is not: a pivot of B that vanishes
+  to rounding is moved to the size of a rounding error, for which
+  :class:`~pwscont.linear.bordered.BorderedFactor` makes up.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from operator import ne
+from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.rounding import EPS
+
+#: Up to this number of pivots, Python finds the sign of the product faster than numpy does.
+FEW_PIVOTS = 32
 
 
 class Factor(ABC):
-    """An LU factorisation of a square matrix.
+    """A factorisation of a square matrix, shape (k, k).
 
     Attributes
     ----------
     failed : bool
-        Whether a pivot vanished exactly, so that nothing can be solved.
+        Whether a pivot vanished exactly, so that nothing can be solved; default False.
     """
 
-    failed: bool
+    failed: bool = False
 
     @property
     @abstractmethod
@@ -30,14 +60,102 @@ class Factor(ABC):
         """Return the solution for one right-hand side, shape (k,)."""
 
     def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k); default one by one."""
+        """Return the solutions for several right-hand sides, shape (l, k); by default singly."""
         return np.stack([self.solve(f) for f in rhs])
 
-    @abstractmethod
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix, shape (k,).
+
+        :class:`~pwscont.linear.bordered.BorderedFactor` asks this of the factor of B.
+        """
+        name = type(self).__name__
+        raise NotImplementedError(f"{name} does not solve with the transposed matrix: define it")
+
     def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
+        """Tell whether the matrix is singular to rounding; default whether a pivot vanished.
+
+        The factorisation of a bordered matrix must define this method.
+        """
+        return self.failed
+
+
+class LU(Factor):
+    """An LU with partial pivoting of a square matrix with entries up to one, singular or not."""
+
+    @abstractmethod
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array, shape (k,) or (k, l)."""
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side, shape (k,), or several, shape (l, k)."""
+        return self.solved(rhs.T).T
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        return self.solved(rhs.T).T
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix, for one right-hand side or several."""
+        return self.solved(rhs.T, transposed=True).T
+
+
+@final
+class ScaledFactor(Factor):
+    """The factorisation of a matrix M, made from a factor of (M / rows) * columns.
+
+    Parameters
+    ----------
+    factor : Factor
+        Of M with its rows divided and its columns multiplied.
+    rows, columns : ndarray, shape (k,)
+        The divisors of the rows and the multipliers of the columns, powers of two.
+    """
+
+    def __init__(self, factor: Factor, rows: Array, columns: Array) -> None:
+        self._factor, self._rows, self._columns = factor, rows, columns
+        self.failed = factor.failed
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant, which positive multipliers do not change."""
+        return self._factor.sign
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return self._columns * self._factor.solve(rhs / self._rows)
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        return self._columns * self._factor.solve_all(rhs / self._rows)
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._factor.solve_transposed(self._columns * rhs) / self._rows
+
+    def is_singular(self) -> bool:
+        """Tell whether the scaled matrix is singular to rounding."""
+        return self._factor.is_singular()
 
 
 def power_of_two(values: Array) -> Array:
-    """Return for each value a power of two that is at most twice as large; one for zero."""
+    """Return for each value > 0 the next larger power of two, at most twice the value; 1 for 0."""
     return np.ldexp(1.0, np.frexp(values)[1])
+
+
+def regularise(pivots: Array) -> None:
+    """Move pivots below EPS to a size of EPS, in place; entries of the matrix are about one."""
+    sizes = np.abs(pivots)
+    if sizes.min() < EPS:
+        tiny = sizes < EPS
+        pivots[tiny] = np.copysign(EPS, pivots[tiny])
+
+
+def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
+    """Return the sign of a determinant from the pivots, and the row that each was exchanged for."""
+    if len(pivots) > FEW_PIVOTS:
+        negative = np.count_nonzero(pivots < 0.0)
+        odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
+        return -1 if (negative + odd) % 2 else 1
+    sign = math.copysign(1.0, math.prod(pivots.tolist()))  # a product of 0.0 has a sign, too
+    odd = sum(map(ne, exchanges.tolist(), range(len(exchanges))))
+    return -1 if (odd + (sign < 0.0)) % 2 else 1

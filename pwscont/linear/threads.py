@@ -1,8 +1,8 @@
 """One thread for BLAS while matrices are small, where threadpoolctl is installed.
 
 Threads that wait for each other cost more than the work on a matrix of a few hundred rows, and more
-than products with one of thousands, which wait for memory. The command line sets environment
-variables before BLAS is loaded; from Python it is too late for that.
+than products with a matrix of thousands of rows, which wait for memory. The command line sets
+environment variables before BLAS is loaded; a Python program has loaded BLAS already.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-#: What BLAS libraries and OpenMP read; whoever sets one of them decides.
+#: Environment variables that BLAS libraries and OpenMP read: whatever the user sets there holds.
 VARIABLES = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -22,15 +22,15 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
-#: Matrices of fewer unknowns OpenBLAS does not share among threads.
+#: Number of unknowns below which OpenBLAS uses one thread anyway.
 FEW = 32
-#: With more unknowns several threads may pay: where matrices are factorised at every step, and
-#: where they are multiplied only. Below two threads took 1.5 to 5 times as long as one.
+#: Numbers of unknowns up to which one thread is faster: where matrices are factorised at every
+#: step, and where matrices are only multiplied. Two threads took 1.5 to 5 times as long there.
 FACTORISED, MULTIPLIED = 2000, 6000
 
 
 def few_threads(size: int, small: int = FACTORISED) -> AbstractContextManager[Any]:
-    """Let BLAS use one thread for systems of few unknowns, unless the user has set a number."""
+    """Let BLAS use one thread for systems of up to ``small`` unknowns, unless the user decides."""
     return one_thread() if FEW <= size <= small else nullcontext()
 
 
@@ -57,7 +57,7 @@ def one_thread_in_children() -> Iterator[None]:
 
 @cache
 def _controller() -> Any | None:
-    """Return what sets numbers of threads, made once: it looks through all loaded libraries."""
+    """Return threadpoolctl's controller, made once, as making one looks through all libraries."""
     try:
         return import_module("threadpoolctl").ThreadpoolController()
     except ImportError:

@@ -1,22 +1,26 @@
-"""Solves with a matrix that changes a few rows at a time, each change in O(m k).
+"""Factorisations that follow a matrix as it changes by a few rows or by terms of rank one.
 
-Where row r of M is replaced, M' = M + e_r d^T, the inverse changes by a matrix of rank one (Sherman
-and Morrison): M'^-1 = M^-1 - w d^T M^-1 / (1 + d.w), with w column r of M^-1. The changes since the
-inverse was formed are kept as pairs of vectors, see :class:`Changes`; after a number of them
-they are subtracted from the inverse all at once, by products of matrices. The sign of the
-determinant is multiplied by that of 1 + d.w, so that no determinant is ever computed (docs/theory,
-F10).
+With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 + g.w)) B^-1
+(Sherman and Morrison); 1 + g.w is the *pivot* of the change. :class:`Changes` keeps the vectors of
+all changes, multiplied out, as the product form of the inverse does in the simplex method (Dantzig
+and Orchard-Hays 1954): a solve costs a solve with the first matrix and two products with the
+vectors. The sign of the determinant is multiplied by the sign of each pivot (docs/theory, F10).
+
+- :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and changes.
+- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
+  solver keeps an explicit inverse, and subtracts many changes at once by products of matrices.
 
 Failure modes and answers
 -------------------------
-- Rounding errors of the changes add up: whoever solves compares the residual with
-  :func:`drifted`, mostly at no cost, and asks for a fresh factorisation where it is too large.
-  After a number of changes the matrix is factorised afresh anyway, which costs one part in ten.
-- The new matrix is nearly singular, or the change loses digits: 1 + d.w is small beside its terms,
-  and the matrix is factorised afresh. Only well conditioned matrices are inverted; an LU
-  factorisation with partial pivoting serves bordered solves also at folds.
+- The new matrix is nearly singular, or the change loses digits: the pivot is small beside its
+  terms, the change is refused, and the matrix is factorised afresh.
+- Rounding errors of the changes add up: whoever solves compares the residual with :func:`drifted`,
+  mostly at no cost, and asks for a fresh factorisation where the residual is too large. After
+  :data:`MANY_UPDATES` the matrix is factorised afresh anyway, which costs a tenth more time.
+- A matrix is badly conditioned, as at folds: the matrix is not inverted, and every change leads to
+  a fresh LU with partial pivoting.
 - Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
-  a fresh factorisation is cheaper than the changes, and is not inverted before a change asks.
+  a fresh factorisation is cheaper than the changes, and is inverted only when a change asks.
 - Someone solves with an older matrix: every solve names its matrix, and the rows are replaced
   back, so that no system is ever solved with the wrong matrix.
 """
@@ -31,34 +35,166 @@ from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.changes import SMALL_PIVOT, TOGETHER, Changes
-from pwscont.linear.cores import factorised, sign_of_pivots, solved
+from pwscont.linear.dense import DenseLU
+from pwscont.linear.factor import Factor
+from pwscont.linear.vectors import add_multiples
 
-#: Residual of a solution relative to the largest of solution and right-hand side beyond which the
-#: inverse has drifted. What is solved for are corrections and directions, whose points are
-#: corrected afterwards: nine digits are enough.
+#: Least pivot of a change, as a part of the sum of the magnitudes of its terms. A change multiplies
+#: rounding errors by the inverse of that part: ten of sixteen digits are left.
+SMALL_PIVOT = 1e-6
+#: Number of changes that are kept as vectors before all are subtracted from the inverse at once, or
+#: a fresh factorisation is due: two products with so many vectors cost as much as a solve with a
+#: matrix of about a hundred rows, and a product of matrices has its full speed from there on.
+TOGETHER = 48
+#: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
+#: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
+#: are enough.
 DRIFT = 1e-9
-#: A matrix with a smaller reciprocal condition number is not inverted.
+#: Least reciprocal condition number of a matrix that is inverted: the inverse loses three quarters
+#: of the digits there, and an LU less.
 INVERTIBLE = EPS**0.75
-#: Up to these parts of all rows of an inverse are replaced at once, in 4 k m^2 operations for k
-#: rows; beyond, a new inverse costs less, 2 m^3, or a factorisation, 2/3 m^3, where matrices serve
-#: few solves. A factorisation is inverted, in 4/3 m^3, only for rows that are replaced singly.
-FEW_ROWS, FEW_ROWS_OF_FEW_SOLVES = 1.0 / 3.0, 1.0 / 6.0
-#: A matrix that has served for so many solves is likely to be followed by others that do.
-MANY_SOLVES = 8
-#: A factorisation that has served for so many solves is inverted: each then costs a third, so that
-#: the inverse is paid for after as many again.
+#: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
+#: rows: two thirds of the 2 m^3 operations that a new inverse takes.
+FEW_ROWS = 1.0 / 3.0
+#: Number of solves after which an LU is inverted: a solve with the inverse costs a third of a solve
+#: with the LU, so that the inverse, 4/3 m^3 operations, is paid for after as many solves again.
 INVERTED_AFTER = 24
-#: After this many changes per row the matrix is factorised afresh.
+#: Number of changes, as a multiple of the number of rows, after which the matrix is factorised
+#: afresh: the factorisation then costs a tenth of the changes before.
 MANY_UPDATES = 2.0
-#: More changes than these are made together, which takes as long as one product of matrices.
+#: Least number of changes before such a factorisation, for matrices of a few rows.
+LEAST_UPDATES = 8
+#: Largest number of rows that are replaced one by one; more rows are replaced together, which takes
+#: as long as one product of matrices. An LU is inverted, in 4/3 m^3 operations, for at most SINGLY
+#: rows.
 SINGLY = 8
-#: A right-hand side of no more entries is solved for by columns of the inverse.
+#: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
+#: the inverse, instead of the whole inverse.
 FEW_ENTRIES = 4
-#: Columns of an inverse that LAPACK computes together.
-BLOCK = 64
-#: Columns of a matrix that are copied at a time.
-PART = 64
+
+
+@final
+class Changes:
+    """Changes of rank one since an inverse was formed: M^-1 = (I - V D) M_0^-1.
+
+    The rows of D are the vectors g. With every change the columns of V are multiplied by
+    I - w g^T / (1 + g.w), so that no system has to be solved for V.
+
+    Parameters
+    ----------
+    size : int
+        m, the number of rows of M.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.count = 0
+        self._v = np.empty((TOGETHER if size else 0, size))  # the columns of V
+        self._d = np.empty_like(self._v)
+
+    def forget(self) -> None:
+        """Begin anew, in the same arrays: new arrays would cost as much as filling them."""
+        self.count = 0
+
+    def add(self, w: Array, g: Array) -> float:
+        """Add a change by c g^T, with w = M^-1 c.
+
+        Returns
+        -------
+        float
+            The pivot 1 + g.w; zero where the change loses too many digits and is not added.
+        """
+        k, pivot = self.count, 1.0 + float(g.dot(w))
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + _sum_of_terms(g, w)):
+            return 0.0
+        self._v[k], self._d[k] = w / pivot, g
+        if k:
+            add_multiples(self._v[:k], -self._v[:k].dot(g), self._v[k])
+        self.count += 1
+        return pivot
+
+    def applied(self, solution: Array) -> Array:
+        """Return solutions, shape (m,) or (l, m), from the solutions before the changes."""
+        return self._changed(solution, self._d, self._v)
+
+    def transposed(self, rhs: Array) -> Array:
+        """Return right-hand sides for the transposed matrix before the changes."""
+        return self._changed(rhs, self._v, self._d)
+
+    def _changed(self, vectors: Array, rows: Array, columns: Array) -> Array:
+        """Return x - C (R x) for vectors x, with the rows R and columns C of all changes."""
+        k = self.count
+        if not k:
+            return vectors
+        changed: Array = vectors - vectors.dot(rows[:k].T).dot(columns[:k])
+        return changed
+
+    def subtracted(self, inverse: Array) -> Array:
+        """Return the inverse after the changes, in the place of the inverse before; forget them."""
+        k = self.count
+        if not k:
+            return inverse
+        parts = self._d[:k] @ inverse
+        result: Array = blas.dgemm(-1.0, self._v[:k].T, parts, 1.0, inverse, overwrite_c=1)
+        self.forget()
+        return result
+
+
+def _sum_of_terms(a: Array, b: Array) -> float:
+    """Return the sum of the magnitudes of the terms of a scalar product."""
+    return float(blas.dasum(a * b))
+
+
+@final
+class ProductForm(Factor):
+    """A factorisation, and the changes of the matrix since.
+
+    Parameters
+    ----------
+    factor : Factor
+        Of the first matrix.
+    size : int
+        The number of rows of the matrix.
+    """
+
+    def __init__(self, factor: Factor, size: int) -> None:
+        self._factor, self._changes = factor, Changes(size)
+        self._turn = 1  # the sign of the product of all pivots
+
+    @property
+    def is_full(self) -> bool:
+        """Whether a fresh factorisation is due before the next change."""
+        return self._changes.count == TOGETHER
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return self._turn * self._factor.sign
+
+    def renew(self, factor: Factor) -> None:
+        """Take a factorisation of the matrix with all its changes."""
+        self._factor, self._turn = factor, 1
+        self._changes.forget()
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        return self._changes.applied(self._factor.solve(rhs))
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        return self._changes.applied(self._factor.solve_all(rhs))
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._factor.solve_transposed(self._changes.transposed(rhs))
+
+    def change(self, w: Array, g: Array) -> float:
+        """Change the matrix by c g^T, with the known w = B^-1 c, and return the pivot 1 + g.w.
+
+        The pivot is zero, and the matrix not changed, where the change loses too many digits.
+        """
+        pivot = self._changes.add(w, g)
+        self._turn *= -1 if pivot < 0.0 else 1
+        return pivot
 
 
 class RowMatrix(ABC):
@@ -67,7 +203,7 @@ class RowMatrix(ABC):
     Attributes
     ----------
     keys : ndarray, shape (m,)
-        Matrices of one family with equal keys have equal rows.
+        Where the keys of two matrices of one family are equal, their rows are equal.
     """
 
     keys: Array
@@ -83,8 +219,8 @@ class RowMatrix(ABC):
     def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
         """Return rows times the inverse of another matrix of the family, and a largest sum.
 
-        Of many rows more is known: times the inverse, a row of the other matrix is a unit vector,
-        and a unit vector a row of the inverse.
+        A family may know more about its rows: a row of the other matrix, times the inverse, is a
+        unit vector, and a unit vector times the inverse is a row of the inverse.
 
         Parameters
         ----------
@@ -105,7 +241,7 @@ class RowMatrix(ABC):
 
 
 class RowSolver(ABC):
-    """Solves with matrices of one family, of which it remembers the last."""
+    """Solves with the matrices of one family, whose last matrix a solver remembers."""
 
     @abstractmethod
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
@@ -117,11 +253,11 @@ class RowSolver(ABC):
 
     @abstractmethod
     def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant; of singular matrices that of one close by."""
+        """Return the sign of the determinant; of a singular matrix that of a matrix close by."""
 
     @abstractmethod
     def renew(self, matrix: RowMatrix) -> bool:
-        """Factorise afresh what has drifted; False where that was done already."""
+        """Factorise a matrix afresh after drift; False where the factorisation is fresh."""
 
 
 def drifted(rhs: Array, solution: Array, product: Array) -> bool:
@@ -132,42 +268,45 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """Keeps an explicit inverse, and the changes of rows since; one array of m^2 numbers.
+    """A solver that keeps the inverse or the LU of the last matrix, in one array of m^2 numbers.
+
+    A fresh matrix is factorised. The LU is inverted when a change or many solves ask for that; rows
+    of the inverse are then replaced until a fresh factorisation is due.
 
     Attributes
     ----------
     updates, factorisations : int
-        How often rows were replaced and the whole was factorised, since the beginning.
+        Number of times that rows were replaced, and that a matrix was factorised, so far.
     """
 
     def __init__(self) -> None:
         self.updates = self.factorisations = 0
         self._last: RowMatrix | None = None
-        self._matrix: Array  # the inverse; before the first change the LU factorisation
-        self._pivots: Indices | None = None  # of the LU factorisation
-        self._size = 0.0  # one-norm of the factorised matrix
-        self._sign = 0
-        self._since = 0  # rows changed since the last factorisation
-        self._solves = 0  # with the last factorisation
-        self._served = 0  # solves with the last matrix
-        self._is_regular = True  # as far as is known
+        self._lu: DenseLU | None = None  # of the last matrix; None where the inverse is kept
+        self._inverse: Array = np.empty((0, 0))  # before the changes
         self._changes = Changes(0)
+        self._norm = 0.0  # the one-norm of the factorised matrix
+        self._sign = 0
+        self._is_invertible = True  # as far as is known
+        self._replaced = 0  # rows, since the last factorisation
+        self._solves = 0  # since the last factorisation
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for one right-hand side, or several."""
         self._take(matrix)
         self._solves += 1
-        self._served += 1
-        if self._pivots is not None and (self._solves < INVERTED_AFTER or not self._inverted()):
-            return solved(self._matrix, self._pivots, rhs)
-        return self._changes.applied(_product(self._matrix, rhs))
+        if self._lu is not None and self._solves >= INVERTED_AFTER:
+            self._invert()
+        if self._lu is not None:
+            return self._lu.solve(rhs)
+        return self._changes.applied(_product(self._inverse, rhs))
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
         self._take(matrix)
-        if self._pivots is not None:
-            return solved(self._matrix, self._pivots, rhs, transposed=True)
-        product: Array = self._changes.transposed(rhs) @ self._matrix
+        if self._lu is not None:
+            return self._lu.solve_transposed(rhs)
+        product: Array = self._changes.transposed(rhs) @ self._inverse
         return product
 
     def sign(self, matrix: RowMatrix) -> int:
@@ -176,58 +315,60 @@ class Updating(RowSolver):
         return self._sign
 
     def renew(self, matrix: RowMatrix) -> bool:
-        """Factorise afresh what was changed, or inverted, since the last time."""
-        is_unchanged = self._is_at(matrix) and not self._since
-        if is_unchanged and self._pivots is not None:
+        """Factorise a matrix afresh, unless the LU of just this matrix is kept."""
+        is_unchanged = self._is_at(matrix) and not self._replaced
+        if is_unchanged and self._lu is not None:
             return False
         self._factorise(matrix)
-        self._is_regular = not is_unchanged  # or its inverse is no good
+        self._is_invertible = not is_unchanged  # an unchanged inverse is too inaccurate
         return True
 
     def _is_at(self, matrix: RowMatrix) -> bool:
         return self._last is not None and self._last.keys is matrix.keys
 
     def _take(self, matrix: RowMatrix) -> None:
-        """Bring the inverse to this matrix, if it is at another one."""
+        """Make a matrix the last one."""
         if self._is_at(matrix):
             return
         if self._last is None or not self._update(matrix, self._last):
             self._factorise(matrix)
-        self._last, self._served = matrix, 0
+        self._last = matrix
 
     def _factorise(self, matrix: RowMatrix) -> None:
-        self._last = None
-        self._matrix = np.empty(0)  # room for the new one
+        self._last = self._lu = None
+        self._inverse = np.empty((0, 0))  # makes room for the new matrix
         dense = matrix.dense()
-        self._size = _one_norm(dense)
-        self._matrix, self._pivots = factorised(dense, overwrite=True)
-        self._sign = sign_of_pivots(self._matrix.diagonal(), self._pivots)
-        self._last, self._since, self._changes = matrix, 0, Changes(len(matrix.keys))
-        self._solves, self._is_regular = 0, True
+        self._norm = lapack.dlange("1", dense)
+        self._lu = DenseLU.of(dense, overwrite=True)
+        self._sign = self._lu.sign
+        self._last, self._changes = matrix, Changes(len(matrix.keys))
+        self._replaced, self._solves, self._is_invertible = 0, 0, True
         self.factorisations += 1
+
+    def _invert(self) -> bool:
+        """Turn the LU into the inverse; False where the matrix is conditioned too badly."""
+        if self._lu is not None and self._is_invertible:
+            self._is_invertible = self._lu.reciprocal_condition(self._norm) >= INVERTIBLE
+            if self._is_invertible:
+                self._inverse, self._lu = self._lu.turned_into_inverse(), None
+        return self._lu is None
 
     def _update(self, matrix: RowMatrix, last: RowMatrix) -> bool:
         """Replace rows of the last matrix; False where a factorisation serves better."""
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        if len(changed) > self._few(m) or self._since >= max(8, MANY_UPDATES * m):
+        few = SINGLY if self._lu is not None else max(2.0, FEW_ROWS * m)  # a node changes two rows
+        if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
             return False
-        if not self._inverted():
+        if not self._invert():
             return False
         replace = self._replace_together if len(changed) > SINGLY else self._replace_singly
         if not replace(matrix, last, changed):
             return False
-        self._since += len(changed)
+        self._replaced += len(changed)
         self.updates += 1
         return True
-
-    def _few(self, m: int) -> float:
-        """Return up to how many rows are replaced rather than the matrix factorised afresh."""
-        if self._pivots is not None:
-            return SINGLY
-        part = FEW_ROWS if self._served >= MANY_SOLVES else FEW_ROWS_OF_FEW_SOLVES
-        return max(2.0, part * m)
 
     def _replace_singly(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
         """Change some rows one by one; False where that loses too many digits."""
@@ -235,55 +376,37 @@ class Updating(RowSolver):
         pairs = zip(rows, differences, strict=True)
         return all(self._replace(int(row), difference) for row, difference in pairs)
 
-    def _replace_together(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
-        """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
-
-        That is Woodbury's formula, as E^T M times M^-1 E is the identity.
-        """
-        self._matrix = self._changes.subtracted(self._matrix)
-        self._changes.forget()
-        parts, largest = matrix.divided(rows, last, self._matrix)
-        pivots, which = factorised(parts[:, rows])
-        smallest = np.abs(pivots.diagonal()).min()
-        if not smallest > SMALL_PIVOT * (1.0 + largest):
-            return False
-        parts[np.arange(len(rows)), rows] -= 1.0
-        parts, w = solved(pivots, which, parts.T).T, self._matrix[:, rows]
-        self._matrix = blas.dgemm(-1.0, w, parts, 1.0, self._matrix, overwrite_c=1)
-        self._sign *= sign_of_pivots(pivots.diagonal(), which)
-        return True
-
     def _replace(self, row: int, difference: Array) -> bool:
         """Change one row; False where that loses too many digits."""
         if self._changes.count == TOGETHER:
-            self._matrix = self._changes.subtracted(self._matrix)
-            self._changes.forget()
-        pivot = self._changes.add(self._changes.applied(self._matrix[:, row]), difference)
+            self._inverse = self._changes.subtracted(self._inverse)
+        pivot = self._changes.add(self._changes.applied(self._inverse[:, row]), difference)
         self._sign *= int(np.sign(pivot))
         return pivot != 0.0
 
-    def _inverted(self) -> bool:
-        """Turn the LU factorisation into the inverse, where it is regular enough."""
-        if self._pivots is not None and self._is_regular:
-            self._is_regular = lapack.dgecon(self._matrix, self._size)[0] >= INVERTIBLE
-        if self._pivots is not None and self._is_regular:
-            room = BLOCK * len(self._matrix)  # with less it works column by column
-            self._matrix, _ = lapack.dgetri(self._matrix, self._pivots, room, overwrite_lu=1)
-            self._pivots = None
-        return self._is_regular
+    def _replace_together(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
+        """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
+
+        This is Woodbury's formula, as E^T M times M^-1 E is the identity.
+        """
+        self._inverse = self._changes.subtracted(self._inverse)
+        parts, largest = matrix.divided(rows, last, self._inverse)
+        pivots = DenseLU.of(parts[:, rows])
+        smallest = np.abs(pivots.lu.diagonal()).min()
+        if not smallest > SMALL_PIVOT * (1.0 + largest):
+            return False
+        parts[np.arange(len(rows)), rows] -= 1.0
+        parts, w = pivots.solve(parts.T).T, self._inverse[:, rows]
+        self._inverse = blas.dgemm(-1.0, w, parts, 1.0, self._inverse, overwrite_c=1)
+        self._sign *= pivots.sign
+        return True
 
 
 def _product(inverse: Array, rhs: Array) -> Array:
-    """Return the product with right-hand sides; of few nonzeros they take few columns."""
+    """Return solutions by an inverse, for one right-hand side of a few nonzeros by its columns."""
     if rhs.ndim == 1:
         entries = np.flatnonzero(rhs)
         if len(entries) <= FEW_ENTRIES:
             return inverse[:, entries] @ rhs[entries]
     product: Array = rhs @ inverse.T
     return product
-
-
-def _one_norm(matrix: Array) -> float:
-    """Return the largest sum of magnitudes in a column, without a copy of the matrix."""
-    parts = range(0, matrix.shape[1], PART)
-    return max(float(np.abs(matrix[:, j : j + PART]).sum(axis=0).max()) for j in parts)

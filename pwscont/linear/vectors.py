@@ -1,19 +1,31 @@
-"""Products and sums of vectors by BLAS: of few entries numpy's take several times as long."""
+"""Products of few numbers in little time: vectors by BLAS, and rows that never change.
+
+For few entries numpy's own operators take several times as long.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any, final
 
+import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import blas
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Indices, Matrix
+
+#: Largest part of nonzeros, of all entries of a dense matrix, for which sparse rows are cheaper.
+SPARSE = 0.1
+#: Number of entries up to which a dense matrix stays dense, whatever its entries are.
+LARGE = 10_000
 
 #: The inner product of two vectors.
 dot: Callable[[Array, Array], float] = blas.ddot
 
 
 def times(factor: float, vector: Array) -> Array:
-    """Multiply a vector in place, and return it."""
+    """Multiply a vector in place, and return the vector."""
     multiple: Array = blas.dscal(factor, vector)
     return multiple
 
@@ -26,4 +38,64 @@ def plus(point: Array, factor: float, direction: Array) -> Array:
 
 def add_multiples(rows: Array, factors: Array, row: Array) -> None:
     """Add multiples of a row to rows, shape (l, k), in place."""
-    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # no strides, and only rows change
+    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # strides of one; only rows change
+
+
+@final
+class Rows:
+    """Constant rows, such as the gradients of affine tests, for many products.
+
+    Parameters
+    ----------
+    matrix : ndarray or sparse matrix, shape (m, k)
+        Copied.
+    """
+
+    def __init__(self, matrix: Matrix) -> None:
+        self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
+        #: The product with a vector, shape (m,).
+        self.dot: Callable[[Array], Array] = self.matrix.dot
+
+    @cached_property
+    def magnitudes(self) -> Any:
+        """The magnitudes of all entries, for products with vectors that are not negative."""
+        return abs(self.matrix)
+
+    def one(self, index: int) -> Array:
+        """Return one row, dense, shape (k,), not to be written to."""
+        if isinstance(self.matrix, np.ndarray):
+            row: Array = self.matrix[index]
+            return row
+        row = np.zeros(self.matrix.shape[1])
+        starts = self.matrix.indptr
+        entries = slice(starts.item(index), starts.item(index + 1))
+        row[self.matrix.indices[entries]] = self.matrix.data[entries]
+        return row
+
+    def some(self, which: Indices) -> Array:
+        """Return a few rows, dense, shape (len(which), k)."""
+        if isinstance(self.matrix, np.ndarray):
+            return self.matrix[which]
+        rows = np.zeros((len(which), self.matrix.shape[1]))
+        for row, i in zip(rows, which, strict=True):
+            row[:] = self.one(int(i))
+        return rows
+
+
+def _summed(matrix: Matrix) -> Any:
+    """Return a copy of sparse rows, with each entry stored once."""
+    stored = sp.csr_matrix(matrix, copy=True)
+    stored.sum_duplicates()
+    return stored
+
+
+def _thinned(matrix: Array) -> Any:
+    """Return a copy of dense rows, sparse where few entries are not zero."""
+    entries = matrix.ravel()
+    if len(entries) > LARGE:
+        places = (entries != 0.0).nonzero()[0]
+        if len(places) < SPARSE * len(entries):
+            rows, columns = np.divmod(places, matrix.shape[1])  # faster than scipy's conversion
+            starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
+            return sp.csr_matrix((entries[places].astype(float), columns, starts), matrix.shape)
+    return np.array(matrix, dtype=float)

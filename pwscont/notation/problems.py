@@ -56,6 +56,13 @@ def Complementarity(  # noqa: N802  used like a class
         If the number of unknowns is not clear.
     InvalidSystemError
         As for :func:`Switched`.
+
+    Examples
+    --------
+    >>> from pwscont import Complementarity, explore
+    >>> limited = Complementarity(lambda z, t: z**3 - t, lower=0.0, upper=2.0, n=1)
+    >>> [round(float(s.z[0]), 6) for s in explore(limited, (-1.0, 10.0)).solutions(1.0)]
+    [1.0]
     """
     if not callable(F):
         raise InvalidInputError(f"F must be a function of (z, alpha), got {F!r}")
@@ -89,6 +96,13 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
     ------
     InvalidInputError
         If the shapes do not fit.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, enumerate_solutions
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])  # w = M z + q + alpha d
+    >>> enumerate_solutions(problem, 2.0)[0].z
+    array([0. , 0.5])
     """
     matrix = M if sp.issparse(M) else finite_array("M", M)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
@@ -124,6 +138,13 @@ def AbsNormal(  # noqa: N802  the usual name
     ------
     InvalidInputError
         If the shapes do not fit, or L is not strictly lower triangular.
+
+    Examples
+    --------
+    >>> from pwscont import AbsNormal, enumerate_solutions
+    >>> problem = AbsNormal(Z=[[1]], L=[[0]], J=[[1]], Y=[[2]], c=[0], b=([0], [-1]))
+    >>> [s.z.tolist() for s in enumerate_solutions(problem, 3.0)]
+    [[-3.0], [1.0]]
     """
     Z, L, J, Y = (finite_array(name, A) for name, A in zip("ZLJY", (Z, L, J, Y), strict=True))
     n, count = len(np.atleast_1d(J)), len(np.atleast_1d(Z))

@@ -88,6 +88,13 @@ def Switched(  # noqa: N802  used like a class
     InvalidSystemError
         If f fails, returns something else than n real numbers, has a kink without a switch, a
         number of switches that changes with z, or is not affine where that is promised.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, enumerate_solutions
+    >>> game = Switched(1, lambda z, t, sw: z - sw.clip(2 * z - t, 0, 1), linear=True)
+    >>> [s.z.tolist() for s in enumerate_solutions(game, 0.5)]
+    [[0.0], [0.5], [1.0]]
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")

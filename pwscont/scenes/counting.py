@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pwscont.graph import BranchGraph
 
-#: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
+#: The look of the sum of the signs of det(dH/dz); a branch is missing where the sum changes.
 BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
 #: The place of the legend: above the axes, clear of the data.
 ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}
@@ -38,6 +38,14 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     matplotlib.axes.Axes
         The same axes. Dots are the counts at single values of alpha, such as folds; dotted lines
         mark vertical pieces, where there are infinitely many.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> from pwscont import LCP, draw_counts, explore
+    >>> graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    >>> draw_counts(graph, Figure().subplots()).get_ylabel()
+    'number'
     """
     stretches = [stretch for stretch in graph.multiplicity() if stretch[0] < stretch[1]]
     edges = [graph.interval[0], *(hi for _, hi, _ in stretches)]

@@ -16,11 +16,13 @@ FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
 #: Folds that fill less than the first part of the axis are enlarged, if two of them are closer to
 #: each other than the second part of the picture.
 SMALL, CROWDED = 0.12, 0.05
+#: A branch that fills less than this part of the axis is a stub, and enlarged.
+STUB = 0.06
 #: Margins of an inset beside the folds, and above and below the lines, where labels have room: as
 #: parts of their extent.
 MARGIN, ABOVE = 0.25, 0.5
 #: Sizes of an inset, and the room of its numbers to the left and below, as parts of the axes.
-SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4))
+SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4), (0.45, 0.33), (0.6, 0.28))
 NUMBERS = 0.13, 0.11
 POINTS = 101
 #: The colour of the frames around the inset and around the part that it enlarges.
@@ -28,7 +30,7 @@ FRAME = "0.55"
 
 
 def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
-    """Enlarge the folds of a diagram where they are close together and there is room.
+    """Enlarge crowded folds and short branches of a diagram, if the diagram has room.
 
     Returns
     -------
@@ -63,7 +65,24 @@ def _window(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
         folds = np.array([mark.at for mark in marks]).reshape(-1, 2)
         if _are_crowded(room.part(folds)):
             return _around(ax, diagram, folds[:, 0])
-    return None
+    return _around_stubs(ax, diagram, room)
+
+
+def _around_stubs(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
+    """Return the limits around branches that are too short to be seen; None without any."""
+    found: dict[int, list[Array]] = {}
+    for stroke in diagram.strokes:
+        found.setdefault(stroke.branch, []).append(stroke.points)
+    extents = [_extent(np.concatenate(points)) for points in found.values()]
+    lo, hi = np.array(ax.get_xlim())
+    stubs = [alphas for alphas in extents if np.ptp(alphas) < STUB * (hi - lo)]
+    if not stubs or np.ptp(np.concatenate(stubs)) > SMALL * (hi - lo):
+        return None
+    return _around(ax, diagram, np.concatenate(stubs))
+
+
+def _extent(points: Array) -> Array:
+    return np.array([points[:, 0].min(), points[:, 0].max()])
 
 
 def _are_crowded(parts: Array) -> bool:
@@ -77,7 +96,8 @@ def _are_crowded(parts: Array) -> bool:
 def _around(ax: Axes, diagram: Diagram, alphas: Array) -> Window | None:
     """Return the limits around folds at these values of the parameter, within the picture."""
     margin = MARGIN * float(np.ptp(alphas))
-    lo, hi = float(alphas.min()) - margin, float(alphas.max()) + margin
+    left, right = ax.get_xlim()
+    lo, hi = max(float(alphas.min()) - margin, left), min(float(alphas.max()) + margin, right)
     found = np.concatenate([_values_within(s.points, lo, hi) for s in diagram.strokes])
     extent, (bottom, top) = float(np.ptp(found)), ax.get_ylim()
     low, high = float(found.min()) - ABOVE * extent, float(found.max()) + ABOVE * extent

@@ -1,4 +1,4 @@
-"""Labels of marks: beside them where there is room, else farther away.
+"""Labels of marks: beside the marks where there is room, else farther away.
 
 Failure modes and answers
 -------------------------
@@ -10,6 +10,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,15 @@ from matplotlib.axes import Axes
 
 from pwscont.basics.arrays import Array
 from pwscont.scenes.marks import RADIUS, Mark
-from pwscont.scenes.room import Box, Room
+from pwscont.scenes.room import Box, Room, is_inside
 
 #: Labels in one diagram at most, and the size of their letters, in points.
 MOST_LABELS, LETTERS = 8, 7.0
-#: How far labels are from their marks, the nearest first; one is beside.
+#: How far labels are from their marks, the nearest first, in units of the distance of a label that
+#: stands beside its mark.
 DISTANCES = (1.0, 1.4, 2.0, 2.8, 4.0)
+#: Points between a label and the frame, on both sides together, where there is room for that.
+PAD = 4.0
 #: A line to a label comes no closer to another mark than this part of what the marks are apart.
 ASIDE = 0.8
 #: The line to a label that is closer to another mark.
@@ -71,16 +75,15 @@ def _free(mark: Mark, at: Array, room: Room) -> Iterator[tuple[Array, Box]]:
     """Yield middles (in points) and boxes of free places for a label, the best first."""
     size = LETTERS * np.array([0.62 * len(mark.label), 1.2])
     beside = 0.5 * size + RADIUS + 1.5 * room.cell
-    for far in DISTANCES:
-        for way in _ways(mark.side):
-            middle = at + far * np.array(way) * beside
-            box = room.box(middle, size)
-            if room.is_free(box):
-                yield middle, box
+    for pad, far, way in product((PAD, 0.0), DISTANCES, _ways(mark.side)):
+        middle = at + far * np.array(way) * beside
+        box = room.box(middle, size)
+        if room.is_free(box) and is_inside(room.box(middle, size + pad)):
+            yield middle, box
 
 
 def _others(at: Array, places: Array) -> Array:
-    """Return the places of marks that are not where one is."""
+    """Return the places of the marks that are not at a place."""
     others: Array = places[np.abs(places - at).max(axis=1) > RADIUS]
     return others
 
@@ -100,7 +103,7 @@ def _ways(side: int) -> list[tuple[int, int]]:
 
 
 def _write(ax: Axes, mark: Mark, off: Array, leader: dict[str, Any] | None) -> None:
-    """Write a label so many points off its mark."""
+    """Write a label at a distance ``off`` from its mark, in points."""
     ax.annotate(
         mark.label,
         (mark.at[0], mark.at[1]),

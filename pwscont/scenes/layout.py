@@ -18,7 +18,7 @@ from pwscont.scenes.drawn import Drawn
 from pwscont.scenes.panels import Panel, ParameterPath, Shown
 from pwscont.scenes.paths import is_at_rest
 from pwscont.scenes.strokes import line_of
-from pwscont.scenes.symbols import number_of, symbol
+from pwscont.scenes.symbols import in_letters, number_of, symbol
 
 Content: TypeAlias = Panel | ParameterPath
 
@@ -48,7 +48,7 @@ def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
 
 
 def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
-    """Return the one value of a quantity on all branches; None where it has several."""
+    """Return the value of a constant quantity; None for a quantity with several values."""
     quantity = Drawn.of(graph, panel.component)
     values = [line_of(piece, quantity.along)[1] for piece in graph.pieces]
     return float(values[0][0]) if quantity.is_constant(values) else None
@@ -57,7 +57,7 @@ def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
 def place_title(figure: Figure, scene: Shown, graph: BranchGraph) -> None:
     """Write the title of a scene, and the values of the quantities that are not drawn."""
     said = "; ".join([*_constants(scene, graph), *_number(graph)])
-    lines = wrap(scene.title.replace("alpha", "α"), int(figure.get_figwidth() * LETTERS))
+    lines = wrap(in_letters(scene.title), int(figure.get_figwidth() * LETTERS))
     lines += [said] if said else []
     figure.set_figheight(figure.get_figheight() + LINE * len(lines))
     figure.suptitle("\n".join(lines), fontsize="medium")
@@ -92,7 +92,7 @@ def columns_for(rows: Sequence[Sequence[Any]]) -> int:
 
 
 def arrange(columns: int, rows: int, *, counted: bool) -> tuple[Figure, Any]:
-    """Return a figure and its axes: rows for diagrams, and a low one for the counts."""
+    """Return a figure and its axes: rows for diagrams, and a low row for the counts."""
     heights = [ROW] * rows + [COUNTS] * counted
     width = COLUMN * columns if columns > 1 else ALONE
     figure = Figure(figsize=(width, sum(heights)), layout="constrained")
@@ -109,13 +109,17 @@ def place_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]
     if _legend_width(handles, columns) <= COLUMN * len(free):
         free[0].legend(loc="center left", ncols=columns, fontsize="small", **style)
         return
-    columns = int(np.clip(figure.get_figwidth() // 2.1, 1, len(handles) or 1))
-    figure.set_figheight(figure.get_figheight() + LINE * -(-len(handles) // columns))
+    columns = max(1, min(int(figure.get_figwidth() // 2.1), len(handles)))
+    while columns > 1 and _legend_width(handles, columns) > figure.get_figwidth():
+        columns -= 1
+    lines = max((str(handle.get_label()).count("\n") + 1 for handle in handles), default=1)
+    figure.set_figheight(figure.get_figheight() + LINE * lines * -(-len(handles) // columns))
     figure.legend(loc="outside lower center", ncols=columns, fontsize="small", **style)
 
 
 def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
     """Return how many inches wide a legend is, about."""
-    letters = [len(str(handle.get_label())) for handle in handles]
+    lines = [str(handle.get_label()).split("\n") for handle in handles]
+    letters = [max(map(len, some)) for some in lines]
     longest = [max(part, default=0) for part in np.array_split(letters, columns or 1)]
     return sum(HANDLE + length / SMALL_LETTERS for length in longest)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
+from textwrap import fill
 from typing import Any
 
 from matplotlib.lines import Line2D
@@ -11,9 +13,9 @@ from pwscont.basics.kind import Kind
 from pwscont.graph import BranchGraph
 from pwscont.scenes.marks import UNLABELLED, marked, markers_of
 from pwscont.scenes.styles import COLORS, THIN, WIDTH, are_told_apart, color_of
-from pwscont.scenes.symbols import symbol
+from pwscont.scenes.symbols import in_notation, symbol
 
-#: Most letters of a name, and most branches, in a legend.
+#: Most letters in a line of a name, and most branches, in a legend.
 MOST_LETTERS, MOST_BRANCHES = 40, len(COLORS)
 
 
@@ -38,8 +40,8 @@ def _modes(styles: Mapping[str, Any]) -> list[Line2D]:
     if not are_told_apart(styles):
         return [_text(f"{len(styles)} modes, not told apart")]
     return [
-        Line2D([], [], color="black", linewidth=WIDTH, linestyle=style, label=shortened(word))
-        for word, style in styles.items()
+        Line2D([], [], color="black", linewidth=WIDTH, linestyle=style, label=label)
+        for label, style in zip(told_apart(list(styles)), styles.values(), strict=True)
     ]
 
 
@@ -63,9 +65,24 @@ def _text(words: str) -> Line2D:
     return Line2D([], [], linestyle="none", label=words)
 
 
-def shortened(word: str) -> str:
-    """Return a name that a legend has room for."""
-    return word if len(word) <= MOST_LETTERS else f"{word[: MOST_LETTERS - 1].rstrip(', ')}…"
+def told_apart(words: Sequence[str]) -> list[str]:
+    """Return names that a legend has room for; what long names share at their ends is left out."""
+    if max(map(len, words), default=0) > MOST_LETTERS:
+        before, after = _shared(words), _shared([word[::-1] for word in words])[::-1]
+        words = [_without(word, before, after) for word in words]
+    return [fill(in_notation(word), MOST_LETTERS) for word in words]
+
+
+def _shared(words: Sequence[str]) -> str:
+    """Return what several names begin with, up to the end of a word."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*words, strict=False))
+    shared = "".join(letters[0] for letters in alike) if len(words) > 1 else ""
+    return shared[: shared.rfind(" ") + 1]
+
+
+def _without(word: str, before: str, after: str) -> str:
+    middle = word[len(before) : max(len(word) - len(after), len(before))]
+    return f"{'… ' * bool(before)}{middle.strip(', ') or '–'}{' …' * bool(after)}"
 
 
 def _word(graph: BranchGraph, kind: str) -> str:

@@ -25,6 +25,12 @@ class Panel:
         Character -> the word that chooses the line style; default the system's description.
         Transitions that do not change this word, in other parts of the system, are not marked.
     title : str
+
+    Examples
+    --------
+    >>> from pwscont import Panel
+    >>> Panel("λ_t", title="node 1").component
+    'λ_t'
     """
 
     component: What
@@ -44,6 +50,12 @@ class ParameterPath:
     labels : tuple of str
         Names of both axes.
     title : str
+
+    Examples
+    --------
+    >>> from pwscont import ParameterPath
+    >>> ParameterPath(lambda alpha: (0.25, alpha), ("f_ν", "f_t")).curve(1.0)
+    (0.25, 1.0)
     """
 
     curve: Callable[[float], tuple[float, float]]
@@ -88,4 +100,4 @@ class Shown(Protocol):
 
     @property
     def body(self) -> BodyPicture | None:
-        """How solutions look on a body, if there is one."""
+        """How solutions look on a body; None without a body."""

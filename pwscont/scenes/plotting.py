@@ -72,9 +72,9 @@ def plot(
     >>> from pwscont import LCP, explore, plot
     >>> graph = explore(LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
     >>> plot(graph, 0).get_xlabel()
-    'α'
+    '$α$'
     >>> plot(graph, x=0, y=1).get_ylabel()
-    'z[1]'
+    '$z$[1]'
     """
     panel = Panel(what if y is None else y)
     across = None if isinstance(x, str) and is_parameter(graph, x) else x

@@ -13,7 +13,7 @@ from pwscont.basics.arrays import Array
 
 #: Number of cells of a picture, across and up.
 CELLS = np.array([120, 80])
-#: A line occupies all cells up to so many cells away.
+#: A line occupies all cells up to this number of cells away.
 CLOSE = 1
 
 #: Left, bottom, width and height, as parts of the axes.
@@ -77,9 +77,7 @@ class Room:
 
     def is_free(self, box: Box) -> bool:
         """Tell whether a box lies in the axes and is empty."""
-        left, bottom, width, height = box
-        inside = min(left, bottom) >= 0.0 and left + width <= 1.0 and bottom + height <= 1.0
-        return inside and not self._cells(box).any()
+        return is_inside(box) and not self._cells(box).any()
 
     def take(self, box: Box) -> None:
         """Occupy the cells of a box."""
@@ -100,6 +98,12 @@ class Room:
             if free:
                 return min(free, key=_off_corner)
         return None
+
+
+def is_inside(box: Box) -> bool:
+    """Tell whether a box lies in the axes."""
+    left, bottom, width, height = box
+    return min(left, bottom) >= 0.0 and left + width <= 1.0 and bottom + height <= 1.0
 
 
 def _off_corner(box: Box) -> float:

@@ -61,6 +61,14 @@ class Scene(Runnable):
         Where every finished piece is kept at once.
     body : BodyPicture, optional
         How solutions look on a body, for a view in the browser.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, Panel, Scene
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    >>> scene = Scene("two", "two unknowns", problem, (-1.0, 2.0), panels=(Panel("z[1]"),))
+    >>> scene.run().count(0.0)
+    3
     """
 
     name: str

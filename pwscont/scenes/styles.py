@@ -5,8 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-#: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow.
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+#: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow; then dark
+#: and muted ones for more branches (Tol 2021).
+COLORS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#882255",
+    "#999933",
+    "#888888",
+    "#332288",
+    "#BBCC33",
+)
 #: Widths of lines; pieces on which the determinant is negative are thin.
 WIDTH, THIN = 2.0, 0.9
 #: Line styles that can be told apart; where there are more modes, all lines are solid.
@@ -23,7 +37,7 @@ LINE_STYLES: tuple[Any, ...] = (
 
 
 def styles_of(words: Iterable[str], wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a line style for every mode: the wanted one, else the next that is free."""
+    """Return a line style for every mode: the wanted style, else the next free style."""
     modes = list(dict.fromkeys(words))
     chosen = {word: wanted[word] for word in modes if word in wanted}
     free = [style for style in LINE_STYLES if style not in chosen.values()]

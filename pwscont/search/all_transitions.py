@@ -38,7 +38,15 @@ ALONG = EPS**0.5
 @final
 @dataclass(frozen=True, slots=True)
 class AllTransitions(Search):
-    """All transition points in the interval and all solutions at its lower end: complete."""
+    """All transition points in the interval and all solutions at its lower end: complete.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, AllTransitions, explore
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    >>> explore(problem, (-1.0, 2.0), search=AllTransitions()).guarantee
+    'complete'
+    """
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]

@@ -12,6 +12,7 @@ from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
+from pwscont.search.throughout import Throughout
 from pwscont.system.blocks import number_of_cells
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.system import (
@@ -27,6 +28,8 @@ MANY_CELLS = 4**10
 MANY_INTERFACES = 2_000_000
 #: Cells of a curved system in which Newton can be tried in a second or two.
 MANY_NEWTONS = 2**11
+#: Unknowns of a curved system that is searched inside of the interval as well.
+MANY_UNKNOWNS = 200
 #: Slices between the ends, to find loops: from the first to the second number, as long as their
 #: cells together are not more than the third.
 FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
@@ -53,8 +56,10 @@ def _most_complete(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
-        many, cheap = _from_many(around), _has_few_cells(system)
-        return _added_up(EndPoints() + many if cheap else many, system)
+        ends = _from_many(around)
+        few = system.size <= MANY_UNKNOWNS
+        many: Search = Throughout.affordable(system, ends) if few else ends
+        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
     if _needs_too_many_cells(system):
         return _added_up(_from_many(around), system)
     blocks = system.blocks()

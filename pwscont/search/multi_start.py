@@ -52,6 +52,13 @@ class MultiStart(Search):
     InvalidInputError
         If count is no positive whole number, seed none from 0, around no states, or spread not
         positive and finite.
+
+    Examples
+    --------
+    >>> from pwscont import MultiStart, Switched, explore
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> explore(arch, (-0.5, 1.0), search=MultiStart(count=5, seed=1)).count(0.2)
+    3
     """
 
     count: int = 20
@@ -75,11 +82,11 @@ class MultiStart(Search):
     ) -> Iterator[Found]:
         """Yield the solutions found at lo, then those at hi."""
         box = Box.of(system)
-        guesses = self._guesses(box, metric.scale[:-1], shown_size(system))
+        guesses = self.guesses(box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from _found_at(system, metric, box, alpha, guesses)
 
-    def _guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
+    def guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
         """Return all starts: the fixed ones, then random ones, every other around a fixed one."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)

@@ -16,6 +16,7 @@ from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import Found
+from pwscont.search.known import KnownBranches, NothingKnown
 from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -30,13 +31,34 @@ ZERO = 1e-6
 
 
 class Search(ABC):
-    """Finds solutions from which components can be traced; searches add up with ``+``."""
+    """Finds solutions from which components can be traced; searches add up with ``+``.
+
+    Examples
+    --------
+    >>> from pwscont import EndPoints, Slices
+    >>> EndPoints() + Slices((0.5,))
+    CombinedSearch(first=EndPoints(), second=Slices(alphas=(0.5,)))
+    """
 
     @abstractmethod
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield solutions (z, alpha) with their errors; a component may be hit repeatedly."""
+
+    def starts_beside(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Iterator[Found]:
+        """Yield starts as :meth:`starts` does, of which some on known branches may be left out.
+
+        The branches through a start are known when the next one is asked for. Default: the same
+        starts.
+        """
+        return self.starts(system, metric, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return what this search does for a system, in words, and what that promises.
@@ -66,8 +88,18 @@ class CombinedSearch(Search):
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
-        yield from starts_of(self.first, system, metric, interval)
-        yield from starts_of(self.second, system, metric, interval)
+        return self.starts_beside(system, metric, interval, NothingKnown())
+
+    def starts_beside(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Iterator[Found]:
+        """Yield what the first finds, then what the second finds."""
+        yield from starts_of(self.first, system, metric, interval, known)
+        yield from starts_of(self.second, system, metric, interval, known)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return both descriptions and the better promise."""
@@ -93,9 +125,13 @@ def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
 
 
 def starts_of(
-    search: Search, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    search: Search,
+    system: PiecewiseSystem,
+    metric: Metric,
+    interval: tuple[float, float],
+    known: KnownBranches,
 ) -> Iterator[Found]:
-    """Yield what a search finds.
+    """Yield what a search finds beside known branches.
 
     Raises
     ------
@@ -103,7 +139,7 @@ def starts_of(
         If it yields something else than starts; the message names the search.
     """
     what = f"{type(search).__name__}.starts"
-    found = search.starts(system, metric, interval)
+    found = search.starts_beside(system, metric, interval, known)
     if not isinstance(found, Iterable):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(found))}")
     for start in found:

@@ -33,6 +33,13 @@ class EndPoints(Search):
     and solutions stay bounded: a component that comes from infinity and returns there within the
     interval meets no end. Where unknowns have bounds, a component may also end at a bound, and
     nothing is promised.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, EndPoints, explore
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    >>> explore(problem, (-1.0, 2.0), search=EndPoints()).guarantee
+    'complete but for closed loops'
     """
 
     def starts(
@@ -62,6 +69,13 @@ class Slices(Search):
     ----------
     alphas : tuple of float
         Values of the interval that is explored.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, Slices, explore
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    >>> explore(problem, (-1.0, 2.0), search=Slices((0.0,))).guarantee
+    'balanced'
     """
 
     alphas: tuple[float, ...]

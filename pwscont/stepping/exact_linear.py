@@ -17,6 +17,13 @@ class ExactLinear(Stepper):
 
     The ray along the tangent is the curve; where it leaves its cell is a ratio test, and the
     point there is solved for afresh, so that errors do not accumulate from piece to piece.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, ExactLinear, explore
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> len(explore(problem, (-1.0, 2.0), stepper=ExactLinear()).pieces)
+    2
     """
 
     def step(

@@ -26,6 +26,13 @@ class NaturalParameter(Stepper):
     ----------
     step_size : StepSize
         Lengths along the tangent, in the metric, in which the interval of alpha has length one.
+
+    Examples
+    --------
+    >>> from pwscont import NaturalParameter, Switched, trace
+    >>> curve = Switched(1, lambda z, t, sw: z + z**3 - sw.abs(t))
+    >>> len(trace(curve, ([0.5], 0.6), (-1.0, 1.0), stepper=NaturalParameter()).pieces)
+    2
     """
 
     step_size: StepSize = field(default_factory=StepSize)

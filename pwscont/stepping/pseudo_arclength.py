@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import final
 
 from pwscont.basics.given import needed_kind
@@ -33,6 +33,14 @@ class PseudoArclength(Stepper):
     corrector : Corrector
         :class:`BorderedNewton` (default) or :class:`MoorePenrose`.
     step_size : StepSize
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Secant, StepSize, Switched, trace
+    >>> fine = PseudoArclength(predictor=Secant(), step_size=StepSize(largest=0.02))
+    >>> circle = Switched(1, lambda z, t, sw: z**2 + t**2 - 1)
+    >>> len(trace(circle, ([1.0], 0.0), (-2.0, 2.0), stepper=fine).special_points("fold"))
+    2
     """
 
     predictor: Predictor = field(default_factory=Hermite)
@@ -84,6 +92,10 @@ class PseudoArclength(Stepper):
             return None
         predicted, _ = self.predictor.predict(curve, previous, state, distance)
         return land_on_zero(curve, state, predicted, border, self.step_size)
+
+    def stretched(self, factor: float) -> PseudoArclength:
+        """Return the same with a step size whose longest step is so many times as long."""
+        return replace(self, step_size=self.step_size.stretched(factor))
 
     def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
         """Return the state before on the same piece, and the length of the next step."""

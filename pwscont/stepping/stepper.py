@@ -198,7 +198,17 @@ def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
 
 
 class Stepper(ABC):
-    """Owns one step along the curve of a frozen selection; what follows is the loop's policy."""
+    """Owns one step along the curve of a frozen selection; what follows is the loop's policy.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, NaturalParameter, Stepper, explore
+    >>> isinstance(NaturalParameter(), Stepper)
+    True
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> len(explore(problem, (-1.0, 2.0), stepper=NaturalParameter()).pieces)
+    2
+    """
 
     @abstractmethod
     def step(
@@ -255,3 +265,10 @@ class Stepper(ABC):
             step, or the step would not be true: it is then found in a step beyond it.
         """
         return None
+
+    def stretched(self, factor: float) -> Stepper:
+        """Return a stepper whose longest step is so many times as long; default: the same one.
+
+        It is asked for where a piece runs towards infinity, by steps in proportion to its size.
+        """
+        return self

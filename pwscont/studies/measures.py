@@ -24,14 +24,25 @@ from pwscont.studies.explored import ExploredCase
 from pwscont.studies.problem import described
 
 Measured: TypeAlias = bool | int | float | str | tuple[Any, ...] | None
-#: Where no tolerance is given, a bracket is bisected to this part of its length.
+#: Without a tolerance, a bracket is bisected to this part of its length.
 BRACKET_PART = 1e-9
 
 
 class Measure(ABC):
-    """Something that is measured of each case; it must be the same whenever it is measured."""
+    """A quantity that a study measures of each case; a case always has the same value.
 
-    #: The further settings that are varied to measure it.
+    Examples
+    --------
+    >>> from pwscont import Measure, Study
+    >>> class Pieces(Measure):
+    ...     def of(self, case):
+    ...         return len(case.graph.pieces)
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"pieces": Pieces()})
+    >>> [row.values["pieces"] for row in bar.run()]
+    [3]
+    """
+
+    #: The further settings that the measure varies.
     varied: tuple[str, ...] = ()
 
     @abstractmethod
@@ -41,7 +52,7 @@ class Measure(ABC):
         Raises
         ------
         InvalidInputError
-            If it cannot be told; the row of the case then says why.
+            If the value cannot be told; the row of the case then says why.
         """
 
 
@@ -63,7 +74,15 @@ class OfGraph(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class CountAt(Measure):
-    """The number of solutions at one alpha; infinite on a vertical piece."""
+    """The number of solutions at one alpha; infinite on a vertical piece.
+
+    Examples
+    --------
+    >>> from pwscont import CountAt, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": CountAt(2.5)})
+    >>> [row.values["asked"] for row in bar.run()]
+    [3]
+    """
 
     alpha: float
 
@@ -79,7 +98,15 @@ class CountAt(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class MaxCount(Measure):
-    """The largest number of solutions at any alpha of the interval."""
+    """The largest number of solutions at any alpha of the interval.
+
+    Examples
+    --------
+    >>> from pwscont import MaxCount, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": MaxCount()})
+    >>> [row.values["asked"] for row in bar.run()]
+    [3]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the largest number, infinite where a piece is vertical."""
@@ -95,17 +122,33 @@ def most_solutions(graph: BranchGraph) -> int | float:
 @final
 @dataclass(frozen=True, slots=True)
 class NonUnique(Measure):
-    """The intervals of alpha with more than one solution: pairs (lo, hi), ascending."""
+    """The intervals of alpha with more than one solution: pairs (lo, hi), ascending.
+
+    Examples
+    --------
+    >>> from pwscont import NonUnique, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": NonUnique()})
+    >>> [[round(end, 6) for end in row.values["asked"][0]] for row in bar.run()]
+    [[2.25, 3.0]]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return the intervals; one with equal ends is a single alpha."""
+        """Return the intervals; an interval with equal ends is a single alpha."""
         return non_unique(case.graph)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class NonUniqueLength(Measure):
-    """The length of all intervals of alpha with more than one solution."""
+    """The length of all intervals of alpha with more than one solution.
+
+    Examples
+    --------
+    >>> from pwscont import NonUniqueLength, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": NonUniqueLength()})
+    >>> [round(row.values["asked"], 6) for row in bar.run()]
+    [0.75]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return the sum of the lengths."""
@@ -128,7 +171,15 @@ def non_unique(graph: BranchGraph) -> tuple[tuple[float, float], ...]:
 @final
 @dataclass(frozen=True, slots=True)
 class FirstFold(Measure):
-    """The smallest alpha at which a branch turns, smoothly or not; None without folds."""
+    """The smallest alpha at which a branch turns, smoothly or not; None without folds.
+
+    Examples
+    --------
+    >>> from pwscont import FirstFold, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"asked": FirstFold()})
+    >>> [round(row.values["asked"], 6) for row in bar.run()]
+    [2.25]
+    """
 
     def of(self, case: ExploredCase) -> Measured:
         """Return alpha of the first fold."""
@@ -148,6 +199,13 @@ class QuantityAt(Measure):
     alpha : float
     of_all : callable
         What to take of the values of all solutions there: ``max``, ``min``, ``tuple``, ...
+
+    Examples
+    --------
+    >>> from pwscont import QuantityAt, Study
+    >>> bar = Study("softening-bar", {"elements": [1]}, {"force": QuantityAt("force", 2.0)})
+    >>> [round(row.values["force"], 6) for row in bar.run()]
+    [0.666667]
     """
 
     quantity: str
@@ -199,6 +257,16 @@ class CriticalValue(Measure):
     bracket : bool
         Whether the value is the last bracket, (lo, hi); default the upper end of the last bracket,
         at which something is there.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, CriticalValue, Study
+    >>> def case(coupling, shift):
+    ...     return LCP([[1, coupling], [coupling, 1]], q=[-1, shift], d=[1, 0]), (-1.0, 2.0)
+    >>> critical = CriticalValue("coupling", 0.5, 2.0, tolerance=0.01, bracket=True)
+    >>> (row,) = Study(case, {"shift": [-1.0]}, {"coupling": critical}).run()
+    >>> row.values["coupling"]
+    (0.998046875, 1.00390625)
     """
 
     setting: str
@@ -260,7 +328,7 @@ def plain(value: Any) -> Measured:
     Raises
     ------
     InvalidInputError
-        If it is not a number, a text or a sequence of them.
+        If the value is not a number, a text or a sequence of numbers and texts.
     """
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()

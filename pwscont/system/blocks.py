@@ -24,6 +24,12 @@ class Block:
         The rows of H that depend on the mode.
     modes : tuple of tuple of bool
         For every mode the signs of these tests in some character that has it.
+
+    Examples
+    --------
+    >>> from pwscont import Block
+    >>> Block(tests=(0,), rows=(1,), modes=((True,), (False,)))
+    Block(tests=(0,), rows=(1,), modes=((True,), (False,)))
     """
 
     tests: tuple[int, ...]

@@ -98,6 +98,12 @@ def check_system(
         that do not fit the unknowns, or would never be called.
     InvalidInputError
         If the radius is not positive, or a point is no pair (z, alpha).
+
+    Examples
+    --------
+    >>> from pwscont import Switched, check_system
+    >>> print(check_system(Switched(1, lambda z, t, sw: z - sw.relu(t)), [([0.0], 0.5)]))
+    no defects found at 1 point
     """
     check_attributes(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:

@@ -23,7 +23,7 @@ from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
-#: Slots that ``within`` does not copy from a system to its copy for an interval.
+#: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
 
 
@@ -52,6 +52,19 @@ class PiecewiseSystem(Undefined, ABC):
         problem); default False. One found is then all, and two are an error in the promise.
     line_styles : mapping of str to matplotlib's line styles
         How pictures draw the pieces of a label; default in the order in which they occur.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseSystem, explore
+    >>> class ArchOverStop(PiecewiseSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+    ...         return z * (z - 1.0) * (z - 2.0) + stop - alpha
+    >>> explore(ArchOverStop(), (-0.5, 1.0)).count(0.2)
+    3
     """
 
     __slots__ = ("__dict__", "__weakref__", "_differences")
@@ -132,18 +145,8 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
-        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
-        return own or self.is_measured
-
-    @property
-    def knows_jacobian(self) -> bool:
-        """Whether derivatives are more than differences that depend on typical magnitudes."""
-        return type(self).jacobian is not PiecewiseSystem.jacobian
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether a run found typical magnitudes that differ from one."""
-        return self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any())
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in vars(self)
+        return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
     def _is_fitted(self) -> bool:
@@ -204,8 +207,7 @@ class PiecewiseSystem(Undefined, ABC):
     def bounds(self) -> tuple[Any, Any]:
         """Return between which values z makes sense, each broadcastable to (n,); default all.
 
-        Solutions outside are no starts, and a branch that leaves the bounds ends there: a
-        negative voltage, a concentration above one.
+        Solutions outside are no starts, and a branch that leaves its bounds ends there.
         """
         return -np.inf, np.inf
 
@@ -222,7 +224,7 @@ class PiecewiseSystem(Undefined, ABC):
         return tuple(f"z[{i}]" for i in range(self.size))
 
     def __repr__(self) -> str:
-        size = getattr(self, "size", None)  # a repr does not fail, not even of half a system
+        size = getattr(self, "size", None)  # half a system has a repr, too
         return f"{type(self).__name__}({counted(size, 'unknown') if isinstance(size, int) else ''})"
 
     def _repr_html_(self) -> str:
@@ -287,6 +289,18 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     The promise lets pwscont list all solutions at one alpha by solving one linear system per
     cell. A system whose cells are all combinations of the modes of independent parts (contact
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
+
+    Examples
+    --------
+    >>> from pwscont import SlicewiseLinearSystem, explore
+    >>> class Spring(SlicewiseLinearSystem):  # alpha multiplies z: affine in z alone
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha**2 + (alpha * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete but for closed loops'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
@@ -321,6 +335,18 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
     to corner without a step size. The default Jacobians are exact here, because differences
     of affine functions are.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseLinearSystem, explore
+    >>> class Spring(PiecewiseLinearSystem):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return z - 1.0
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha + (3.0 * (z - 1.0) if character.signs[0] else 0.0)
+    >>> explore(Spring(), (0.0, 2.0)).guarantee
+    'complete'
     """
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:

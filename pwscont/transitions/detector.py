@@ -140,6 +140,13 @@ class TransitionDetector(ABC):
     is_affine : bool
         A promise that along straight pieces all functions are affine, read with their slopes, and
         not negative but at the end: the ratio test then finds where they vanish; default False.
+
+    Examples
+    --------
+    >>> from pwscont import TransitionDetector
+    >>> from pwscont.transitions import SmoothFolds
+    >>> isinstance(SmoothFolds(), TransitionDetector)
+    True
     """
 
     is_affine: bool = False

@@ -19,7 +19,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
-from pwscont.linear.rows import Rows
+from pwscont.linear.vectors import Rows
 from pwscont.stepping.stepper import Segment
 from pwscont.system.ending import Ending
 from pwscont.system.selection import Selection

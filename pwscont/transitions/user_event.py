@@ -51,6 +51,14 @@ class Stop:
     ----------
     function : callable
         (z, alpha) -> float; the branch ends where it is zero.
+
+    Examples
+    --------
+    >>> from pwscont import Stop, Switched, trace
+    >>> line = Switched(1, lambda z, t, sw: z - t)
+    >>> ended = trace(line, ([0.0], 0.0), (0.0, 2.0), events={"top": Stop(lambda z, t: z[0] - 1.5)})
+    >>> [(p.name, round(p.alpha, 6)) for p in ended.special_points("event")]
+    [('top', 1.5)]
     """
 
     function: Function

@@ -23,6 +23,12 @@ class Axes:
         Whether alpha grows to the left, as in Figs. 4 to 6 of the paper.
     equal : bool
         Whether alpha and mu have the same unit of length in the picture.
+
+    Examples
+    --------
+    >>> from pwscont import Axes
+    >>> Axes(alpha="f_t", mu="F").mu
+    'F'
     """
 
     alpha: str = "alpha"

@@ -32,7 +32,7 @@ def edges(
     order = list(Passing)
     keys = sorted(together, key=lambda key: (order.index(key[0]), key[1]))
     return tuple(
-        LocusPart(kind, label, _points(together[kind, label][0], ends, window, size))
+        LocusPart(kind, label, *_points(together[kind, label][0], ends, window, size, tolerance))
         for kind, label in keys
         for ends in _joined([c.ends for c in together[kind, label]], tolerance)
     )
@@ -77,11 +77,18 @@ def _merged(line: Array, segments: Iterable[Array], tolerance: float) -> Iterato
     yield np.array([begin, end])
 
 
-def _points(joint: Joint, ends: Array, window: Window, size: int) -> Array:
-    """Return both ends (z, alpha, mu), mu increasing; z is nan where only a singular cell is."""
+def _points(
+    joint: Joint, ends: Array, window: Window, size: int, tolerance: float
+) -> tuple[Array, Array]:
+    """Return both ends (z, alpha, mu), mu increasing, and their errors.
+
+    z is nan where only a singular cell is. The ends of the square are off by the tolerance.
+    """
     plane = window.inside(ends)
-    unknown = np.full((2, size), np.nan)
-    cell = joint.cell
-    z = unknown if cell is None else np.array([cell.at(end)[:size] for end in ends])
+    z, spread = np.full((2, size), np.nan), np.full(size, np.nan)
+    if joint.cell is not None:
+        z = np.array([joint.cell.at(end)[:size] for end in ends])
+        spread = tolerance * np.abs(joint.cell.z[:size]).sum(axis=1)
     points = np.column_stack([z, plane])
-    return points if plane[1, 1] >= plane[0, 1] else points[::-1]
+    error = np.tile(np.append(spread, tolerance * window.half), (2, 1))
+    return points if plane[1, 1] >= plane[0, 1] else points[::-1], error

@@ -51,6 +51,14 @@ class FoldLocus(PiecewiseSystem, Ending):
     ------
     InvalidInputError, InvalidSystemError
         As for :class:`~pwscont.TransitionLocus`.
+
+    Examples
+    --------
+    >>> from pwscont import FoldLocus, Switched
+    >>> def family(mu):
+    ...     return Switched(1, lambda z, t, sw: z**3 - mu * z - t)
+    >>> FoldLocus(family, mu=1.0, alphas=(-1.0, 1.0)).size  # z, its null vector, alpha
+    3
     """
 
     def __init__(

@@ -81,11 +81,14 @@ class LocusPart:
         The cells on both sides.
     points : ndarray, shape (k, n + 2)
         Points (z, alpha, mu), mu monotone.
+    error : ndarray, shape (2, n + 2)
+        Estimates of the errors of the first point and of the last.
     """
 
     crossing: Passing
     label: str
     points: Array
+    error: Array
 
     def __repr__(self) -> str:
         return named(self, self.crossing, short(self.label), counted(len(self.points), "point"))
@@ -120,10 +123,15 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
     character : Character
         Its character as a point of the locus.
     """
+    return float(_slopes(locus, y, mu, character).prod())
+
+
+def _slopes(locus: TransitionLocus, y: Array, mu: float, character: Character) -> Array:
+    """Return the slopes of alpha along the curves to both sides, exactly zero within rounding."""
     one, other = (_ray(locus, y, mu, side) for side in locus.sides(character))
     if one is None or other is None:  # the locus itself turns here, tangent to alpha
-        return 0.0
-    return one.curve.slope(one.state) * other.curve.slope(other.state)
+        return np.zeros(2)
+    return np.array([ray.curve.slope(ray.state) for ray in (one, other)])
 
 
 def _ray(locus: TransitionLocus, y: Array, mu: float, side: Character) -> Ray | None:
@@ -180,15 +188,10 @@ def follow_transitions(
             y = np.append(completed(family(mu), point.z, point.alpha), point.alpha)
             if not any(_passes(other, locus, y, mu) for other in found):
                 done = sum(len(other.graph.pieces) for other in found)
-                counted = partial(_after, report, done)
+                counted = partial(lambda done, pieces, mu: report(done + pieces, mu), done)
                 graph = trace(locus, (y, mu), mus, parameter=parameter, report=counted)
                 found.append(Locus(locus, uninterrupted(graph)))
     return found
-
-
-def _after(report: Report, done: int, pieces: int, mu: float) -> None:
-    """Report the pieces of one locus after those of the others."""
-    report(done + pieces, mu)
 
 
 def _transitions(
@@ -251,16 +254,21 @@ def parts_of(locus: Locus) -> list[LocusPart]:
 def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
     """Yield the parts of one piece."""
     inside = _inner(locus, piece)
-    values = [turning(locus.system, x[:-1], float(x[-1]), piece.character) for x in inside]
-    first = [piece.points[0]]
-    for (x, before), (y, after) in pairwise(zip(inside, values, strict=True)):
-        first.append(x)
-        if before * after < 0.0:
-            cut = _cut(locus, piece, (float(x[-1]), float(y[-1])))
-            yield LocusPart(_crossing(before), piece.label, np.array([*first, cut]))
-            first = [cut]
-    last = np.array([*first, inside[-1], piece.points[-1]])
-    yield LocusPart(_crossing(values[-1]), piece.label, last)
+    values = [_slopes(locus.system, x[:-1], float(x[-1]), piece.character) for x in inside]
+    # a slope that is zero at single points is next to a change of its sign, or touches zero
+    known = [(x, v) for x, v in zip(inside, values, strict=True) if v.all()] or [
+        (x, np.zeros(2)) for x in inside
+    ]
+    begin, end = (locus.graph.point(node).error for node in (piece.start, piece.end))
+    first, kind = [piece.points[0], known[0][0]], float(known[0][1].prod())
+    for (x, before), (y, after) in pairwise(known):
+        for cut, error in _cuts(locus, piece, (x, y), np.flatnonzero(before * after < 0.0)):
+            ends = np.array([begin, error])
+            yield LocusPart(_crossing(kind), piece.label, np.array([*first, cut]), ends)
+            first, begin, kind = [cut], error, -kind
+        first.append(y)
+    points, ends = np.array([*first, piece.points[-1]]), np.array([begin, end])
+    yield LocusPart(_crossing(kind), piece.label, points, ends)
 
 
 def _inner(locus: Locus, piece: Piece) -> list[Array]:
@@ -280,21 +288,17 @@ def _between(
 ) -> list[Array]:
     """Return points of a piece between two of its points, so dense that chords are flat."""
     a, b = ends
-    middle = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
+    middle, _ = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
     if abs(middle[-2] - 0.5 * (a[-2] + b[-2])) <= flat:
         return [middle]
-    first, second = ((a, middle), (middle, b))
-    return [
-        *_between(graph, piece, first, flat),
-        middle,
-        *_between(graph, piece, second, flat),
-    ]
+    first, second = (_between(graph, piece, ends, flat) for ends in ((a, middle), (middle, b)))
+    return [*first, middle, *second]
 
 
-def _on(graph: BranchGraph, piece: Piece, mu: float) -> Array:
-    """Return the point (z, alpha, mu) of a piece at one mu."""
-    (found,) = (s.z for s in graph.solutions(mu) if s.piece == piece.id)
-    return np.append(found, mu)
+def _on(graph: BranchGraph, piece: Piece, mu: float) -> tuple[Array, Array]:
+    """Return the point (z, alpha, mu) of a piece at one mu, and its error."""
+    (found,) = (s for s in graph.solutions(mu) if s.piece == piece.id)
+    return np.append(found.z, mu), found.error
 
 
 def _crossing(value: float) -> Passing:
@@ -303,12 +307,38 @@ def _crossing(value: float) -> Passing:
     return Passing.FOLD if value > 0.0 else Passing.TRANSITION
 
 
-def _cut(locus: Locus, piece: Piece, bracket: tuple[float, float]) -> Array:
-    """Return the point (z, alpha, mu) of a piece where ``turning`` changes its sign."""
+def _cuts(
+    locus: Locus, piece: Piece, ends: tuple[Array, Array], sides: Indices
+) -> list[tuple[Array, Array]]:
+    """Return where slopes of some sides change their signs, with errors; not where both do."""
+    found = [_cut(locus, piece, (float(ends[0][-1]), float(ends[1][-1])), side) for side in sides]
+    found.sort(key=lambda cut: abs(cut[0][-1] - ends[0][-1]))
+    if len(found) == 2 and abs(np.diff([x[-1] for x, _ in found])) <= sum(e[-1] for _, e in found):
+        return []
+    return found
 
-    def value(mu: float) -> float:
-        x = _on(locus.graph, piece, mu)
-        return turning(locus.system, x[:-1], mu, piece.character)
 
-    mu = float(brentq(value, *bracket, xtol=4.0 * EPS * max(map(abs, bracket)), rtol=4.0 * EPS))
-    return _on(locus.graph, piece, mu)
+def _cut(
+    locus: Locus, piece: Piece, bracket: tuple[float, float], side: int
+) -> tuple[Array, Array]:
+    """Return the point of a piece where the slope of one side changes its sign, and its error.
+
+    The slope of one side alone has a simple zero in general; the product of both may be so flat
+    that it is rounding far around. The error is how far around the sign is not known.
+    """
+
+    def slope(mu: float) -> float:
+        x, _ = _on(locus.graph, piece, mu)
+        return float(_slopes(locus.system, x[:-1], mu, piece.character)[side])
+
+    lo, hi = sorted(bracket)
+    sign, apart = np.sign(slope(hi)), 4.0 * EPS * max(map(abs, bracket))
+    mu = float(brentq(slope, lo, hi, xtol=apart, rtol=4.0 * EPS))
+    while (apart := 2.0 * apart) < hi - lo:
+        beside = max(lo, mu - apart), min(hi, mu + apart)
+        if slope(beside[0]) * sign < 0.0 < slope(beside[1]) * sign:
+            break
+    else:
+        beside = lo, hi
+    (x, error), others = _on(locus.graph, piece, mu), [_on(locus.graph, piece, o) for o in beside]
+    return x, error + np.max([abs(other - x) for other, _ in others], axis=0)

@@ -36,6 +36,15 @@ def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, flo
         singular cell has solutions by rounding only.
     MissingPackageError
         If Shapely is not installed.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, plane
+    >>> def family(mu):
+    ...     return LCP([[1, 2], [2, 1]], q=[mu, -1], d=[0, 1])
+    >>> found = plane(family, (-2.0, 2.0), (-2.0, 2.0))
+    >>> found.count(0.0, -1.0), found.guarantee
+    (3, 'complete')
     """
     shapely()
     return ExactPlane.of(family, Window.of(alphas, mus))

@@ -18,7 +18,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from pwscont.basics.arrays import Array
 from pwscont.graph.presentation import number
-from pwscont.scenes.symbols import symbol
+from pwscont.scenes.symbols import in_letters, symbol
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing
 from pwscont.two_parameters.plane import Meeting, Plane, Sector
@@ -71,7 +71,7 @@ def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
     _mark_lowest_fold(ax, scene, plane)
     _set_axes(ax, scene, window)
     ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small", wrap=True)
-    figure.suptitle(scene.title.replace("alpha", "α"), fontsize="medium")
+    figure.suptitle(in_letters(scene.title), fontsize="medium")
     handles = _legend(plane)
     columns = len(handles) if len(handles) < 5 else -(-len(handles) // 2)
     figure.legend(
@@ -119,11 +119,13 @@ def _write_names(
         largest = int(np.argmax([area for area, _ in sizes]))
         at = _centre(sizes) if scene.sectors else _within(sector.regions[largest], sizes[largest])
         narrow = scene.sectors and sum(area for area, _ in sizes) < NARROW * width * height
-        _write(ax, _caption(scene, sector), at, ASIDE * width if narrow else 0.0)
+        caption = _caption(scene, sector, "\n" if narrow else " / ")
+        _write(ax, caption, at, ASIDE * width if narrow else 0.0, _shade(sector))
 
 
-def _write(ax: Axes, text: str, at: Array, aside: float) -> None:
-    """Write a text at a point, or beside it with a line to it."""
+def _write(ax: Axes, text: str, at: Array, aside: float, shade: str) -> None:
+    """Write a text over the lines at a point, or beside the point with a line to it."""
+    box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
     line = {"arrowstyle": "-", "linewidth": 0.7, "shrinkA": 2, "shrinkB": 0}
     ax.annotate(
         text,
@@ -133,6 +135,7 @@ def _write(ax: Axes, text: str, at: Array, aside: float) -> None:
         ha="center",
         va="center",
         fontsize="small",
+        bbox=None if aside else box,
         zorder=6,
     )
 
@@ -157,11 +160,11 @@ def _centre(sizes: list[tuple[float, Array]]) -> Array:
     return middle
 
 
-def _caption(scene: PlaneShown, sector: Sector) -> str:
+def _caption(scene: PlaneShown, sector: Sector, between: str) -> str:
     name = scene.sector_name(sector)
     if not name:
         return number(sector.count)
-    return f"{name}\n{' / '.join(sector.labels)}\n{how_many(sector)}"
+    return f"{name}\n{between.join(sector.labels)}\n{how_many(sector)}"
 
 
 def _mark_lowest_fold(ax: Axes, scene: PlaneShown, plane: Plane) -> None:

@@ -41,6 +41,15 @@ class PlaneScene(Runnable):
         Labels of the solutions in a region -> its name; default none.
     lowest_fold : str
         Name of the smallest mu on all folds; default: not reported.
+
+    Examples
+    --------
+    >>> from pwscont import Axes, LCP, PlaneScene
+    >>> def family(mu):
+    ...     return LCP([[1, 2], [2, 1]], q=[mu, -1], d=[0, 1])
+    >>> scene = PlaneScene("plane", "two loads", family, (-2.0, 2.0), (-2.0, 2.0), (0.0,), Axes())
+    >>> sorted(sector.count for sector in scene.run().sectors)
+    [1, 1, 1, 3]
     """
 
     name: str

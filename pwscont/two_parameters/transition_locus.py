@@ -69,6 +69,16 @@ class TransitionLocus(PiecewiseSystem, Ending):
         If there is no such test, or the range is empty.
     InvalidSystemError
         If the family does not return systems.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, TransitionLocus, trace
+    >>> def family(mu):  # kink where z = 0, at alpha = mu
+    ...     return Switched(1, lambda z, t, sw: z + sw.relu(z) - (t - mu))
+    >>> locus = TransitionLocus(family, test=0, mu=1.0, alphas=(-5.0, 5.0))
+    >>> moved = trace(locus, ([0.0, 1.0], 1.0), (0.0, 2.0), parameter="mu")
+    >>> round(float(moved.solutions(2.0)[0].z[-1]), 6)
+    2.0
     """
 
     def __init__(

@@ -12,6 +12,7 @@ import numpy as np
 
 from pwscont.basics.character import Character
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import counted
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, SpecialPoint
 from pwscont.graph.connected import connected
@@ -19,7 +20,7 @@ from pwscont.graph.presentation import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, styles_of
-from pwscont.scenes.symbols import GREEK
+from pwscont.scenes.symbols import in_letters
 from pwscont.view.numbers import Numbers, is_curved
 
 #: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
@@ -119,7 +120,7 @@ def _pieces(graph: BranchGraph, numbers: Numbers) -> dict[str, Any]:
 
 
 def _points(graph: BranchGraph, numbers: Numbers) -> list[dict[str, Any]]:
-    """Return the special points; those that are nodes are solutions as well."""
+    """Return the special points; nodes are solutions as well."""
     branch, points = _branches(graph), graph.special_points()
     return [
         _point(graph, point, branch) | {"row": int(row)}
@@ -143,7 +144,7 @@ def _start_of(graph: BranchGraph, point: SpecialPoint) -> int:
 
 
 def _branches(graph: BranchGraph) -> dict[int, int]:
-    """Return the branch of each node; they are numbered as by ``graph.components()``."""
+    """Return the branch of each node; branches are numbered as by ``graph.components()``."""
     nodes = [point.id for point in graph.special_points() if point.id >= 0]
     parts = connected(nodes, [(piece.start, piece.end) for piece in graph.pieces])
     return {node: branch for branch, part in enumerate(parts) for node in part}
@@ -151,12 +152,13 @@ def _branches(graph: BranchGraph) -> dict[int, int]:
 
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
     """Return what is said of a special point when the pointer is over it."""
-    name = GREEK.get(graph.parameter, graph.parameter)
+    name = in_letters(graph.parameter)
     lines = [f"{name} = {_alpha(graph, point.alpha)}", point.message]
     lines += [point.events] if point.events else []
     lines += [f"{name} = {_value(value)}" for name, value in attempted(point).items()]
     few = point.digits < FEW_DIGITS
-    return [line for line in lines if line] + [f"only {int(point.digits)} digits known"] * few
+    known = f"only {counted(int(point.digits), 'digit')} known"
+    return [line for line in lines if line] + [known] * few
 
 
 def _alpha(graph: BranchGraph, alpha: float) -> str:

@@ -34,6 +34,14 @@ class ElasticPicture(BodyPicture):
         Factor by which displacements are enlarged; default so that they can be seen.
     system : Coulomb, optional
         The system that was solved, which knows the friction; default that along the load.
+
+    Examples
+    --------
+    >>> from pwscont import View, explore
+    >>> from pwscont_coulomb.elastic import ElasticPicture
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> problem = triangle().build().condensed()
+    >>> view = View(explore(problem.along_load(), (-2.0, 2.0)), "u_t", body=ElasticPicture(problem))
     """
 
     problem: ElasticProblem

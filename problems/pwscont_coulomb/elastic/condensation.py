@@ -32,6 +32,13 @@ class CondensedProblem(ElasticProblem):
     elastic : DiscretisedBody
     elimination : Elimination, optional
         Default :class:`~pwscont_coulomb.elastic.Multifrontal`.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import CondensedProblem
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> isinstance(triangle().build().condensed(), CondensedProblem)
+    True
     """
 
     def __init__(self, elastic: DiscretisedBody, elimination: Elimination | None = None) -> None:

@@ -57,6 +57,12 @@ class ContactBoundary:
         The direction in which each contact node meets the obstacle, from the body into it: a pair,
         pairs of shape (2, p), or a function of positions; any length but zero. Default: the
         outward normals of the body at its nodes.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import ContactBoundary
+    >>> ContactBoundary("bottom", friction=0.3).gap
+    0.0
     """
 
     boundary: Region

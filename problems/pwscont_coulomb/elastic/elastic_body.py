@@ -50,6 +50,20 @@ class ElasticBody(DiscretisedBody):
     InvalidInputError
         If the mesh has inverted elements, a name is unknown, a boundary is empty, the contact
         boundary overlaps a clamped one, a rigid motion is free, or a value does not fit.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb.elastic import ContactBoundary, ElasticBody, Support, Young
+    >>> body = ElasticBody(
+    ...     skfem.MeshQuad.init_tensor([0.0, 1.0, 2.0], [0.0, 1.0]).with_defaults(),
+    ...     Young(E=1.0, nu=0.3),
+    ...     supports=[Support("top", constant=(0.0, -0.01), growing=(0.01, 0.0))],
+    ...     contact=ContactBoundary("bottom", friction=0.3),
+    ... )
+    >>> explore(body.condensed().along_load(), (0.0, 1.0)).count(0.5)
+    1
     """
 
     def full(self) -> FullProblem:

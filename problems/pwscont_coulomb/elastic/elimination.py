@@ -38,7 +38,14 @@ class Eliminated(ABC):
 
 
 class Elimination(ABC):
-    """A way to eliminate interior unknowns; its implementations are interchangeable."""
+    """A way to eliminate interior unknowns; its implementations are interchangeable.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Elimination, Multifrontal, SuperLU
+    >>> [isinstance(way, Elimination) for way in (Multifrontal(), SuperLU())]
+    [True, True]
+    """
 
     @abstractmethod
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:

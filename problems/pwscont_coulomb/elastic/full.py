@@ -21,6 +21,13 @@ class FullProblem(ElasticProblem):
     Parameters
     ----------
     elastic : DiscretisedBody
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import FullProblem
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> isinstance(triangle().build().full(), FullProblem)
+    True
     """
 
     def __init__(self, elastic: DiscretisedBody) -> None:

@@ -34,6 +34,12 @@ class Support:
         Displacement at alpha = 0 and per unit of alpha (length); default none: clamped.
     directions : str
         ``"xy"``, or ``"x"`` or ``"y"`` for a roller that leaves the other direction free.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Support
+    >>> Support("top", constant=(0.0, -0.01), growing=(0.01, 0.0)).directions
+    'xy'
     """
 
     boundary: Region
@@ -56,7 +62,14 @@ class Support:
 @final
 @dataclass(frozen=True, slots=True)
 class Traction:
-    """A force per area on a boundary: constant + alpha growing."""
+    """A force per area on a boundary: constant + alpha growing.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Traction
+    >>> Traction("left", growing=(1.0, 0.0)).boundary
+    'left'
+    """
 
     boundary: Region
     constant: Field = NOTHING
@@ -66,7 +79,14 @@ class Traction:
 @final
 @dataclass(frozen=True, slots=True)
 class BodyForce:
-    """A force per volume, in the whole body or a subdomain: constant + alpha growing."""
+    """A force per volume, in the whole body or a subdomain: constant + alpha growing.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import BodyForce
+    >>> BodyForce(constant=(0.0, -9.81)).constant
+    (0.0, -9.81)
+    """
 
     constant: Field = NOTHING
     growing: Field = NOTHING

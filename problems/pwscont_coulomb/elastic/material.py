@@ -35,6 +35,12 @@ class Lame(Material):
     ------
     InvalidInputError
         If they are not finite or break these bounds.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Lame
+    >>> Lame(lam=1.0, mu=0.5).mu
+    0.5
     """
 
     lam: float
@@ -74,6 +80,12 @@ class Young(Material):
     ------
     InvalidInputError
         If they are not finite or out of these bounds.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Young
+    >>> Young(E=2.1e5, nu=0.3).nu
+    0.3
     """
 
     E: float
@@ -108,7 +120,14 @@ class PlaneState(ABC):
 @final
 @dataclass(frozen=True, slots=True)
 class PlaneStrain(PlaneState):
-    """A long body: no strain across the plane."""
+    """A long body: no strain across the plane.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import PlaneStrain
+    >>> PlaneStrain()  # the default of ElasticBody
+    PlaneStrain()
+    """
 
     def in_plane(self, lam: float, mu: float) -> tuple[float, float]:
         """Return (lambda, mu) unchanged."""
@@ -118,7 +137,14 @@ class PlaneStrain(PlaneState):
 @final
 @dataclass(frozen=True, slots=True)
 class PlaneStress(PlaneState):
-    """A thin plate: no stress across the plane."""
+    """A thin plate: no stress across the plane.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import PlaneStress
+    >>> PlaneStress()  # ElasticBody(..., state=PlaneStress())
+    PlaneStress()
+    """
 
     def in_plane(self, lam: float, mu: float) -> tuple[float, float]:
         """Return (2 lambda mu / (lambda + 2 mu), mu)."""

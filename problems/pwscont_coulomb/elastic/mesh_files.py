@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import sys
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pwscont import InvalidInputError
+from pwscont import InvalidInputError, MissingPackageError
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
@@ -17,32 +18,57 @@ from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
 #: z coordinates that differ by more than this part of the mesh's size are not plane.
 PLANE = 1e-12
+#: Where meshio has the numbers of groups of cells, one for each cell, zero for none.
+NUMBERS = ("gmsh:physical", "medit:ref", "cell_tags")
 
 
 def read_mesh(path: Path) -> Any:
     """Return a scikit-fem mesh; physical groups become boundaries and subdomains.
 
+    A group without a name has its number as its name.
+
     Raises
     ------
     InvalidInputError
         If the file cannot be read, or holds no plane mesh of one kind of element.
+    MissingPackageError
+        If meshio needs another package for this format.
     """
-    meshio, bridge = loaded("meshio"), loaded("skfem.io.meshio")
+    loaded("meshio"), loaded("skfem.io.meshio")
     if not path.is_file():
         raise InvalidInputError(f"there is no mesh file {path}")
+    if not path.stat().st_size:
+        raise InvalidInputError(f"the mesh file {path} is empty")
     try:
-        with redirect_stdout(sys.stderr):  # some readers print; standard output is for the answer
-            read = meshio.read(path)
+        read = _read(path)
         _refuse_other_cells(path, read)
-        _name_groups(read)
+        _name_groups(path, read)
         _refuse_repeated_cells(path, read)
-        mesh = bridge.from_meshio(_as_scikit_fem_expects(read))
+        mesh = loaded("skfem.io.meshio").from_meshio(_as_scikit_fem_expects(read))
         _refuse_lost_facets(path, read, mesh)
         return mesh
-    except InvalidInputError:
+    except (InvalidInputError, MissingPackageError):
         raise
-    except (Exception, SystemExit) as error:  # readers of foreign formats fail in many ways
-        raise InvalidInputError(f"cannot read a plane mesh from {path}: {error}") from error
+    except Exception as error:  # readers of foreign formats fail in many ways
+        cause = f"KeyError: {error}" if isinstance(error, KeyError) else error
+        raise InvalidInputError(f"cannot read a plane mesh from {path}: {cause}") from error
+
+
+def _read(path: Path) -> Any:
+    """Return what meshio reads; some of its readers say in print why they do not."""
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            read = loaded("meshio").read(path)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"meshio needs {error.name} to read {path}: pip install {error.name}"
+        ) from error
+    except SystemExit as error:
+        cause = " ".join(said.getvalue().split()) or "meshio does not say why"
+        raise InvalidInputError(f"cannot read a plane mesh from {path}: {cause}") from error
+    sys.stderr.write(said.getvalue())  # warnings; standard output is for the answer
+    return read
 
 
 def _refuse_other_cells(path: Path, read: Any) -> None:
@@ -61,20 +87,27 @@ def _refuse_other_cells(path: Path, read: Any) -> None:
         raise InvalidInputError(f"the mesh in {path} is not plane: its z coordinates differ")
 
 
-def _name_groups(read: Any) -> None:
-    """Name cells by physical groups alone; those of MSH 2.2 are numbers, one for each cell.
+def _name_groups(path: Path, read: Any) -> None:
+    """Name cells by physical groups alone; some formats have numbers, one for each cell.
 
     Groups of lines and of surfaces may have the same number: their dimensions tell them apart.
     """
     read.cell_sets = {k: v for k, v in read.cell_sets.items() if not k.startswith("gmsh:")}
-    numbers = read.cell_data.pop("gmsh:physical", None)
-    if numbers is None or read.cell_sets:
-        return
-    for name, (number, dimension) in read.field_data.items():
-        read.cell_sets[name] = [
-            np.flatnonzero((tags == number) & (block.dim == dimension))
-            for block, tags in zip(read.cells, numbers, strict=True)
-        ]
+    numbers = [read.cell_data.pop(key) for key in NUMBERS if key in read.cell_data]
+    known = {(number, dim): [name] for name, (number, dim) in read.field_data.items()}
+    known |= {(n, d): names for n, names in getattr(read, "cell_tags", {}).items() for d in (1, 2)}
+    groups: dict[str, list[Any]] = {}
+    for k, tags in ((k, tags) for blocks in numbers for k, tags in enumerate(blocks)):
+        for tag in np.unique(tags[tags != 0]).tolist():
+            names = known.get((tag, read.cells[k].dim))
+            if names is not None and read.cell_sets:
+                continue  # meshio knows them, with cells that are in several groups
+            if names is None and str(tag) in read.field_data:
+                raise InvalidInputError(f"group {tag} in {path} has no name; another one is {tag}")
+            for name in names or [str(tag)]:
+                parts = groups.setdefault(name, [np.zeros(0, dtype=int) for _ in read.cells])
+                parts[k] = np.union1d(parts[k], np.flatnonzero(tags == tag))
+    read.cell_sets |= groups
 
 
 def _refuse_repeated_cells(path: Path, read: Any) -> None:

@@ -56,7 +56,15 @@ class Front:
 @final
 @dataclass(frozen=True, slots=True)
 class Multifrontal(Elimination):
-    """Elimination by dense fronts."""
+    """Elimination by dense fronts.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Multifrontal
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> triangle().build().condensed(Multifrontal()).along_load().size
+    4
+    """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
         """Eliminate all but the kept unknowns; see :class:`Elimination`."""

@@ -50,6 +50,12 @@ class Mumps(Elimination):
 
     Under MPI, ``mpiexec -n 4 python -m pwscont_coulomb.mpi SCRIPT`` runs the script on rank 0; the
     other ranks serve. Needs MUMPS and pymumps (the extra ``mumps``).
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Mumps
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> problem = triangle().build().condensed(Mumps())  # doctest: +SKIP
     """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:

@@ -26,6 +26,14 @@ class ElasticProblem(ABC):
     body : ContactBody
     load : AffineLoad
     friction : ndarray, shape (p,)
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import ElasticProblem
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> problem = triangle().build().condensed()
+    >>> isinstance(problem, ElasticProblem), problem.along_load().size
+    (True, 4)
     """
 
     elastic: DiscretisedBody

@@ -36,6 +36,16 @@ class BodyState:
         Remaining distance to the obstacle, and tangential displacement.
     modes : ndarray of int, shape (p,)
         :class:`~pwscont_coulomb.modes.Mode` of each contact node.
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb.elastic import recover
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> problem = triangle().build().condensed()
+    >>> state = recover(problem, explore(problem.along_load(), (-2.0, 2.0)).solutions(1.5)[0])
+    >>> state.alpha, state.slip.shape
+    (1.5, (1,))
     """
 
     alpha: float
@@ -90,6 +100,16 @@ def recover(
     InvalidInputError
         If the solution is of another size, or does not tell its load
         (:meth:`~pwscont_coulomb.elastic.ElasticProblem.load_parameter`).
+
+    Examples
+    --------
+    >>> from pwscont import explore
+    >>> from pwscont_coulomb.elastic import recover
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> problem = triangle().build().condensed()
+    >>> graph = explore(problem.along_load(), (-2.0, 2.0))
+    >>> recover(problem, graph.solutions(-0.75)[0]).displacements.shape
+    (3, 2)
     """
     check_kind("problem", problem, ElasticProblem)
     check_kind("solution", solution, Solution)

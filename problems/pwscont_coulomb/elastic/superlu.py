@@ -31,7 +31,15 @@ BLOCK = 32
 @final
 @dataclass(frozen=True, slots=True)
 class SuperLU(Elimination):
-    """Elimination by SuperLU and one solution per kept unknown."""
+    """Elimination by SuperLU and one solution per kept unknown.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import SuperLU
+    >>> from pwscont_coulomb.elastic.scenes import triangle
+    >>> triangle().build().condensed(SuperLU()).along_load().size
+    4
+    """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
         """Eliminate all but the kept unknowns; see :class:`Elimination`."""

@@ -15,6 +15,12 @@ class Units:
     ----------
     length, stress : str
         Empty where they are not given.
+
+    Examples
+    --------
+    >>> from pwscont_coulomb.elastic import Units
+    >>> Units(length="mm", stress="MPa").length
+    'mm'
     """
 
     length: str = ""

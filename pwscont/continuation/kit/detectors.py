@@ -49,6 +49,13 @@ def check_detector(detector: TransitionDetector) -> Report:
     Returns
     -------
     Report
+
+    Examples
+    --------
+    >>> from pwscont import check_detector
+    >>> from pwscont.transitions import SmoothFolds
+    >>> bool(check_detector(SmoothFolds()))
+    True
     """
     checked_kind("detector", detector, TransitionDetector)
     curved = (d for sample in samples() for d in _wrong_readings(detector, sample))

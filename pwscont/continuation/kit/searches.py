@@ -34,6 +34,12 @@ def check_search(search: Search) -> Report:
     Returns
     -------
     Report
+
+    Examples
+    --------
+    >>> from pwscont import EndPoints, check_search
+    >>> bool(check_search(EndPoints()))
+    True
     """
     checked_kind("search", search, Search)
     return report(

@@ -46,6 +46,12 @@ def check_stepper(stepper: Stepper) -> Report:
     Returns
     -------
     Report
+
+    Examples
+    --------
+    >>> from pwscont import ExactLinear, check_stepper
+    >>> check_stepper(ExactLinear())
+    Report(0 defects at 6 points)
     """
     checked_kind("stepper", stepper, Stepper)
     tried = [(sample, direction) for sample in samples() for direction in (1.0, -1.0)]

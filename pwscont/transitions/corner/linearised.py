@@ -21,7 +21,7 @@ from pwscont.basics.looks import at
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
-from pwscont.linear.structured import StructuredJacobian
+from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.blocks import Block, number_of_cells
 from pwscont.system.contract import jacobian_at
 from pwscont.system.shapes import refuse_infinite

@@ -33,8 +33,8 @@ from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.linear.product_form import ProductForm
-from pwscont.linear.rows import Rows
+from pwscont.linear.updates import ProductForm
+from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 

@@ -1,0 +1,155 @@
+"""Factorisations of dense matrices by LAPACK.
+
+Failure modes and answers
+-------------------------
+- The matrix is singular at a branch point, or where the curve is tangent to an interface: the
+  reciprocal condition number of the scaled matrix tells, and nan or inf in the matrix as well.
+- A matrix of thousands of rows: every routine works in the place of the given matrix.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from scipy.linalg import lapack
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.rounding import EPS
+from pwscont.linear.factor import (
+    LU,
+    Factor,
+    ScaledFactor,
+    power_of_two,
+    regularise,
+    sign_of_pivots,
+)
+
+#: Up to this number of rows, LAPACK finds the largest entry of each row faster than numpy does.
+FEW_ROWS = 32
+#: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
+#: with less room ``dgetri`` works column by column.
+BLOCK = 64
+
+
+@final
+class DenseFactor(Factor):
+    """LU with partial pivoting of a matrix M in any units: L U = R M C, with R and C diagonal.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (k, k)
+        M, which is overwritten, or copied where M is not in Fortran order.
+    scale : ndarray, shape (k,)
+        The diagonal of C: typical magnitudes of the unknowns, powers of two.
+    """
+
+    def __init__(self, matrix: Array, scale: Array) -> None:
+        matrix *= scale
+        self._columns, self._rows = scale, _row_multipliers(matrix)
+        by_columns = matrix.T  # the multipliers lie along the rows of the transpose
+        by_columns *= self._rows
+        self._norm = lapack.dlange("1", matrix)
+        self._lu, self._pivots, info = lapack.dgetrf(matrix, True)
+        self.failed = info > 0
+        self._is_singular: bool | None = None
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        return 0 if self.failed else sign_of_pivots(self._lu.diagonal(), self._pivots)
+
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for one right-hand side."""
+        # the arguments 0 and 1: not transposed, in the room of the product
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
+        scaled *= self._columns
+        return scaled
+
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, (rhs * self._rows).T, 0, 1)[0]
+        return scaled.T * self._columns
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._columns, 1, 1)[0]
+        return scaled * self._rows
+
+    def without_border(self) -> Factor:
+        """Return the factorisation of B, if M is [[B, b], [0, 1]] and regular.
+
+        No pivot of B lies in the last row, which has zeros there.
+        """
+        n = len(self._lu) - 1
+        part = DenseLU(self._lu[:n, :n].copy(order="F"), self._pivots[:n])
+        return ScaledFactor(part, 1.0 / self._rows[:n], self._columns[:n])
+
+    def is_singular(self) -> bool:
+        """Tell whether the scaled matrix is singular to rounding."""
+        if self._is_singular is None:
+            self._is_singular = self.failed or not self._is_regular()
+        return self._is_singular
+
+    def _is_regular(self) -> bool:
+        """Tell whether the reciprocal condition number is larger than k rounding errors."""
+        if not np.isfinite(self._norm):
+            return False
+        rcond: float = lapack.dgecon(self._lu, self._norm)[0]
+        return rcond >= len(self._lu) * EPS  # False for nan
+
+
+def _row_multipliers(matrix: Array) -> Array:
+    """Return powers of two that bring the largest entry of each row to about one; 1 for zeros."""
+    if len(matrix) <= FEW_ROWS:
+        multipliers, *_, has_zeros = lapack.dgeequb(matrix)
+        if not has_zeros:
+            return np.asarray(multipliers)
+    return 1.0 / power_of_two(row_maxima(matrix))
+
+
+def row_maxima(matrix: Array) -> Array:
+    """Return the largest magnitude in each row, without an array of all magnitudes."""
+    largest: Array = np.maximum(matrix.max(axis=1), -matrix.min(axis=1))
+    return largest
+
+
+@final
+class DenseLU(LU):
+    """LU of a dense matrix.
+
+    Parameters
+    ----------
+    lu, pivots : ndarray, shapes (k, k) and (k,)
+        Factors and row exchanges as ``dgetrf`` of LAPACK returns them, see :meth:`of`.
+    """
+
+    def __init__(self, lu: Array, pivots: Indices) -> None:
+        self.lu, self.pivots = lu, pivots
+
+    @classmethod
+    def of(cls, matrix: Array, overwrite: bool = False) -> DenseLU:
+        """Factorise a matrix; pivots that vanish to rounding are moved off zero."""
+        lu, pivots, _ = lapack.dgetrf(matrix, overwrite_a=overwrite)
+        regularise(lu.ravel(order="K")[:: len(lu) + 1])
+        return cls(lu, pivots)
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant."""
+        return sign_of_pivots(self.lu.diagonal(), self.pivots)
+
+    def solved(self, rhs: Array, transposed: bool = False) -> Array:
+        """Return the solutions for the columns of an array."""
+        solutions: Array = lapack.dgetrs(self.lu, self.pivots, rhs, int(transposed))[0]
+        return solutions
+
+    def reciprocal_condition(self, norm: float) -> float:
+        """Return the reciprocal condition number of a matrix with this one-norm."""
+        rcond: float = lapack.dgecon(self.lu, norm)[0]
+        return rcond
+
+    def turned_into_inverse(self) -> Array:
+        """Return the inverse matrix in the room of the factorisation, which is lost."""
+        inverse: Array = lapack.dgetri(self.lu, self.pivots, BLOCK * len(self.lu), 1)[0]
+        return inverse

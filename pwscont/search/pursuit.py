@@ -1,0 +1,254 @@
+"""Newton's method with few means, for the many rough starts of a search.
+
+Points are in typical magnitudes, y = (z, alpha) / scale. What is found is rough as well: the caller
+corrects it with all care.
+
+Failure modes and answers
+-------------------------
+- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
+- There is no solution at this alpha: a deflated Newton iteration creeps to a minimum of the merit.
+  It is given up where a few short steps do not reduce the merit. The minimum often lies beside a
+  fold of what is looked for: the pursuit goes on from there with alpha free, by steps of least
+  length (Gauss and Newton), which lead to a curve wherever one is near.
+- Functions that saturate: steps where H is nearly flat are endless. Each is limited to a few times
+  the distance from zero, and a pursuit that goes too far is given up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, are_finite, dense
+from pwscont.basics.budget import check_budget
+from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import LEAN
+from pwscont.curve.metric import Metric
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.system import PiecewiseSystem
+
+#: Iterations at one alpha, and with alpha free.
+MOST_ITERATIONS = 20
+#: Halvings of a step that does not reduce the merit.
+MOST_HALVINGS = 5
+#: The merit must fall by this part of what a Newton step promises.
+DESCENT = 0.05
+#: A pursuit has arrived where its step is shorter than this part of its point.
+ARRIVED = 1e-6
+#: A step is at most so many times as long as its point is far from zero, which counts as one.
+LONGEST = 4.0
+#: Pursuits that went so far have run away.
+FAR = 1e5
+#: A step at fixed alpha is regularised by so much of the merit where the Jacobian is singular.
+DAMPED = 1e-2
+MOST_CORRECTIONS = 5
+#: How much of its length a point is moved before alpha is set free: a minimum of the merit may lie
+#: where H is flat by symmetry.
+ASIDE = 1e-3
+
+
+@final
+class Pursuit:
+    """Pursuits of solutions of one system.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    metric : Metric
+    interval : tuple of float
+
+    Attributes
+    ----------
+    iterations : int
+        How many were taken so far.
+    """
+
+    def __init__(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> None:
+        self._system, self._scale = system, metric.scale
+        self._metric = metric
+        self._ends = interval[0] / metric.width, interval[1] / metric.width
+        self.iterations = 0
+
+    def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
+        """Return where Newton's method at fixed alpha leads, and whether that is a solution."""
+        size = len(y) - 1
+        here = self._linear(y)
+        for _ in range(MOST_ITERATIONS):
+            if here is None:
+                return y, False
+            residual, jacobian = here
+            step = np.zeros(size + 1)
+            step[:size] = _newton_step(jacobian[:, :size], residual)
+            step *= self._stretch(known, y, step)
+            if not are_finite(step):
+                return y, False
+            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+                return y + step, True
+            moved = self._moved(y, residual, _limited(step, y), known)
+            if moved is None or _length(moved) > FAR:
+                return y, False
+            y = moved
+            here = self._linear(y)
+        return y, False
+
+    def free(self, y: Array) -> Array | None:
+        """Return the point of a curve to which steps of least length lead, within the interval."""
+        for _ in range(MOST_ITERATIONS):
+            here = self._linear(y)
+            if here is None:
+                return None
+            residual, jacobian = here
+            step = _shortest_step(jacobian, residual)
+            if not are_finite(step):
+                return None
+            step = _limited(step, y)
+            alpha = y[-1] + step[-1]
+            if not self._ends[0] <= alpha <= self._ends[1]:
+                step = self._along_end(y, step, residual, jacobian)
+            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+                return y + step
+            moved = self._moved(y, residual, step, ())
+            if moved is None or _length(moved) > FAR:
+                return None
+            y = moved
+        return None
+
+    def leads_to(self, start: Array, y: Array) -> bool:
+        """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
+
+        Each of its steps is normal to the curve at that point.
+        """
+        direction = self.direction(y)
+        if direction is None:
+            return False
+        for _ in range(MOST_CORRECTIONS):
+            here = self._linear(start)
+            if here is None:
+                return False
+            matrix = np.vstack([here[1], direction])
+            step = _newton_step(matrix, np.append(here[0], direction.dot(start - y)))
+            if not are_finite(step):
+                return False
+            start = start + step
+            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+                return _length(self._apart(start, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
+        return False
+
+    def direction(self, y: Array) -> Array | None:
+        """Return the direction of the curve at a point, None where H is not finite."""
+        here = self._linear(y)
+        return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
+
+    def is_flat(self, y: Array, direction: Array) -> bool:
+        """Tell whether alpha changes along the curve neither at a point nor beside it."""
+        if abs(direction[-1]) > LEAN:
+            return False
+        beside = self.direction(self.aside(y, direction))
+        return beside is None or abs(beside[-1]) <= LEAN
+
+    def aside(self, y: Array, direction: Array) -> Array:
+        """Return a point moved aside."""
+        return y + ASIDE * (1.0 + _length(y)) * direction
+
+    def _along_end(self, y: Array, step: Array, residual: Array, jacobian: Array) -> Array:
+        """Return the step that ends at the end of the interval that a step would leave."""
+        end = self._ends[0] if step[-1] < 0.0 else self._ends[1]
+        size, rise = len(y) - 1, end - y[-1]
+        rest = residual + jacobian[:, -1] * rise
+        return _limited(np.append(_newton_step(jacobian[:, :size], rest), rise), y)
+
+    def _linear(self, y: Array) -> tuple[Array, Array] | None:
+        """Return residual and Jacobian in typical magnitudes, rows scaled alike."""
+        check_budget()
+        self.iterations += 1
+        x = y * self._scale
+        z, alpha = x[:-1], float(x[-1])
+        character = self._system.character(z, alpha)
+        residual = residual_at(self._system, z, alpha, character)
+        jacobian = dense(jacobian_at(self._system, z, alpha, character)) * self._scale
+        rows = np.abs(jacobian).max(axis=1)
+        rows[rows == 0.0] = 1.0
+        self._rows = rows
+        residual, jacobian = residual / rows, jacobian / rows[:, np.newaxis]
+        if not (are_finite(residual) and np.isfinite(jacobian).all()):
+            return None
+        return residual, jacobian
+
+    def _residual(self, y: Array) -> Array:
+        x = y * self._scale
+        z, alpha = x[:-1], float(x[-1])
+        residual = residual_at(self._system, z, alpha, self._system.character(z, alpha))
+        scaled: Array = residual / self._rows
+        return scaled
+
+    def _moved(
+        self, y: Array, residual: Array, step: Array, known: Sequence[Array]
+    ) -> Array | None:
+        """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
+        before, length = _length(residual) * self._deflation(known, y), 1.0
+        for _ in range(MOST_HALVINGS):
+            trial = y + length * step
+            merit = _length(self._residual(trial)) * self._deflation(known, trial)
+            if merit <= (1.0 - DESCENT * length) * before:
+                return trial
+            length *= 0.5
+        return None
+
+    def _apart(self, y: Array, other: Array) -> Array:
+        apart: Array = self._metric.difference(y * self._scale, other * self._scale)
+        return apart / self._scale
+
+    def _deflation(self, known: Sequence[Array], y: Array) -> float:
+        """Return the product of 1 + 1 / distance^2 over the known solutions."""
+        factor = 1.0
+        for other in known:
+            apart = self._apart(y, other)[:-1]
+            factor *= 1.0 + 1.0 / max(float(apart.dot(apart)), EPS**2)
+        return factor
+
+    def _stretch(self, known: Sequence[Array], y: Array, step: Array) -> float:
+        """Return the factor by which deflation changes a step, see semismooth_newton."""
+        slope = 0.0
+        for other in known:
+            apart = self._apart(y, other)[:-1]
+            distance = max(float(apart.dot(apart)), EPS**2)
+            slope += -2.0 * float(apart.dot(step[:-1])) / (distance * (1.0 + distance))
+        return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
+
+
+def _newton_step(jacobian: Array, residual: Array) -> Array:
+    """Return the step of Newton; of Levenberg and Marquardt where the Jacobian is singular."""
+    try:
+        step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
+        if are_finite(step):
+            return step
+    except np.linalg.LinAlgError:
+        pass
+    return _shortest_step(jacobian, residual)
+
+
+def _shortest_step(jacobian: Array, residual: Array) -> Array:
+    """Return the shortest of the steps that solve the linear equations, regularised a little."""
+    square = jacobian.dot(jacobian.T)
+    square.flat[:: len(square) + 1] += DAMPED**2 * min(1.0, float(residual.dot(residual))) + EPS
+    try:
+        step: Array = -jacobian.T.dot(np.linalg.solve(square, residual))
+    except np.linalg.LinAlgError:
+        return np.full(jacobian.shape[1], np.inf)
+    return step
+
+
+def _limited(step: Array, y: Array) -> Array:
+    """Return a step, shortened where it is much longer than the way from zero."""
+    most = LONGEST * (1.0 + _length(y[:-1]))
+    length = _length(step)
+    return step * (most / length) if length > most else step
+
+
+def _length(y: Array) -> float:
+    return math.sqrt(float(y.dot(y)))

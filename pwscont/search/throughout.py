@@ -1,0 +1,233 @@
+"""Newton at values of alpha all over the interval, with what is known deflated away.
+
+Closed loops, and branches that come from infinity and return there, may lie inside of the interval
+(docs/theory, F19): solutions at its ends do not lead to them.
+
+Failure modes and answers
+-------------------------
+- A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
+- Most starts would only repeat what is known: the solutions of all known branches are deflated
+  away, and what a free alpha leads to is compared with them before it is given on.
+- A start has run away, to where H is nearly flat: a solution of which no digit is certain at its
+  alpha is none.
+- The search never ends: the number of slices and starts follows from a budget of evaluations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.generic import generic
+from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import EPS
+from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import has_digits, is_inside
+from pwscont.curve.metric import Metric
+from pwscont.curve.newton import newton
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.search.enumeration import Found
+from pwscont.search.known import KnownBranches, NothingKnown
+from pwscont.search.multi_start import MultiStart
+from pwscont.search.pursuit import Pursuit
+from pwscont.search.search import Search
+from pwscont.system.box import Box
+from pwscont.system.hidden import completed, shown_size
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.standing import settled
+
+#: Newton iterations of a search; each costs about n + 2 evaluations of H.
+EVALUATIONS = 12_000
+#: Iterations of one start, on average.
+USUAL = 20
+#: Solutions closer than this in typical magnitudes are one.
+SAME = EPS**0.5
+#: A correction moves what a pursuit found by less than this.
+CORRECTED = 1e-3
+MOST_CORRECTIONS = 8
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Throughout(Search):
+    """Newton from many starts at both ends and at values of alpha between, deflated.
+
+    Attributes
+    ----------
+    ends : MultiStart
+        The starts at both ends.
+    slices, count : int
+        Number of values of alpha between, and of starts at each.
+    """
+
+    ends: MultiStart = field(default_factory=MultiStart)
+    slices: int = 9
+    count: int = 6
+
+    @classmethod
+    def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Throughout:
+        """Return the search that a budget of evaluations allows for a system of this size."""
+        starts = min(EVALUATIONS // ((system.size + 2) * USUAL), 63)
+        slices = int(min(max(starts**0.5, 3), 9))
+        return cls(ends, slices, max(starts // slices, 1))
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield solutions at the ends of the interval and inside."""
+        return self.starts_beside(system, metric, interval, NothingKnown())
+
+    def starts_beside(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Iterator[Found]:
+        """Yield solutions that are not on known branches."""
+        looking = _Looking(system, metric, interval, known)
+        rough = self.ends.guesses(looking.box, metric.scale[:-1], shown_size(system))
+        for alpha in interval:
+            yield from looking.at(alpha, rough)
+        for number, part in enumerate(_spread(self.slices)):
+            alpha = interval[0] + (interval[1] - interval[0]) * part
+            numbers = range(number * self.count, (number + 1) * self.count)
+            yield from looking.at(alpha, map(looking.guess, numbers))
+
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
+        """Promise nothing."""
+        ends = f"Newton from {self.ends.count} starts at both ends (seed {self.ends.seed})"
+        what = f"{ends} and {self.count} at {self.slices} values of alpha between, deflated"
+        return SearchScope(what, Guarantee.NOTHING)
+
+
+@final
+class _Looking:
+    """The search in one run."""
+
+    def __init__(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> None:
+        self._system, self._metric, self._interval = system, metric, interval
+        self.box, self._known = Box.of(system), known
+        self._pursuit = Pursuit(system, metric, interval)
+
+    def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
+        """Yield what starts at one alpha lead to."""
+        known = self._solutions(alpha)
+        for number, rough in enumerate(guesses):
+            z = completed(self._system, rough[: shown_size(self._system)], alpha)
+            y = np.append(z, alpha) / self._metric.scale
+            while found := self._from(y, alpha, known, number):
+                yield found
+                known = self._solutions(alpha)
+                if found[0][-1] != alpha:
+                    break
+                known.append(found[0] / self._metric.scale)
+
+    def _from(self, y: Array, alpha: float, known: list[Array], number: int) -> Found | None:
+        """Return the new solution to which a start leads."""
+        reached, arrived = self._pursuit.at_alpha(y, known)
+        if not arrived:
+            return self._freely(reached, number)
+        found = self._corrected(reached, alpha)
+        return found if found and self._is_new(found[0], known) else None
+
+    def _freely(self, y: Array, number: int) -> Found | None:
+        """Return the new solution to which a free alpha leads from where a pursuit stalled."""
+        direction = generic(len(y), float(number))
+        free = self._pursuit.free(self._pursuit.aside(y, direction))
+        if free is None or not self._is_inside(free) or self._is_known(free):
+            return None
+        return self._standing(free)
+
+    def _is_inside(self, y: Array) -> bool:
+        lo, hi = self._interval
+        return bool(lo <= y[-1] * self._metric.width <= hi)
+
+    def _is_known(self, y: Array) -> bool:
+        """Tell whether a point of a curve is one of a known branch."""
+        start = self._known.near(y * self._metric.scale, self._metric)
+        return start is not None and self._pursuit.leads_to(start / self._metric.scale, y)
+
+    def _standing(self, y: Array) -> Found | None:
+        """Return the solution beside a rough one, at an alpha of its own.
+
+        None where alpha does not change along the curve, beside the solution either: it ran away.
+        """
+        metric, x = self._metric, y * self._metric.scale
+        curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
+        direction = self._pursuit.direction(y)
+        if direction is None or self._pursuit.is_flat(y, direction):
+            return None
+        row = metric.covector(direction * metric.scale)
+        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_CORRECTIONS)
+        if isinstance(root, Failure):
+            return None
+        return self._usable((root.x, root.error[np.newaxis]), x)
+
+    def _solutions(self, alpha: float) -> list[Array]:
+        """Return the known solutions at one alpha, in typical magnitudes."""
+        found = []
+        for x in self._known.at(alpha):
+            y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
+            found.append(y if arrived else x / self._metric.scale)
+        return found
+
+    def _is_new(self, x: Array, known: list[Array], same: float = SAME) -> bool:
+        scale = self._metric.scale
+        y = np.linalg.norm(x / scale)
+        return all(
+            self._metric.norm(self._metric.difference(x, other * scale)) > same * (1.0 + y)
+            for other in known
+        )
+
+    def guess(self, number: int) -> Array:
+        """Return the state of a start: such points fill space evenly, with heavy tails."""
+        even = _filling(number, self._system.size)
+        spread = even * np.sqrt(2.0 / (1.0 - even**2))
+        return self.box.guess(spread, 0.5 * even, self._metric.scale[:-1])
+
+    def _corrected(self, y: Array, alpha: float) -> Found | None:
+        """Return a solution near a rough one, None where there is none or no digit is certain."""
+        metric, x = self._metric, y * self._metric.scale
+        found = semismooth_newton(self._system, metric, x[:-1], alpha)
+        if isinstance(found, Failure):
+            return None
+        on_curve = settled(self._system, metric, found)
+        return on_curve and self._usable(on_curve, x)
+
+    def _usable(self, found: Found, rough: Array) -> Found | None:
+        """Return a solution, where it has digits, is inside the bounds and near a rough one."""
+        metric, (x, error) = self._metric, found
+        if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
+            return None
+        x[:-1] = self.box.wrapped(x[:-1])
+        error = np.atleast_2d(error)
+        is_usable = has_digits(x, error, metric.scale) and is_inside(self.box, x, error)
+        return (x, error) if is_usable else None
+
+
+def _spread(count: int) -> list[float]:
+    """Return parts of the interval, evenly spread and well mixed, that avoid special values."""
+    golden = 0.5 * (5.0**0.5 - 1.0)
+    return [(0.5 + golden * (k + 0.118)) % 1.0 for k in range(count)]
+
+
+def _filling(number: int, size: int) -> Array:
+    """Return a point of (-1, 1)^n of a sequence that fills it evenly (Roberts 2018)."""
+    root = 2.0
+    for _ in range(40):
+        root = (1.0 + root) ** (1.0 / (size + 1))
+    steps = root ** -np.arange(1.0, size + 1.0)
+    return np.asarray(2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0)

@@ -1,0 +1,56 @@
+"""Every public class and function shows an example in its docstring, and the example runs."""
+
+import doctest
+import inspect
+from importlib import import_module, util
+
+import pytest
+
+PACKAGES = (
+    "pwscont",
+    "pwscont_circuits",
+    "pwscont_coulomb",
+    "pwscont_coulomb.elastic",
+    "pwscont_dynamics",
+    "pwscont_optimisation",
+    "pwscont_power",
+    "pwscont_structures",
+)
+#: What examples need beside the package itself; without it they are skipped.
+NEEDS = {"plane": "shapely", "PlaneScene": "shapely", "View": "bokeh", "ElasticPicture": "bokeh"}
+NEEDS |= {"membrane": "skfem", "Study": "skfem"}
+
+
+def public(package):
+    """Return the public classes and functions of a package by name."""
+    module = import_module(package)
+    named = {name: getattr(module, name) for name in module.__all__}
+    return {name: it for name, it in named.items() if inspect.isclass(it) or inspect.isfunction(it)}
+
+
+NAMES = [(package, name) for package in PACKAGES for name in public(package)]
+
+
+@pytest.fixture(autouse=True)
+def headless(monkeypatch, tmp_path):
+    """Draw without a display, and write into a fresh folder."""
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(tmp_path)
+    yield
+    import matplotlib.pyplot as plt  # noqa: PLC0415  after the backend is chosen
+
+    plt.close("all")
+
+
+@pytest.mark.parametrize(("package", "name"), NAMES)
+def test_a_public_name_has_an_example_that_runs(package, name):
+    needed = "skfem" if package.endswith("elastic") else NEEDS.get(name)
+    if needed and not util.find_spec(needed):
+        pytest.skip(f"the example needs {needed}")
+    it = public(package)[name]
+    tests = doctest.DocTestFinder(recurse=False).find(it, name, globs={})
+    assert any(test.examples for test in tests)
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
+    for test in tests:
+        runner.run(test)
+    assert runner.failures == 0
