@@ -398,7 +398,8 @@ def test_to_dict_is_json(name):
     assert len(data["pieces"]) == len(graph.pieces)
     assert len(data["nodes"]) == graph.nx.number_of_nodes()
     assert data["balance"] == {"value": 1, "constant": True}
-    assert data["multiplicity"] == [list(row) for row in graph.multiplicity()]
+    wide = [row for row in graph.multiplicity() if row[0] < row[1]]
+    assert data["multiplicity"] == [list(row) for row in wide]
     for row, piece in zip(data["pieces"], graph.pieces, strict=True):
         assert (row["start"], row["end"], row["label"]) == (piece.start, piece.end, piece.label)
         np.testing.assert_array_equal(row["points"], piece.z)

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
-from pwscont import Block, InvalidSystemError, PiecewiseLinearSystem, enumerate_solutions, explore
+from pwscont import (
+    Block,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
+    Switched,
+    enumerate_solutions,
+    explore,
+)
 from pwscont.bench.truth.rational import solve
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import solve_exactly
@@ -169,3 +176,46 @@ def test_extreme_loads_are_refused_as_explore_does(size):
     for find in (lambda: enumerate_solutions(system, 0.0), lambda: explore(system, (0.0, 1.0))):
         with pytest.raises(InvalidSystemError, match="choose other units"):
             find()
+
+
+def lower_bound(switches, periods):
+    """Perfect foresight with a bound on the interest rate in the first periods; alpha is a shock."""
+    T, n = switches, periods
+    lag, lead, first = np.eye(n, k=-1), np.eye(n, k=1), np.eye(n)[0]
+
+    def f(z, shock, sw):
+        y, p, i = z[:n], z[n : 2 * n], z[2 * n :]
+        rule = 0.01 + 1.5 * p + 1.6 * (y - lag @ y)
+        euler = y - lead @ y + i - lead @ p - 0.01 + first * shock
+        bound = i[:T] - sw.relu(rule[:T])
+        return np.concatenate([euler, p - 0.99 * (lead @ p) - 0.1 * y, bound, i[T:] - rule[T:]])
+
+    return Switched(3 * n, f, linear=True)
+
+
+@pytest.mark.parametrize(("switches", "periods"), [(3, 8), (6, 20), (12, 16)])
+def test_unknowns_that_no_switch_touches_are_eliminated_once(switches, periods):
+    """Without that, 2^12 cells of 48 unknowns are too many to be sure that none has a solution."""
+    found = enumerate_solutions(lower_bound(switches, periods), 0.02)
+    assert (len(found), found.guarantee) == (0, "complete (in exact arithmetic)")
+
+
+def test_regimes_of_a_lower_bound_one_by_one():
+    """At a smaller shock, against all regimes solved in floating point."""
+    T, n, shock = 3, 8, 0.005
+    lag, lead, eye = np.eye(n, k=-1), np.eye(n, k=1), np.eye(n)
+    rule = np.hstack([1.6 * (eye - lag), 1.5 * eye])
+    expected = 0
+    for bound in product((False, True), repeat=T):
+        free = np.array([not b for b in bound] + [True] * (n - T))
+        A = np.block(
+            [
+                [eye - lead, -lead, eye],
+                [-0.1 * eye, eye - 0.99 * lead, 0.0 * eye],
+                [-free[:, np.newaxis] * rule, eye],
+            ]
+        )
+        z = np.linalg.solve(A, np.concatenate([0.01 - eye[0] * shock, 0.0 * eye[0], 0.01 * free]))
+        values = 0.01 + rule @ z[: 2 * n]
+        expected += all(values[:T][free[:T]] >= 0.0) and all(values[:T][~free[:T]] <= 0.0)
+    assert len(enumerate_solutions(lower_bound(T, n), shock)) == expected > 0

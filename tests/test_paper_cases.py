@@ -103,9 +103,22 @@ def test_states_along_pieces_match_an_independent_solve(explored):
             np.testing.assert_allclose(z, expected, rtol=EXACT, atol=EXACT)
 
 
+def merged(table):
+    """Return rows (lo, hi, count), neighbours with one count put together."""
+    rows = []
+    for lo, hi, count in table:
+        if rows and rows[-1][1:] == (lo, count):
+            rows[-1] = (rows[-1][0], hi, count)
+        else:
+            rows.append((lo, hi, count))
+    return rows
+
+
 def test_multiplicity(explored):
     case, graph = explored
-    table, expected = graph.multiplicity(), case.reference["solution_count"]
+    # the reference leaves vertical pieces out
+    expected = case.reference["solution_count"]
+    table = merged(row for row in graph.multiplicity() if row[2] != np.inf)
     assert [row[2] for row in table] == [row[2] for row in expected]
     np.testing.assert_allclose(
         [row[:2] for row in table], [row[:2] for row in expected], rtol=0, atol=EXACT

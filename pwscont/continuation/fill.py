@@ -1,7 +1,8 @@
 """Where infinitely many solutions fill a segment or more: asked where a run has met a sign of it.
 
 Signs are a corner at which solutions fill a cone, a piece that could not be followed, and starts
-without a digit, as from cells that have no corner. Where none is met there are only curves.
+without a digit, as from cells that have no corner; or nothing is found at all, as where solutions
+fill whole lines. Where none is met there are only curves.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """All solutions of systems that are affine in z, by a search over their cells."""
 
 from pwscont.enumeration.by_parts import Cells, Table, is_regular
+from pwscont.enumeration.exactly import solve_exactly
 from pwscont.enumeration.face import Face
 from pwscont.enumeration.filled import Filled, filled
 from pwscont.enumeration.options import aside
@@ -13,7 +14,6 @@ from pwscont.enumeration.slices import (
     det_sign,
     is_in_doubt,
     lone_point,
-    solve_exactly,
     solve_slice,
 )
 

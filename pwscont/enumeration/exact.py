@@ -35,7 +35,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
-from pwscont.enumeration.excluded import Cells
+from pwscont.enumeration.excluded import CellsInDoubles
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
 from pwscont.system.blocks import Block, number_of_cells
 from pwscont.system.system import SlicewiseLinearSystem
@@ -132,7 +132,7 @@ class ExactSlice:
         cells = number_of_cells(self._blocks)
         return (common + options + len(self._tests)) * common * n + cells * (n - common)
 
-    def _cells(self) -> Cells:
+    def _cells(self) -> CellsInDoubles:
         """Return the equations of all cells in doubles."""
         m, n = len(self._tests), self._n
         units = np.append(self._scale[self._free], 1.0)
@@ -148,7 +148,7 @@ class ExactSlice:
         tests = self._tests[:, :-1] @ z
         tests[:, -1] += self._tests[:, -1]
         growth = _condition(self._rows[0][self._common, :-1] * self._scale)
-        return Cells(options, sides, tests, z, self._tests, self._scale, growth)
+        return CellsInDoubles(options, sides, tests, z, self._tests, self._scale, growth)
 
     def _reduce(self, common: Echelon) -> None:
         """Eliminate the unknowns that the common rows decide from all other rows, once."""

@@ -31,7 +31,7 @@ OUTSIDE = 1e-5
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class CellsInDoubles:
     """Equations of cells and their tests, by the unknowns that blocks decide, in doubles.
 
     Attributes

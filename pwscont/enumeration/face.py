@@ -109,13 +109,13 @@ def _corners(around: Polyhedron, basis: Array, rounding: float) -> Array:
 def _extreme(matrix: Array, vector: Array) -> Array:
     """Return the extreme points of {s : matrix s + vector >= 0}, shape (k, q)."""
     q = matrix.shape[1]
+    rows = np.array([*combinations(range(len(matrix)), q)], dtype=np.intp).reshape(-1, q)
+    rows = rows[np.abs(np.linalg.det(matrix[rows])) > SLACK]
+    points = np.linalg.solve(matrix[rows], -vector[rows][..., np.newaxis])[..., 0]
+    slack = GUARD * EPS * (1.0 + np.abs(points).max(axis=1, initial=0.0))
+    inside = (points @ matrix.T + vector >= -slack[:, np.newaxis]).all(axis=1)
     found: list[Array] = []
-    for rows in map(list, combinations(range(len(matrix)), q)):
-        if abs(np.linalg.det(matrix[rows])) <= SLACK:
-            continue
-        s = np.asarray(np.linalg.solve(matrix[rows], -vector[rows]), dtype=float)
-        slack = GUARD * EPS * (1.0 + np.abs(s).max())
-        inside = (matrix @ s + vector >= -slack).all()
-        if inside and not any(np.abs(s - other).max() <= slack for other in found):
+    for s, off in zip(points[inside], slack[inside], strict=True):
+        if not any(np.abs(s - other).max() <= off for other in found):
             found.append(s)
     return np.array(found).reshape(-1, q)

@@ -53,9 +53,13 @@ class Slice:
         Number of cells that may or may not hold a solution, because of rounding.
     exact : bool
         Whether the points were found in exact arithmetic.
+    singular : int
+        Number of cells whose equations rounding does not tell from singular ones, although exact
+        arithmetic finds a solution, of which no digit is certain.
     """
 
     points: tuple[Point, ...]
     faces: tuple[Face, ...]
     undecided: int = 0
     exact: bool = False
+    singular: int = 0

@@ -13,6 +13,8 @@ Failure modes and answers
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
+from math import comb
 from typing import Any, final
 
 import numpy as np
@@ -32,6 +34,12 @@ MAGNIFIED = (1.0, 2.0**16)
 UNBOUNDED = 3
 #: Of multipliers whose sum is one, those that are not nothing.
 SOME = 1e-6
+#: Points where inequalities vanish are tried up to this number.
+MOST_CORNERS = 2000
+#: Rows with a smaller determinant are as good as parallel.
+PARALLEL = 1e-10
+#: A point is well inside where inequalities hold by this part of its size.
+SLACK = 1e-5
 #: No direction is shorter.
 TINY = float(np.finfo(float).tiny)
 
@@ -90,6 +98,13 @@ class Polyhedron:
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)
+        corners = self._nearly_corners(rounding)
+        if corners is not None and not len(corners):
+            return None  # one that has no line has a corner, or is empty
+        if corners is not None:
+            middle = corners.mean(axis=0)
+            if self._is_well_inside(middle, rounding):
+                return middle, np.eye(len(middle))
         (k, q), last = self.matrix.shape, np.eye(self.matrix.shape[1] + 1)[-1]
         rows = np.vstack([np.column_stack([self.matrix, -np.ones(k)]), -last])
         found = Polyhedron(rows, np.append(self.vector, 1.0))._largest(last)
@@ -101,6 +116,28 @@ class Polyhedron:
         if least > off:
             return point, np.eye(q)
         return None if least < -off else self._flat(point, multipliers > SOME, rounding)
+
+    def _nearly_corners(self, rounding: float) -> Array | None:
+        """Return points where some inequalities vanish and all hold, but for rounding.
+
+        None where there are too many to try, or the polyhedron may hold a whole line.
+        """
+        k, q = self.matrix.shape
+        if comb(k, q) > MOST_CORNERS or np.linalg.matrix_rank(self.matrix) < q:
+            return None
+        rows = np.array([*combinations(range(k), q)])
+        sizes = np.abs(np.linalg.det(self.matrix[rows]))
+        rows, sizes = rows[sizes > PARALLEL], sizes[sizes > PARALLEL]
+        if not len(rows):
+            return None
+        points = np.linalg.solve(self.matrix[rows], -self.vector[rows][..., np.newaxis])[..., 0]
+        slack = rounding * (1.0 + np.abs(points).max(axis=1)) / sizes
+        holds = points @ self.matrix.T + self.vector >= -slack[:, np.newaxis]
+        return np.asarray(points[holds.all(axis=1)])
+
+    def _is_well_inside(self, point: Array, rounding: float) -> bool:
+        off = SLACK * (1.0 + np.abs(point).max()) + rounding
+        return bool((self.matrix @ point + self.vector > off).all())
 
     def ends(self) -> tuple[float, float]:
         """Return the least and the largest w where there is one dimension."""

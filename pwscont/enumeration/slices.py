@@ -32,7 +32,6 @@ from pwscont.curve.root import Root
 from pwscont.curve.uncertainty import uncertainty
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.exact import ExactSlice, ExactSolution
 from pwscont.enumeration.face import Face, face_of
 from pwscont.enumeration.options import Problem, aside, reduce
 from pwscont.enumeration.point import Point, Slice
@@ -152,7 +151,7 @@ def _whole(
     if isinstance(root, Failure):
         return None
     error = uncertainty(root)
-    tests, slack = _tests_of(selection, metric, root.x, error)
+    tests, slack = tests_of(selection, metric, root.x, error)
     if not (tests >= -slack).all():
         return None
     return Point(root.x, error, cells, root.factor.sign, in_doubt=found.in_doubt)
@@ -165,11 +164,11 @@ def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
     if point.in_doubt is not None:
         return point.in_doubt
     selection = Selection(system, point.characters[0])
-    tests, slack = _tests_of(selection, metric, point.x, point.error)
+    tests, slack = tests_of(selection, metric, point.x, point.error)
     return bool((tests <= slack).any())
 
 
-def _tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tuple[Array, Array]:
+def tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tuple[Array, Array]:
     """Return the bounding tests at a solution, and how far below zero they may be computed."""
     slack = slack_of_values(selection.test_gradients(x), x, error, metric.scale)
     return selection.tests(x), slack + _inherited_slack(selection.system, selection.bounding)
@@ -180,58 +179,6 @@ def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array |
     if not isinstance(system, PartSlice):
         return 0.0
     return CONFIDENCE * system.inherited_slack()[which]
-
-
-def solve_exactly(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
-    """Return all isolated solutions by trying every cell in exact arithmetic.
-
-    None where that takes too long, or the system's numbers are not finite. Faces are left out.
-    """
-    solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
-    if solutions is None:
-        return None
-    candidates = [_candidate(one, alpha) for one in solutions]
-    points: list[Point] = []
-    for one, point in candidates:
-        if one.is_inside and not any(_joins(metric, point, other) for other in points):
-            shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
-            cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
-            points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
-    undecided = sum(_is_undecided(system, metric, *candidate, points) for candidate in candidates)
-    return Slice(tuple(points), (), undecided, exact=True)
-
-
-def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
-    error = np.column_stack([one.error, np.zeros(len(one.error))])
-    return one, Point(np.append(one.z, alpha), error, (one.character,), one.det_sign)
-
-
-def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points of exact cells are one.
-
-    Equal points are one. Points that differ by no more than their errors are one if their signs
-    agree: by F1 the curve crosses the interface between their cells. If the signs differ, the curve
-    turns back at the interface, and there are two points.
-    """
-    if np.array_equal(a.x, b.x):
-        return True
-    return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
-
-
-def _is_undecided(
-    system: PiecewiseSystem,
-    metric: Metric,
-    one: ExactSolution,
-    point: Point,
-    points: Sequence[Point],
-) -> bool:
-    """Tell whether a solution is outside its cell by no more than its error, in no other cell."""
-    if one.is_inside:
-        return False
-    selection = Selection(system, one.character)
-    tests, slack = _tests_of(selection, metric, point.x, point.error)
-    found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
-    return bool((tests >= -slack).all()) and not found
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:

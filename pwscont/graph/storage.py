@@ -11,7 +11,6 @@ Failure modes and answers
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from pwscont.basics.quantities import Kept, Quantities
 from pwscont.graph.accuracy import Accuracy
 from pwscont.graph.consistency import check_places, check_references
 from pwscont.graph.fields import DamagedError, Fields
+from pwscont.graph.infinite import read_stretches, rows_of
 from pwscont.graph.passages import Said
 from pwscont.graph.place import Stored, WorkedOut, first_digits, from_first_digits
 from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
@@ -48,11 +48,7 @@ ARRAYS = ("nodes", "starts", "errors", "points")
 @final
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """The content of a file.
-
-    ``names`` are those of the unknowns, None for default names; ``infinite`` are the stretches with
-    infinitely many solutions.
-    """
+    """The content of a file; ``names`` are those of the unknowns, None for default names."""
 
     points: Sequence[SpecialPoint]
     pieces: Sequence[Piece]
@@ -120,7 +116,7 @@ def _header(contents: Contents) -> dict[str, Any]:
         "parameter": contents.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "pieces": [_piece_header(piece) for piece in contents.pieces],
-        "infinite": [[*row[:2], row.lo_closed, row.hi_closed] for row in contents.infinite],
+        "infinite": rows_of(contents.infinite),
     }
     return header if contents.names is None else header | {"names": contents.names}
 
@@ -213,21 +209,8 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     check_references(points, pieces, starts)
     check_places(points, pieces, interval)
     searched = _searched(header)
-    parameter, infinite = header.text("parameter"), tuple(_infinite(header, interval))
+    parameter, infinite = header.text("parameter"), read_stretches(header, interval)
     return Contents(points, pieces, starts, interval, parameter, searched, names, infinite)
-
-
-def _infinite(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
-    """Yield the stretches with infinitely many solutions, which old files lack."""
-    for row in header.items("infinite") if header.has("infinite") else ():
-        if not (isinstance(row, list) and len(row) == 4):
-            raise DamagedError("infinite must be rows of two ends, and whether they are closed")
-        names = ("lo", "hi", "lo_closed", "hi_closed")
-        ends = Fields("infinite", dict(zip(names, row, strict=True)))
-        lo, hi = ends.finite("lo"), ends.finite("hi")
-        if not interval[0] <= lo <= hi <= interval[1] or {*map(type, row[2:])} != {bool}:
-            raise DamagedError(f"a stretch with infinitely many solutions makes no sense: {row}")
-        yield Stretch(lo, hi, math.inf, *row[2:])
 
 
 def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:

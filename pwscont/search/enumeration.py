@@ -20,6 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
+from pwscont.basics.looks import counted
 from pwscont.basics.quantities import Quantities
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve
@@ -134,22 +135,31 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
     Where exact arithmetic takes too long, at least one cell is undecided. An empty slice is always
-    checked in this way. What has no digit is no solution, but leaves its cell undecided.
+    checked in this way. A point without a digit is no solution: its cell is singular for all that
+    rounding can tell.
     """
     found = solve_slice(system, metric, alpha)
-    doubt = _leaves_doubt(system, metric, found) or _is_empty(found)
-    exactly = solve_exactly(system, metric, alpha) if doubt else None
-    if exactly is not None:
-        alone = tuple(point for point in found.points if point.known_signs == ALONE)
-        return _certain(replace(exactly, points=exactly.points + alone, faces=found.faces), metric)
-    return _certain(replace(found, undecided=max(found.undecided, 1)), metric) if doubt else found
+    if not (_leaves_doubt(system, metric, found) or _is_empty(found)):
+        return found
+    corners = [lone_point(face, x, metric) for face in found.faces for x in face.representatives]
+    exactly = solve_exactly(system, metric, alpha, corners)
+    if exactly is None:
+        known = _with_digits(found, metric)
+        lost = len(found.points) - len(known)
+        return replace(found, points=known, undecided=max(found.undecided + lost, 1))
+    known = _with_digits(exactly, metric)
+    alone = tuple(point for point in found.points if point.known_signs == ALONE)
+    lost = len(exactly.points) - len(known)
+    return replace(exactly, points=known + alone, faces=found.faces, singular=lost)
 
 
-def _certain(found: Slice, metric: Metric) -> Slice:
-    """Return a slice without the points that have no digit."""
-    points = [p for p in found.points if has_digits(p.x, p.error, metric.scale)]
-    lost = len(found.points) - len(points)
-    return replace(found, points=tuple(points), undecided=found.undecided + lost)
+def _with_digits(found: Slice, metric: Metric) -> tuple[Point, ...]:
+    """Return the points that are known better than by their order of magnitude."""
+    return tuple(p for p in found.points if _digits(p, metric) > 0.0)
+
+
+def _digits(point: Point, metric: Metric) -> float:
+    return significant(magnitude(point.x, point.error), point.x, metric.scale)
 
 
 def _is_empty(found: Slice) -> bool:
@@ -169,8 +179,7 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
 
 def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
     """Tell whether a solution lost its digits, or lies on an interface but in one cell only."""
-    digits = significant(magnitude(point.x, point.error), point.x, metric.scale)
-    return digits < FEW_DIGITS or is_in_doubt(system, metric, point)
+    return _digits(point, metric) < FEW_DIGITS or is_in_doubt(system, metric, point)
 
 
 def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str:
@@ -193,11 +202,12 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
             "the system itself can tell"
         )
     how = ["in exact arithmetic"] if found.exact else []
-    cells = f"cell{'s' if len(found.faces) > 1 else ''}"
     if found.faces:
-        how += [
-            f"but for {len(found.faces)} {cells} with infinitely many, of which some are listed"
-        ]
+        cells = counted(len(found.faces), "cell")
+        how += [f"but for {cells} with infinitely many, of which some are listed"]
+    if found.singular:
+        cells = counted(found.singular, "cell")
+        how += [f"but for {cells} that rounding does not tell from singular"]
     return f"complete ({', '.join(how)})" if how else "complete"
 
 
@@ -268,7 +278,7 @@ def starts_of(part: Point | Face) -> list[Found]:
     if isinstance(part, Point):
         return [(part.x, part.error)]
     if not len(part.corners):
-        return [_nowhere(part.corners.shape[1], 0.0)]
+        return [(part.inside, np.full((1, len(part.inside)), np.inf))]
     return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in part.corners]
 
 
