@@ -36,7 +36,10 @@ def _polyhedron(equations, sides):
     if free:
         return None, len(free)
     weights = inner or ()
-    point = [s + sum(w * way[i] for w, way in zip(weights, ways)) for i, s in enumerate(start)]
+    point = [
+        s + sum(w * way[i] for w, way in zip(weights, ways, strict=True))
+        for i, s in enumerate(start)
+    ]
     return tuple(point), 0
 
 

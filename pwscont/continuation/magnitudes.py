@@ -36,6 +36,7 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit, power_of_two
 from pwscont.search.enumeration import Found
+from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.selection import knows_jacobian
 from pwscont.system.system import PiecewiseSystem
