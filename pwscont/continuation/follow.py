@@ -15,7 +15,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.continuation.finer import part_of, refined
-from pwscont.continuation.gauge import Gauge
+from pwscont.continuation.gauge import Gauge, MisjudgedError
 from pwscont.curve.curve import Curve, State
 from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.slopes import refuse_wrong_jacobian
@@ -134,20 +134,15 @@ class PieceFollower(Follower):
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         reading = self.watch.first(curve, reached.state)
-        for number in range(MOST_STEPS):
+        for _ in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
                 return self._ended(reached, *aimed)
-            stepper = self._stepper(reached) if number > MANY_STEPS else self.stepper
-            if number % LOOKED == LOOKED - 1 and reached.is_endless():
-                return reached.stopped(str(Failure(FailureReason.ENDLESS)))
-            segment = stepper.step(curve, self.interval, reached.state, before, longest)
+            segment = self._step(reached, before, longest)
             if isinstance(segment, Failure):
                 if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
                     continue
                 return reached.stopped(str(blocked or segment))
-            if not isinstance(segment, Segment):
-                raise self._broken("step", "a Segment or a Failure", segment)
             event, after = self._first_event(segment, reading)
             if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
                 reading = self.watch.without(reading, event)
@@ -174,15 +169,30 @@ class PieceFollower(Follower):
         """Go to the end of a step; return the piece if an event of a user ends it on the way."""
         if end := self._ended_by_event(reached, step, step.length):
             return end
-        if self.gauge:
-            self.gauge.see(step.start.x, step.end.x)
         reached.go_to(step, before)
+        if self.gauge:
+            self._measure(reached, step, self.gauge)
         return None
 
-    def _stepper(self, reached: _Reached) -> Stepper:
-        """Return the stepper of a long piece: far from where it began its steps are longer."""
-        factor = reached.distance() / NEAR
-        return self.stepper.stretched(factor) if factor > 1.0 else self.stepper
+    def _measure(self, reached: _Reached, step: CurvedSegment, gauge: Gauge) -> None:
+        """Let a gauge see a step; what leaves for infinity says nothing of typical magnitudes."""
+        try:
+            gauge.see(step.start.x, step.end.x)
+        except MisjudgedError:
+            if not reached.shrinks():
+                raise
+
+    def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
+        """Return the next step; of a long piece it is longer the farther the piece has gone."""
+        stepper, number = self.stepper, len(reached.points)
+        if number % LOOKED == 0 and reached.is_endless():
+            return Failure(FailureReason.ENDLESS)
+        if number > MANY_STEPS and (factor := reached.distance() / NEAR) > 1.0:
+            stepper = stepper.stretched(factor)
+        segment = stepper.step(reached.curve, self.interval, reached.state, before, longest)
+        if not isinstance(segment, Segment | Failure):
+            raise self._broken("step", "a Segment or a Failure", segment)
+        return segment
 
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
@@ -284,20 +294,30 @@ class _Reached:
     def is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Where the distance from its beginning doubles, alpha changes by less and less; all these
-        changes together are next to nothing.
+        All changes of alpha that are still to come are next to nothing together.
         """
-        points, metric = np.array(self.points), self.curve.metric
-        away = np.linalg.norm((points - points[0]) / metric.scale, axis=1)
-        if away[-1] < FAR or away[-1] < away.max():
-            return False
-        last, half, quarter = (
-            points[np.argmax(away >= part * away[-1]), -1] for part in (1.0, 0.5, 0.25)
-        )
-        late, early = abs(last - half), abs(half - quarter)
+        late, _ = self._changes()
         rest = late * SHRINKING / (1.0 - SHRINKING)
-        is_next_to_nothing = rest <= ALMOST * metric.width or len(points) > MANY_LOOKED
-        return bool(late <= SHRINKING * early and is_next_to_nothing)
+        is_next_to_nothing = rest <= ALMOST * self.curve.metric.width
+        return self.shrinks() and (is_next_to_nothing or len(self.points) > MANY_LOOKED)
+
+    def shrinks(self) -> bool:
+        """Tell whether alpha changes by less and less where the distance doubles, far away."""
+        late, early = self._changes()
+        return late <= SHRINKING * early
+
+    def _changes(self) -> tuple[float, float]:
+        """Return how alpha changed while the distance doubled, and doubled before; infinite near.
+
+        Infinite, too, where the piece has been farther away.
+        """
+        points = np.array(self.points)
+        away = np.linalg.norm((points - points[0]) / self.curve.metric.scale, axis=1)
+        if away[-1] < max(FAR, away.max()):
+            return np.inf, 0.0
+        parts = (np.argmax(away >= part * away[-1]) for part in (1.0, 0.5, 0.25))
+        last, half, quarter = (float(points[i, -1]) for i in parts)
+        return abs(last - half), abs(half - quarter)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""

@@ -48,19 +48,18 @@ class FollowedBranches(KnownBranches):
 
 def _crossings(points: Array, alpha: float) -> list[Array]:
     """Return where the polygon through some points has an alpha."""
-    above = points[:, -1] >= alpha
-    found = []
-    for i in np.flatnonzero(above[1:] != above[:-1]):
+    sides = np.sign(points[:, -1] - alpha)
+    found = [points[i] for i in np.flatnonzero(sides == 0.0)]
+    for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
         a, b = points[i], points[i + 1]
-        part = (alpha - a[-1]) / (b[-1] - a[-1])
-        found.append(a + part * (b - a))
+        found.append(a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a))
     return found
 
 
 def _nearest(points: Array, x: Array, metric: Metric) -> tuple[float, float, Array]:
     """Return the distance to the nearest point of a polygon, the length of its chord, the point."""
     starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
-    away = x / metric.scale - starts
+    away = metric.difference(x, points[:-1]) / metric.scale
     lengths = np.maximum((chords**2).sum(axis=1), TINY)
     parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
     distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1)

@@ -27,7 +27,7 @@ from pwscont.curve.metric import SHORTEST, Metric
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
 #: The path is looked at after so many steps, then each time that their number has doubled.
-FIRST_LOOK = 128
+FIRST_LOOK = 256
 #: Before, an unknown that is so many magnitudes away is larger, but not by more than a factor.
 FAR, FARTHER = 12.0, 4.0
 #: How much of the interval a path must have seen before means over alpha say something.

@@ -111,11 +111,14 @@ class Metric:
         return True
 
     def difference(self, x: Array, y: Array) -> Array:
-        """Return x - y, shape (n + 1,), up to whole periods: from y to the nearest copy of x."""
+        """Return x - y, up to whole periods: from y to the nearest copy of x.
+
+        Either may be several points, shape (k, n + 1).
+        """
         apart: Array = x - y
         if len(self._turning):
-            turns = np.round(apart[self._turning] / self._period)
-            apart[self._turning] -= turns * self._period
+            turns = np.round(apart[..., self._turning] / self._period)
+            apart[..., self._turning] -= turns * self._period
         return apart
 
     def norm(self, x: Array) -> float:

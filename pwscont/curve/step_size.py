@@ -73,8 +73,8 @@ class StepSize:
             raise InvalidInputError(f"gap of StepSize must be positive, got {self.gap}")
 
     def stretched(self, factor: float) -> StepSize:
-        """Return the control whose longest step is so many times as long."""
-        return replace(self, largest=factor * self.largest)
+        """Return the control whose longest step, and what may hide in it, is so much longer."""
+        return replace(self, largest=factor * self.largest, gap=factor * self.gap)
 
     def accepts(self, cosine: float) -> bool:
         """Tell whether the curve turned little enough within the step."""

@@ -131,7 +131,7 @@ class Pursuit:
             if here is None:
                 return False
             matrix = np.vstack([here[1], direction])
-            step = _newton_step(matrix, np.append(here[0], direction.dot(start - y)))
+            step = _newton_step(matrix, np.append(here[0], direction.dot(self._apart(start, y))))
             if not are_finite(step):
                 return False
             start = start + step

@@ -48,6 +48,8 @@ EVALUATIONS = 12_000
 USUAL = 20
 #: Solutions closer than this in typical magnitudes are one.
 SAME = EPS**0.5
+#: Known solutions closer than this, found by few means, are one.
+DISTINCT = 1e-5
 #: A correction moves what a pursuit found by less than this.
 CORRECTED = 1e-3
 MOST_CORRECTIONS = 8
@@ -124,24 +126,21 @@ class _Looking:
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield what starts at one alpha lead to."""
-        known = self._solutions(alpha)
+        known, here = self._solutions(alpha), list[Array]()
         for number, rough in enumerate(guesses):
             z = completed(self._system, rough[: shown_size(self._system)], alpha)
             y = np.append(z, alpha) / self._metric.scale
-            while found := self._from(y, alpha, known, number):
-                yield found
-                known = self._solutions(alpha)
-                if found[0][-1] != alpha:
+            reached, arrived = self._pursuit.at_alpha(y, known)
+            while arrived and (found := self._corrected(reached, alpha)):
+                if not self._is_new(found[0], known):
                     break
-                known.append(found[0] / self._metric.scale)
-
-    def _from(self, y: Array, alpha: float, known: list[Array], number: int) -> Found | None:
-        """Return the new solution to which a start leads."""
-        reached, arrived = self._pursuit.at_alpha(y, known)
-        if not arrived:
-            return self._freely(reached, number)
-        found = self._corrected(reached, alpha)
-        return found if found and self._is_new(found[0], known) else None
+                yield found
+                here.append(found[0] / self._metric.scale)
+                known = self._distinct([*here, *self._solutions(alpha)])
+                reached, arrived = self._pursuit.at_alpha(y, known)
+            if not arrived and (found := self._freely(reached, number)):
+                yield found
+                known = self._distinct([*here, *self._solutions(alpha)])
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
@@ -182,6 +181,14 @@ class _Looking:
         for x in self._known.at(alpha):
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
+        return self._distinct(found)
+
+    def _distinct(self, points: list[Array]) -> list[Array]:
+        """Return points, each once: what is deflated away twice attracts from afar."""
+        found: list[Array] = []
+        for y in points:
+            if self._is_new(y * self._metric.scale, found, DISTINCT):
+                found.append(y)
         return found
 
     def _is_new(self, x: Array, known: list[Array], same: float = SAME) -> bool:

@@ -1,0 +1,79 @@
+"""What lies inside the interval only is found: loops, and branches from infinity to infinity."""
+
+import numpy as np
+import pytest
+
+from pwscont import PiecewiseSystem, Switched, explore
+
+
+class Curve(PiecewiseSystem):
+    """H(z, alpha) = 0 for one unknown, without a kink where it matters."""
+
+    size = 1
+
+    def __init__(self, function, box=None):
+        self.function, self.box = function, box
+
+    def bounds(self):
+        return self.box or super().bounds()
+
+    def test_functions(self, z, alpha):
+        return z + 70.0
+
+    def residual(self, z, alpha, character):
+        return self.function(z, alpha)
+
+
+def islands(z, alpha):
+    """Return zero on a line and on two ellipses of 4 and of 20 % of the interval (-1, 1)."""
+    small = ((z - 3.0) / 0.3) ** 2 + ((alpha - 0.55) / 0.04) ** 2 - 1.0
+    large = ((z + 2.0) / 0.7) ** 2 + ((alpha + 0.2) / 0.2) ** 2 - 1.0
+    return (z - 0.1 * alpha) * small * large
+
+
+#: A function, an interval, bounds, and the number of solutions at some alphas.
+CASES = {
+    "circle": (lambda z, a: z**2 + a**2 - 1.0, (-1.5, 1.5), None, {0.1: 2, 0.97: 2, 1.2: 0}),
+    "tanh": (lambda z, a: np.tanh(z) - a, (-1.4, 1.4), None, {-0.95: 1, 0.1: 1, 1.2: 0}),
+    "root": (lambda z, a: z / np.sqrt(1 + z**2) - a, (-1.4, 1.4), None, {-0.9: 1, 0.7: 1, 1.2: 0}),
+    "pole": (lambda z, a: z * (0.64 - a**2) - 1.0, (-1.5, 1.5), None, {-1.2: 1, 0.1: 1, 1.2: 1}),
+    "hyperbola": (lambda z, a: 1.0 / z - a, (-0.5, 1.0), None, {-0.3: 1, 0.0: 0, 0.1: 1}),
+    "bounds": (lambda z, a: z - a, (-1.0, 1.0), (0.0, 0.5), {-0.5: 0, 0.2: 1, 0.8: 0}),
+    "islands": (islands, (-1.0, 1.0), None, {-0.5: 1, -0.2: 3, 0.3: 1, 0.55: 3, 0.9: 1}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_as_many_as_the_closed_form_says(name):
+    function, interval, box, counts = CASES[name]
+    graph = explore(Curve(function, box), interval)
+    assert {alpha: graph.count(alpha) for alpha in counts} == counts
+    assert sum(len(piece.alpha) for piece in graph.pieces) <= 2000
+
+
+def test_a_loop_with_kinks():
+    graph = explore(Switched(1, lambda z, t, sw: sw.abs(z) + t * t - 1.0), (-1.5, 1.5))
+    assert [graph.count(t) for t in (-0.97, 0.1, 0.7, 1.2)] == [2, 2, 2, 0]
+
+
+def test_a_line_that_cuts_a_sphere():
+    """z_2 = 0.3 z_1 + 0.2 and z_3 = 0.1 leave a loop of z_1 and alpha."""
+
+    def sphere(z, t, sw):
+        return [
+            z[0] ** 2 + z[1] ** 2 + z[2] ** 2 + t * t - 1.0,
+            z[1] - 0.3 * z[0] - 0.2,
+            z[2] - 0.1,
+        ]
+
+    graph = explore(Switched(3, sphere), (-1.4, 1.6))
+    half = 0.12**2 - 4.0 * 1.09 * (0.04 + 0.01 + 0.5**2 - 1.0)
+    roots = np.sort([(-0.12 + s * np.sqrt(half)) / 2.18 for s in (-1.0, 1.0)])
+    assert np.sort([s.z[0] for s in graph.solutions(0.5)]) == pytest.approx(roots)
+    assert [graph.count(t) for t in (-1.2, 1.2)] == [0, 0]
+
+
+def test_what_was_searched_is_said():
+    graph = explore(Curve(lambda z, a: z**2 + 1.0 + 0.0 * a), (0.0, 1.0))
+    assert graph.guarantee == "nothing found"
+    assert "values of alpha between, deflated" in graph.searched.what
