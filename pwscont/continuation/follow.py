@@ -131,7 +131,7 @@ class PieceFollower(Follower):
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
