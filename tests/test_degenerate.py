@@ -280,3 +280,11 @@ def test_no_load_with_friction_as_parameter(p, seed):
     graph = explore(CoulombFriction(contact_body(body), np.zeros(body.n)), (0.0, 2.0))
     assert graph.guarantee == "complete but for closed loops"
     assert [count for _, _, count in graph.multiplicity()] == [1]
+
+
+@pytest.mark.parametrize(("force", "counts"), [((-1.0, 2.0), (1, 1, 1)), ((1.0, -2.0), (1, 1, 2))])
+def test_a_body_that_grazes_the_floor_has_one_solution_along_interfaces(force, counts):
+    """By the four modes: the second body sticks as well, from F = 2 on."""
+    body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    graph = explore(CoulombFriction(body, np.array(force)), (0.0, 10.0))
+    assert tuple(graph.count(F) for F in (0.5, 1.0, 5.0)) == counts

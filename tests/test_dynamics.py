@@ -10,6 +10,7 @@ from sweeps import swept
 from switched_systems import agree
 
 from pwscont import InvalidInputError, InvalidSystemError, check_system, explore
+from pwscont.search import MultiStart
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -274,3 +275,19 @@ def test_a_map_that_jumps_is_refused():
     )
     with pytest.raises(InvalidSystemError, match="jumps"):
         explore(system, INTERVAL)
+
+
+@pytest.mark.parametrize("period", [2, 3])
+def test_fixed_points_are_points_of_every_period(period):
+    """x -> mu + 0.4 x left of 0, mu - 1.05 x + 0.3 x^2 right of it: one fixed point is far away."""
+
+    def system(k):
+        right = lambda x, mu: mu - 1.05 * x + 0.3 * x**2  # noqa: E731
+        return PeriodicPoints(lambda x, mu: mu + 0.4 * x, right, lambda x, mu: x[0], 1, k)
+
+    starts = [(np.full(1, far), -0.15) for far in (-0.25, 6.9057)]
+    found = {d: system(period).of_period(d) for d in (1, period)}
+    assert found[1].size == 1
+    graph = explore(found[1], (-0.2, 0.4), starts=starts, search=MultiStart(count=1))
+    assert [round(float(s.z[0]), 3) for s in graph.solutions(-0.15)] == [-0.25, 6.906]
+    assert [type(each).__name__ for each in found[period].searches()] == ["ShorterPeriods"]

@@ -268,3 +268,49 @@ def test_the_edge_of_a_stretch_of_zeros_at_a_special_point_changes_nothing(at, e
     assert sorted(kinds) == ["end", "fold", "nonsmooth fold", "start"]
     assert [count for _, _, count in graph.multiplicity()] == [1, 3, 1]
     assert graph.guarantee == "balanced"
+
+
+class Smooth(PiecewiseSystem):
+    """z + 0.3 sin z = alpha, or a cubic with two folds."""
+
+    size = 1
+
+    def __init__(self, cubic):
+        self.cubic = cubic
+
+    def alpha(self, z):
+        return z**3 - z if self.cubic else z + 0.3 * np.sin(z)
+
+    def test_functions(self, z, alpha):
+        return z + 50.0
+
+    def residual(self, z, alpha, character):
+        return self.alpha(z) - alpha
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_pairs_and_triples_of_events_within_a_step_change_nothing(cubic, seed):
+    """One function with all zeros, or one for each; near and far, beside folds and ends."""
+    system, rng = Smooth(cubic), np.random.default_rng(seed)
+    at = rng.choice([-(3.0**-0.5), 3.0**-0.5, *rng.uniform(-1.2, 1.2, 2)])
+    zeros = at + rng.uniform(0.1, 1.0) * 10.0 ** rng.uniform(-5, -1.5) * np.array([0.3, 1.1, 2.4])
+    together = {"e": lambda z, a: float(np.prod(z[0] - zeros[: 2 + seed % 2]))}
+    apart = {f"e{i}": lambda z, a, c=c: float(z[0] - c) for i, c in enumerate(zeros)}
+    plain = trace(system, ([0.1], system.alpha(0.1)), (-1.3, 1.3))
+    for events, count in ((together, 2 + seed % 2), (apart, 3)):
+        graph = trace(system, ([0.1], system.alpha(0.1)), (-1.3, 1.3), events=events)
+        found = sorted(point.z[0] for point in graph.special_points("event"))
+        assert found == pytest.approx(zeros[:count], abs=1e-9)
+        others = [p for p in graph.special_points() if p.kind not in ("event", "start")]
+        same = [p for p in plain.special_points() if p.kind != "start"]
+        assert [(p.kind, p.alpha) for p in others] == [(p.kind, p.alpha) for p in same]
+        assert graph.multiplicity() == plain.multiplicity()
+        assert graph.guarantee == plain.guarantee
+
+
+@pytest.mark.parametrize("level", [3.0**-0.5, 0.0])
+def test_a_detector_that_meets_a_fold_keeps_its_word(level):
+    graph = trace(Smooth(True), ([1.1], 1.1**3 - 1.1), (-1.3, 1.3), detectors=[Every(level)])
+    named = {str(p.kind): p.name for p in graph.special_points() if abs(p.z[0] - level) < 1e-9}
+    assert named == ({"fold": "level"} if level else {"level": ""})

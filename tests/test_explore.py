@@ -17,6 +17,7 @@ from pwscont import (
     MultiStart,
     PiecewiseSystem,
     Slices,
+    Switched,
     explore,
 )
 from pwscont.basics.errors import InvalidInputError
@@ -404,3 +405,30 @@ def test_one_node_without_a_loop():
     found = [explore(system, (-2.0, 2.0), search=search) for search in (None, EndPoints())]
     assert [len(graph.pieces) for graph in found] == [4, 4]
     assert [len(graph.components()) for graph in found] == [1, 1]
+
+
+# -- paths that leave the interval and come back ---------------------------------------------------
+
+
+class OneSolution(Search):
+    """The one solution of 3 z - z^3 = alpha that is near zero, at alpha = 0."""
+
+    def starts(self, system, metric, interval):
+        yield np.zeros(2), np.full((1, 2), 1e-16)
+
+
+@pytest.mark.parametrize(("end", "count"), [(1.7, 3), (1.99, 3), (1.0, 1)])
+def test_a_path_that_comes_back_to_the_interval_is_found(end, count):
+    """3 z - z^3 turns at 2 and -2: further away than a quarter of the interval is not looked."""
+    system = Switched(1, lambda z, t, sw: 3.0 * z - z**3 - t)
+    graph = explore(system, (-end, end), search=OneSolution())
+    assert graph.count(0.3) == count
+
+
+def test_where_h_makes_no_sense_beyond_the_interval_nothing_is_said():
+    def f(z, t, sw):
+        if abs(float(t)) > 1.7:
+            raise RuntimeError("out of range")
+        return 3.0 * z - z**3 - t
+
+    assert explore(Switched(1, f), (-1.7, 1.7), search=OneSolution()).count(0.3) == 1

@@ -126,7 +126,7 @@ def at_one_alpha(z, alpha, sw):
     ("system", "interval", "counts"),
     [
         (goods(2), (-1.0, 1.0), {-0.5: 1, 0.0: 1, 0.5: math.inf}),
-        (goods(4), (-1.0, 1.0), {-0.5: 1, 0.0: 1, 0.5: math.inf}),
+        (goods(3), (-1.0, 1.0), {-0.5: 1, 0.0: 1, 0.5: math.inf}),
         (quantile([1.0, 2.0, 2.0]), (0.1, 0.9), {0.2: 1, 1 / 3: math.inf, 0.5: math.inf}),
         (quantile([1.0, 2.0, 4.0]), (0.1, 0.9), {0.2: 1, 1 / 3: math.inf, 0.5: 1}),
         (Switched(2, latch, linear=True), (-1.0, 1.0), {-0.5: math.inf, 0.5: math.inf}),

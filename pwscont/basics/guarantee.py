@@ -32,8 +32,19 @@ class SearchScope:
     promise : Guarantee
     spent : str
         Why the run ended before it was finished, in words; empty where it was finished.
+    gap : float
+        Distance along a curve within which two smooth folds may be passed over, where alpha is
+        measured by the interval and each unknown by its typical magnitude; zero where none may.
     """
 
     what: str
     promise: Guarantee
     spent: str = ""
+    gap: float = 0.0
+
+    @property
+    def unseen(self) -> str:
+        """What may have been passed over on the pieces that were followed; empty where nothing."""
+        if not self.gap:
+            return ""
+        return f"two smooth folds closer together along a curve than {self.gap:.2g} of the interval"

@@ -215,7 +215,10 @@ def _numbers(order: list[_Directed], discovery: Discovery) -> dict[int, int]:
 def _special_point(number: int, node: Node, meeting: _Meeting, lift: Lift) -> SpecialPoint:
     place = lift.place(_covering(node, meeting.places(), lift))
     said, kind = _passage(lift.system, node, meeting), _kind(node, meeting)
-    return SpecialPoint(number, kind, place, said, accuracy=lift.accuracy, lost=node.lost)
+    also = ", ".join(node.also)
+    return SpecialPoint(
+        number, kind, place, said, accuracy=lift.accuracy, lost=node.lost, events=also
+    )
 
 
 def _kind(node: Node, meeting: _Meeting) -> Kind | str:

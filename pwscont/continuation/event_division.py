@@ -23,6 +23,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.kind import Kind
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONVERGED
+from pwscont.continuation.detector_words import keep_words
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.joints import Edge, Node
 from pwscont.curve.corrector import BorderedNewton
@@ -34,11 +35,25 @@ from pwscont.graph.track import Track
 from pwscont.stepping.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.detector import TransitionDetector
 from pwscont.transitions.events import Events
-from pwscont.transitions.events_along import Mark
+from pwscont.transitions.events_along import EventMark
 
 
-def divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
+def mark(
+    discovery: Discovery,
+    system: PiecewiseSystem,
+    metric: Metric,
+    added: Sequence[TransitionDetector | Events],
+) -> None:
+    """Mark what users' detectors see at special points, and divide the pieces at events."""
+    keep_words(discovery, system, metric, [d for d in added if isinstance(d, TransitionDetector)])
+    for events in added:
+        if isinstance(events, Events):
+            _divide(discovery, system, metric, events)
+
+
+def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
     """Divide the pieces of a discovery at the events on them, which become nodes."""
     numbers = count(1 + max(discovery.nodes, default=-1))
     edges, discovery.edges = discovery.edges, []
@@ -57,7 +72,7 @@ class _EdgeWithEvents:
     edge: Edge
     curve: Curve
     segments: Sequence[Segment]
-    marks: Sequence[Mark]
+    marks: Sequence[EventMark]
 
     @classmethod
     def of(

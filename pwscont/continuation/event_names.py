@@ -40,4 +40,5 @@ def _inside(piece: Piece) -> tuple[Array, Array]:
 def _named(
     point: SpecialPoint, beyond: Sequence[Array], metric: Metric, events: Events
 ) -> SpecialPoint:
-    return replace(point, events=events.names_at(metric, point.place.x, point.error, beyond))
+    names = events.names_at(metric, point.place.x, point.error, beyond)
+    return replace(point, events=", ".join(filter(None, [point.events, names])))

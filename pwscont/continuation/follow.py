@@ -123,6 +123,8 @@ class PieceFollower(Follower):
             if arrival := self.straight and self.straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
             reached = _Reached(leaning(ray))
+            if not (selection := ray.curve.selection).is_straight:
+                refuse_wrong_jacobian(selection.system, selection.character, ray.state.x)
             reached.stops = self.events and self.events.stops_along(ray.curve, ray.state)
             return self._to_the_end(reached)
         except KeyboardInterrupt as why:
@@ -131,9 +133,6 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
-        if not curve.selection.is_straight:
-            selection = curve.selection
-            refuse_wrong_jacobian(selection.system, selection.character, reached.state.x)
         reading = self.watch.first(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()

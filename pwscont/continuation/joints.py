@@ -19,7 +19,8 @@ from pwscont.transitions.rays import Ray
 class Node:
     """A special point under discovery.
 
-    Of a ray that was followed, or on which a piece arrived, only the key is kept.
+    Of a ray that was followed, or on which a piece arrived, only the key is kept. ``also`` are the
+    words of users' detectors that would have marked the point, which is of another kind.
     """
 
     kind: Kind | str
@@ -28,6 +29,7 @@ class Node:
     rays: list[Ray | None] = field(default_factory=list)
     keys: list[RayKey] = field(default_factory=list)
     lost: int = 0
+    also: list[str] = field(default_factory=list)
 
     def add(self, rays: Iterable[Ray], keys: Iterable[RayKey]) -> None:
         """Let more rays leave, which are known by these keys."""

@@ -21,7 +21,7 @@ from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
 from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.event_division import divide
+from pwscont.continuation.event_division import mark
 from pwscont.continuation.fill import infinite_stretches, is_sign
 from pwscont.continuation.follow import Follower, PieceFollower, alone
 from pwscont.continuation.followed_branches import FollowedBranches
@@ -39,7 +39,7 @@ from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
-from pwscont.stepping import ExactLinear, PseudoArclength, Stepper
+from pwscont.stepping import ExactLinear, PseudoArclength, Stepper, gap_of
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
@@ -235,8 +235,7 @@ class Plan:
             if gauge and not budget.spent:
                 gauge.close()
             discovery.close(budget.spent)
-            if events:
-                divide(discovery, self.followed, self.metric, events)
+            mark(discovery, self.followed, self.metric, self.added)
         if journal is not None and not budget.spent:
             journal.finish()
         searched = usable.lowered(searched)
@@ -281,6 +280,7 @@ class Plan:
             searched = unique(searched)
         system, reduction = self.system, self.reduction
         metric = Metric.of(system, self.interval) if reduction else self.metric
+        searched = replace(searched, gap=gap_of(self.stepper, self.followed))
         parts = (parameter, searched, reduction, record, self.events, infinite)
         graph = assemble(discovery, system, metric, *parts)
         if self.system.unique:

@@ -78,7 +78,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
             f"the solution nearest to {name} lies outside the interval {plan.interval}"
         )
     x, error = on_curve
-    if not is_inside(plan.box, x, error):
+    if not is_inside(plan.box, x, error, plan.metric.scale):
         raise StartNotFoundError(
             f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
             f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"

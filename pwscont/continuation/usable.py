@@ -34,7 +34,7 @@ class Usable:
             error = np.atleast_2d(given)  # searches may give one sample as a vector
             if not has_digits(x, error, self._metric.scale):
                 self._uncertain += 1
-            elif is_inside(self._box, x, error):
+            elif is_inside(self._box, x, error, self._metric.scale):
                 yield x, error
 
     @property

@@ -104,11 +104,15 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
     return largest(sizes) < np.inf and is_everywhere(magnitude_beside(sizes, error) <= known)
 
 
-def is_inside(box: Box, x: Array, error: Array) -> bool:
-    """Tell whether a solution with samples of its error may lie within the bounds of unknowns."""
+def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
+    """Tell whether a solution with samples of its error may lie within the bounds of unknowns.
+
+    Rounding of typical magnitudes counts as well: an unknown that is zero has none of its own.
+    """
     if not box.is_bounded:
         return True  # nearly always, and magnitudes cost something
-    return box.contains(x[:-1], magnitude(x, error)[:-1])
+    slack = CONFIDENCE * (magnitude(x, error) + EPS * scale)
+    return box.contains(x[:-1], slack[:-1])
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:

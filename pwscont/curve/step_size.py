@@ -29,11 +29,16 @@ class StepSize:
         is the longest where only the longest is given, and that is shorter than 0.02.
     least_cosine : float
         Cosine of the largest angle between the tangents at both ends of a step.
+    gap : float
+        Distance between the places inside a step in which H is evaluated; with n > 8 unknowns it is
+        sqrt(n / 8) times as long. Two smooth folds closer together may be passed over. Half of it
+        doubles the evaluations.
 
     Raises
     ------
     InvalidInputError
-        If not 0 < smallest <= first <= largest, or the cosine is not between -1 and 1.
+        If not 0 < smallest <= first <= largest, the cosine is not between -1 and 1, or the gap is
+        not positive.
 
     Examples
     --------
@@ -64,6 +69,8 @@ class StepSize:
             raise InvalidInputError(
                 f"least_cosine of StepSize must be in [-1, 1), got {self.least_cosine}"
             )
+        if not self.gap > 0.0:
+            raise InvalidInputError(f"gap of StepSize must be positive, got {self.gap}")
 
     def stretched(self, factor: float) -> StepSize:
         """Return the control whose longest step, and what may hide in it, is so much longer."""

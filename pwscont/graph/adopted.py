@@ -14,7 +14,7 @@ from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem
 
 #: Solutions that are larger or smaller by this factor are not of the order of one.
-FAR = 1e3
+FAR = 8.0
 #: Pieces at whose ends the equations are asked for.
 ASKED = 4
 

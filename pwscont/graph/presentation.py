@@ -93,6 +93,7 @@ def as_dict(graph: Balance) -> dict[str, Any]:
             "constant": len(sums) <= 1,
         },
         "searched": graph.searched.what,
+        "unseen": graph.searched.unseen,
         "guarantee": verdict(graph),
         **not_recorded(attempts),
     }

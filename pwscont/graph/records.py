@@ -68,7 +68,8 @@ class SpecialPoint:
     quantities : Quantities
         The unknowns and recorded quantities by name.
     events : str
-        The names of the events that are zero here, where the point is of another kind.
+        The names of the events, and the words of users' detectors, that are zero here, where the
+        point is of another kind.
     """
 
     id: int

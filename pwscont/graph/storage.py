@@ -115,6 +115,7 @@ def _header(contents: Contents) -> dict[str, Any]:
         "interval": contents.interval,
         "parameter": contents.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
+        "gap": searched.gap,
         "pieces": [_piece_header(piece) for piece in contents.pieces],
         "infinite": rows_of(contents.infinite),
     }
@@ -346,4 +347,5 @@ def _searched(header: Fields) -> SearchScope:
     promise = searched.integer("promise", 0)
     if promise not in set(Guarantee):
         raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")
-    return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"))
+    gap = header.number("gap") if header.has("gap") else 0.0  # not in files at first
+    return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"), gap)

@@ -122,6 +122,8 @@ def _counts(graph: BranchGraph) -> Iterator[str]:
         previous = stretch
     yield from _vertical_pieces(graph)
     yield f"Searched: {_named(graph, graph.searched.what)}"
+    if graph.searched.unseen:
+        yield f"May be passed over: {graph.searched.unseen}"
     yield f"Guarantee: {_named(graph, graph.guarantee)} ({_balance(graph)})"
 
 

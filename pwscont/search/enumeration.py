@@ -115,7 +115,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         points = [*found.points, *_representatives(found, metric)]
         solutions = [_solution(system, metric, point) for point in points]
     pairs = zip(solutions, points, strict=True)
-    within = [s for s, p in pairs if is_inside(box, p.x, p.error)]
+    within = [s for s, p in pairs if is_inside(box, p.x, p.error, metric.scale)]
     return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
 
 

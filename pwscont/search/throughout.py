@@ -246,7 +246,9 @@ class _Looking:
             return None
         x[:-1] = self.box.wrapped(x[:-1])
         error = np.atleast_2d(error)
-        is_usable = has_digits(x, error, metric.scale) and is_inside(self.box, x, error)
+        is_usable = has_digits(x, error, metric.scale) and is_inside(
+            self.box, x, error, metric.scale
+        )
         return (x, error) if is_usable else None
 
 

@@ -27,8 +27,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
+from pwscont.curve.step_size import StepSize
 from pwscont.linear.factorise import Factor
-from pwscont.stepping.stepper import CurvedSegment
+from pwscont.stepping.stepper import CurvedSegment, Stepper
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: No step is looked at in more places than these.
@@ -56,6 +57,13 @@ def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
     if isinstance(system, SlicewiseLinearSystem):
         return inf
     return gap * sqrt(max(system.size / FEW, 1.0))
+
+
+def gap_of(stepper: Stepper, system: PiecewiseSystem) -> float:
+    """Return the distance within which a stepper may pass over two folds of a system, or zero."""
+    step_size = getattr(stepper, "step_size", None)
+    gap = gap_between_looks(system, step_size.gap) if isinstance(step_size, StepSize) else inf
+    return gap if gap < inf else 0.0
 
 
 def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:

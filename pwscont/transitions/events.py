@@ -31,7 +31,7 @@ from pwscont.basics.kind import Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.events_along import EventsAlong, Mark
+from pwscont.transitions.events_along import EventMark, EventsAlong
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -88,7 +88,7 @@ class Events:
         stops = [event for event in self.events if event.stops]
         return EventsAlong(stops, curve, (state.x, state.size)) if stops else None
 
-    def stopped(self, curve: Curve, mark: Mark) -> SpecialPointFound:
+    def stopped(self, curve: Curve, mark: EventMark) -> SpecialPointFound:
         """Return the end of a branch at an event, with the names of all events there."""
         here = [e for e in self.events if e in mark.events or e.crosses(curve, mark.state)]
         back = Ray(curve, mark.state).reversed()

@@ -37,13 +37,17 @@ def _places(count: int) -> Array:
 
 #: Places on a step, and on a straight piece, at which g is evaluated.
 ON_STEP, ON_RAY = _places(16), _places(64)
+#: Where g comes closer to zero than this part of its values, it is looked at beside that place.
+NEAR = 0.1
+#: At what distances from there, as parts of the stretch.
+AROUND = np.outer(GRADED, [1.0, 2.0, 5.0]).ravel()
 #: An event closer than this to a special point, in the metric, may be at that point.
 BESIDE = 1e-6
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Mark:
+class EventMark:
     """A place on a piece where events are zero.
 
     Attributes
@@ -74,14 +78,14 @@ class EventsAlong:
     def __init__(
         self, events: Sequence[UserEvent], curve: Curve, begin: tuple[Array, Array]
     ) -> None:
-        self._marks: list[Mark] = []
+        self._marks: list[EventMark] = []
         self._curve, self._begin = curve, begin
         self._watched = [_Watched(event, curve, *begin) for event in events]
 
-    def look(self, segment: Segment, length: float, after: int) -> Sequence[Mark]:
+    def look(self, segment: Segment, length: float, after: int) -> Sequence[EventMark]:
         """Return the events on a stretch of the piece, and keep them."""
         found = [
-            Mark(state, (watched.event,), after, s)
+            EventMark(state, (watched.event,), after, s)
             for watched in self._watched
             for s, state in watched.zeros(segment, length)
         ]
@@ -95,19 +99,19 @@ class EventsAlong:
             self._marks.append(mark)
         return self._marks[known:]
 
-    def before(self, x: Array, error: Array) -> Sequence[Mark]:
+    def before(self, x: Array, error: Array) -> Sequence[EventMark]:
         """Return the events on the piece but those at the special point in which it ends."""
         end = len(self._marks)
         while end and self._is_at(self._marks[end - 1], x, error):
             end -= 1
         return self._marks[:end]
 
-    def _is_one(self, one: Mark, other: Mark) -> bool:
+    def _is_one(self, one: EventMark, other: EventMark) -> bool:
         """Tell whether two events are at one place."""
         metric, x = self._curve.metric, one.state.x
         return metric.norm(x - other.state.x) <= metric.slack(x, CONVERGED)
 
-    def _is_at(self, mark: Mark, x: Array, error: Array) -> bool:
+    def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
         """Tell whether events are at a special point, to the accuracy of that point."""
         metric, way = self._curve.metric, mark.state.x - x
         if metric.norm(way) > BESIDE:
@@ -126,6 +130,9 @@ class _Watched:
         """Yield where on a stretch the sign changes, and go on with the sign at its end."""
         places = length * (ON_STEP if isinstance(segment, CurvedSegment) else ON_RAY)
         values = np.array([self.event.value(x) for x in self._points(segment, places)])
+        if len(more := self._beside_least(segment, places, values)):
+            places = np.unique([*places, *more])
+            values = np.array([self.event.value(x) for x in self._points(segment, places)])
         lows = list(self._lows(segment, places, values)) if values.any() else []
         if self._sign is not None and not lows and (np.sign(values) == self._sign).all():
             return
@@ -196,6 +203,32 @@ class _Watched:
         if isinstance(found, Failure):
             return segment.near(s), np.zeros_like(segment.start.x)
         return found.x, found.size
+
+    def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
+        """Return places closer and closer to where g seems to vanish, if it comes near to that.
+
+        There may be more zeros close to one.
+        """
+        sizes, length = np.abs(values), float(places[-1])
+        i = int(sizes.argmin())
+        if not sizes[i] <= NEAR * sizes.max() or not sizes.any():
+            return NONE
+        s = np.concatenate([[0.0], places])
+        lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
+        low = self._least_size(segment, lo, hi)
+        beside = np.concatenate([low - length * AROUND, low + length * AROUND])
+        return beside[(beside > 0.0) & (beside < length)]
+
+    def _least_size(self, segment: Segment, lo: float, hi: float) -> float:
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
+
+        found = minimize_scalar(
+            lambda s: abs(self.event.value(segment.near(float(s)))),
+            bounds=(lo, hi),
+            method="bounded",
+            options={"xatol": CLOSEST * (hi - lo)},
+        )
+        return float(found.x)
 
     def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
         """Yield where between places g has another sign, next to where it comes close to zero."""
