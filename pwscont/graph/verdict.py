@@ -55,7 +55,7 @@ def verdict(graph: Balance) -> str:
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
     if not doubts and not graph.pieces and not promises:
-        return "nothing found"
+        return f"nothing found by {graph.searched.what}"
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 

@@ -112,7 +112,8 @@ def _few(digits: float) -> str:
 
 
 def _counts(graph: BranchGraph) -> Iterator[str]:
-    least = "" if graph.is_complete else ", at least"
+    found = "" if graph.pieces else ": none was found"
+    least = "" if graph.is_complete else found or ", at least"
     yield f"Number of solutions by {graph.parameter}{least}"
     previous = None
     for stretch in (row for row in graph.multiplicity() if row[0] < row[1]):

@@ -255,7 +255,7 @@ class _Looking:
 def _part(number: int) -> float:
     """Return a part of the interval; such parts are evenly spread and avoid special values."""
     golden = 0.5 * (5.0**0.5 - 1.0)
-    return (0.5 + golden * (number + 0.118)) % 1.0
+    return float((0.5 + golden * (number + 0.118)) % 1.0)
 
 
 def _filling(number: int, size: int) -> Array:
