@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pwscont import PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import EPS
@@ -10,8 +11,8 @@ from pwscont.curve.curve import Curve, LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.linear.factor import power_of_two
-from pwscont.linear.factorise import bordered, inner, last_unit
-from pwscont.linear.updates import TOGETHER, Changes
+from pwscont.linear.factorise import bordered, factor, inner, last_unit
+from pwscont.linear.updates import TOGETHER, Changes, ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
 
@@ -79,6 +80,19 @@ def test_a_singular_matrix_stays_singular(n):
     assert factor.is_singular()
 
 
+@pytest.mark.parametrize("stored", [np.asarray, sp.csr_array])
+@pytest.mark.parametrize("n", SIZES)
+def test_a_matrix_in_any_units_and_its_transpose_are_solved_with(n, stored):
+    jacobian, scale = in_units(n, 4)
+    matrix, rhs = jacobian[:, :-1], np.random.default_rng(n).normal(size=n)
+    made = factor(stored(matrix), scale[:-1])
+    right, left = np.abs(matrix) @ scale[:-1] * rhs, rhs / scale[:-1]
+    assert defect(matrix, made.solve(right), right) < 1e-12
+    assert defect(matrix.T, made.solve_transposed(left), left) < 1e-12
+    assert made.sign == np.linalg.slogdet(matrix * scale[:-1])[0]
+    assert not made.is_singular()
+
+
 # -- changes of rank one ---------------------------------------------------------------------------
 
 
@@ -128,6 +142,21 @@ def test_changes_lead_to_the_matrix_as_it_is(seed):
     inverse = changes.subtracted(np.asfortranarray(np.linalg.inv(first)))
     exact = np.linalg.inv(matrix)
     np.testing.assert_allclose(inverse, exact, rtol=0.0, atol=bound * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_factorisation_and_its_changes_are_one_of_the_changed_matrix(seed):
+    rng, n = np.random.default_rng(seed), 12
+    matrix = rng.normal(size=(n, n))
+    made = ProductForm(factor(matrix, np.ones(n)), n)
+    for _ in range(9):
+        c, g, rhs = rng.normal(size=(3, n))
+        assert made.change(made.solve(c), g)
+        matrix += np.outer(c, g)
+        bound = 1e-11 * np.linalg.cond(matrix)
+        np.testing.assert_allclose(made.solve(matrix @ rhs), rhs, atol=bound)
+        np.testing.assert_allclose(made.solve_transposed(rhs @ matrix), rhs, atol=bound)
+        assert made.sign == np.linalg.slogdet(matrix)[0]
 
 
 def test_a_change_that_loses_its_digits_is_not_taken():

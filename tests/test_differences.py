@@ -344,7 +344,7 @@ def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
 
 
 def test_magnitudes_of_one_are_kept_where_they_fit():
-    graph = explore(coupled(0.1, 10.0), (-1.0, 1.0))
+    graph = explore(coupled(0.5, 0.3), (-1.0, 1.0))
     assert graph.system.scale(-1.0, 1.0).tolist() == [1.0, 1.0]
 
 

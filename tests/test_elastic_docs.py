@@ -15,7 +15,7 @@ from pwscont.continuation.plan import silent
 PAGE = (Path(__file__).parents[1] / "docs" / "elastic.rst").read_text(encoding="utf-8")
 
 
-CONDENSED = re.findall(r'^   ("[\d,]+"(?:, "[\d.,]+"){7})$', PAGE, re.MULTILINE)
+CONDENSED = re.findall(r'^   ("[\d,]+", "[\d,]+", "[\d.]+ ×".*)$', PAGE, re.MULTILINE)
 WEDGE = re.findall(r'^   "(\d+)", "(\d+)", "(\d+)", "([\d.]+)", "([\d.]+)"$', PAGE, re.MULTILINE)
 
 

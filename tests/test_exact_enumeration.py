@@ -179,7 +179,7 @@ def test_extreme_loads_are_refused_as_explore_does(size):
 
 
 def lower_bound(switches, periods):
-    """Perfect foresight with a bound on the rate in the first periods; alpha is a shock."""
+    """Perfect foresight, the interest rate bounded in the first periods; alpha is a shock."""
     T, n = switches, periods
     lag, lead, first = np.eye(n, k=-1), np.eye(n, k=1), np.eye(n)[0]
 
@@ -212,7 +212,7 @@ def test_regimes_of_a_lower_bound_one_by_one():
             [
                 [eye - lead, -lead, eye],
                 [-0.1 * eye, eye - 0.99 * lead, 0.0 * eye],
-                [-1.0 * free[:, np.newaxis] * rule, eye],
+                [-free[:, np.newaxis] * rule, eye],
             ]
         )
         z = np.linalg.solve(A, np.concatenate([0.01 - eye[0] * shock, 0.0 * eye[0], 0.01 * free]))

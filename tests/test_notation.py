@@ -369,3 +369,29 @@ def test_switches_have_names():
     assert entries.switches == ("D[0]", "D[1]")
     plain = Switched(2, lambda z, t, sw: z - sw.relu(z + t) - sw.abs(t), names=["x", "y"])
     assert plain.switches == ("relu 1", "relu 2", "abs 1")
+
+
+# -- powers of magnitudes --------------------------------------------------------------------------
+
+LAWS = {
+    "abs": lambda z, p, sw: z * sw.abs(z) ** (p - 1.0),
+    "relu": lambda z, p, sw: sw.relu(z) ** p - sw.relu(-z) ** p,
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("p", swept([1.852], [1.2, 2.5]))
+def test_powers_of_magnitudes_pass_zero(law, p):
+    """Head losses: a frozen magnitude is negative beyond its cell, where it has no power.
+
+    Two nodes in a chain have one solution, which bracketing finds.
+    """
+    shift = np.array([0.0, 0.3])
+    f = lambda z, alpha, sw: LAWS[law](z + shift, p, sw) + np.array([z[1] - alpha, -z[0]])  # noqa: E731
+    graph = explore(Switched(2, f), (-1.0, 1.0))
+    odd = lambda x: np.sign(x) * np.abs(x) ** p  # noqa: E731
+    assert not graph.special_points("stopped")
+    for alpha in (-0.7, -0.2, 0.1, 0.6):
+        z1 = brentq(lambda y, alpha: odd(odd(y + 0.3)) + y - alpha, -9.0, 9.0, (alpha,), 1e-14)
+        (found,) = graph.solutions(alpha)
+        np.testing.assert_allclose(found.z, [odd(z1 + 0.3), z1], atol=1e-9)

@@ -2,10 +2,12 @@
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pwscont_coulomb
@@ -69,6 +71,7 @@ def test_the_cheat_sheet_has_every_public_name(package):
 def test_the_cheat_sheet_has_what_a_graph_answers():
     questions = {name for name in dir(pwscont.BranchGraph) if not name.startswith("_")}
     inner = {"balances", "breaks", "clean", "names", "pieces_at", "same", "verticals"}
+    inner |= {"is_beside_infinite"}
     words = set(re.findall(r"\.(\w+)", page("cheatsheet.rst")))
     assert questions - inner <= words
 
@@ -97,6 +100,32 @@ def test_the_page_for_beginners_names_every_extra():
     assert named == extras
     every = re.findall(r"\w+", project["optional-dependencies"]["all"][0])
     assert set(every) == extras - {"all", "mumps"} | {"pwscont"}
+
+
+def test_no_number_of_an_equation_reads_as_a_list():
+    """A cell or a paragraph that begins with "(1)" would become an enumerated list."""
+    number = re.compile(r"\s+(\* )?- \(?(\d+|[a-z])[.)]( |$)")
+    for path in sorted(DOCS.glob("*.rst")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert not any(map(number.match, lines)), path
+
+
+@pytest.mark.skipif(not find_spec("sphinx-mathjax-offline"), reason="needs the extra docs")
+def test_formulas_need_no_network():
+    conf = runpy.run_path(str(DOCS / "conf.py"))
+    (script,) = [Path(path) for path in conf["html_static_path"] if path.endswith(".js")]
+    assert script.stat().st_size > 1_000_000
+    assert conf["mathjax_path"] == script.name
+
+
+def test_the_tutorials_stand_in_the_order_of_learning():
+    tutorials = re.search(r"^TUTORIALS = \((.*?)^\)", page("conf.py"), re.M | re.S)[1]
+    listed = re.findall(r'"(\w+)"', tutorials)
+    assert sorted(listed) == sorted(path.stem for path in (DOCS / "examples").glob("*.py"))
+    linked = re.findall(r":doc:`gallery/(\w+)`", page("index.rst"))
+    assert linked == listed
+    toctree = page("index.rst").split(":hidden:")[1].split()
+    assert toctree[:2] == ["getting_started", "gallery/index"]
 
 
 def test_the_page_on_notation_runs(tmp_path):

@@ -1,14 +1,29 @@
 """Results do not depend on the units of length, force and the parameter."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from paper_systems import CASES, ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from pwscont_power import Network, PowerFlow
+from pwscont_power.networks import ieee14
 from reference_enumeration import Body
+from sweeps import swept
 
-from pwscont import ExactLinear, PiecewiseSystem, PseudoArclength, explore, trace
+from pwscont import (
+    LCP,
+    Complementarity,
+    ExactLinear,
+    InvalidInputError,
+    InvalidSystemError,
+    PiecewiseSystem,
+    PseudoArclength,
+    Switched,
+    explore,
+    trace,
+)
 
 # stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
 UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]
@@ -113,3 +128,199 @@ def test_where_the_interval_lies_does_not_make_two_points_one(unit, begin):
     places = {kind: sorted(p.z[0] / unit for p in points) for kind, points in found.items()}
     np.testing.assert_allclose(places["transition"], [-0.469, -0.451], rtol=1e-6)
     np.testing.assert_allclose(places["fold"], [-0.320964554], rtol=1e-4)
+
+
+# -- systems that give no magnitudes --------------------------------------------------------------
+
+
+def arch(a, z, alpha, sw):
+    return [a * z[0] * (z[0] - 1.0) * (z[0] - 2.0) - alpha]
+
+
+def kinked(a, z, alpha, sw):
+    return [z[0] ** 3 - z[0] - alpha + 0.8 * sw.abs(z[0] - 0.3 * (a - 1.0))]
+
+
+def coupled(a, z, alpha, sw):
+    cubic = z[0] ** 3 - z[0] - 0.2 * a * z[1] + 0.5 * sw.relu(z[0] - 0.3)
+    return [cubic - alpha, z[1] - z[0] ** 2]
+
+
+def resting(a, z, alpha, sw):
+    """z[1] rests at its bound 0 outside of a window of z[0]."""
+    room = z[1] - 0.2 * a + (z[0] - 1.0) ** 2
+    return [z[0] * (z[0] - 1.0) * (z[0] - 2.0) + z[1] - alpha, -sw.max(-room, -z[1])]
+
+
+def diodes(a, z, alpha, sw):
+    """A source behind a resistor, a diode, and a device whose current falls within a range."""
+    tunnel = z[0] ** 3 - 1.5 * z[0] ** 2 + 0.6 * z[0]
+    diode = 1e-3 * (np.exp(z[0] / 0.2) - 1.0)
+    return [alpha - z[0] - a * z[2], z[2] - z[1] - diode, z[1] - tunnel]
+
+
+def chain(a, z, alpha, sw):
+    A = 2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
+    bent = 0.3 * z**3 * np.linspace(1.0, 0.0, 5)
+    return A @ z - a * alpha + bent + 0.4 * sw.relu(z - 0.5)
+
+
+#: An interval, and a rough solution at its lower end.
+FAMILY = {
+    arch: ((-1.0, 1.0), [-0.3]),
+    kinked: ((-1.5, 1.5), [-2.0]),
+    coupled: ((-1.0, 1.0), [-1.2, 1.4]),
+    resting: ((-0.5, 1.0), [-0.1, 0.0]),
+    diodes: ((-0.5, 1.5), [-0.1, -0.1, -0.1]),
+    chain: ((-2.0, 3.0), [-1.0, -2.0, -2.0, -2.0, -1.0]),
+}
+
+
+def rescaled(f, a, unknowns, rows, per_alpha):
+    """Return the system in other units: z in ``unknowns``, H in ``rows``."""
+
+    def function(z, alpha, sw):
+        values = f(a, z / unknowns, alpha / per_alpha, sw)
+        return [row * value for row, value in zip(rows, values, strict=True)]
+
+    return Switched(len(unknowns), function)
+
+
+def random_units(rng, n, which):
+    """Return units of the unknowns, the rows and alpha: of all, or of the unknowns alone."""
+    alike = np.full(n, 10.0 ** rng.uniform(-12, 12))
+    unknowns = 10.0 ** rng.uniform(-12, 12, n) if which != "alike" else alike
+    if which != "all":
+        return unknowns, np.ones(n), 1.0
+    return unknowns, 10.0 ** rng.uniform(-12, 12, n), 10.0 ** rng.uniform(-12, 12)
+
+
+@pytest.mark.parametrize("which", ["all", "alike", "unknowns"])
+@pytest.mark.parametrize("f", FAMILY, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("seed", swept(range(1), range(1, 6)))
+def test_units_do_not_matter_where_no_magnitudes_are_given(f, which, seed):
+    rng = np.random.default_rng([seed, *map(ord, f.__name__ + which)])
+    (interval, z), a, n = FAMILY[f], rng.uniform(0.7, 1.5), len(FAMILY[f][1])
+
+    def found_in(unknowns, rows, per_alpha):
+        system = rescaled(f, a, unknowns, rows, per_alpha)
+        lo, hi = (per_alpha * end for end in interval)
+        searched = seed > 0  # which takes longer
+        return (
+            explore(system, (lo, hi)) if searched else trace(system, (z * unknowns, lo), (lo, hi))
+        )
+
+    reference = found_in(np.ones(n), np.ones(n), 1.0)
+    unknowns, rows, per_alpha = random_units(rng, n, which)
+    graph = found_in(unknowns, rows, per_alpha)
+    found, expected = (
+        sorted((str(p.kind), p.alpha / unit, *(p.z / size)) for p in g.special_points())
+        for g, unit, size in ((graph, per_alpha, unknowns), (reference, 1.0, 1.0))
+    )
+    assert [kind for kind, *_ in found] == [kind for kind, *_ in expected]
+    places = [[each[1:] for each in points] for points in (found, expected)]
+    np.testing.assert_allclose(np.sort(places[0], 0), np.sort(places[1], 0), atol=1e-7)
+    points = [sum(len(piece.alpha) for piece in g.pieces) for g in (graph, reference)]
+    assert points[0] <= 2.5 * points[1] + 10
+    assert points[1] <= 2.5 * points[0] + 10
+
+
+@pytest.mark.parametrize("rise", [1e-4, 1e-5, 1e-6, 1e-9])
+@pytest.mark.parametrize("is_relative", [False, True])
+def test_a_small_arch_has_its_folds(rise, is_relative):
+    unit = rise if is_relative else 1.0
+    system = rescaled(arch, 1.0, [rise], [unit], unit)
+    graph = trace(system, ([0.0], 0.0), (-unit, unit))
+    assert len(graph.special_points("fold")) == 2
+    np.testing.assert_allclose(
+        sorted(s.z[0] for s in graph.solutions(0.0)), [0.0, rise, 2.0 * rise], atol=1e-9 * rise
+    )
+
+
+@pytest.mark.parametrize("low", [1e-12, -1e-12, 1e-9])
+def test_a_tiny_bound_is_no_magnitude(low):
+    def graph(low):
+        def function(z, t):
+            return [z[0] * (z[0] - 1) * (z[0] - 2) + z[1] - t, z[1] - 0.2 + (z[0] - 1) ** 2]
+
+        system = Complementarity(function, lower=[-np.inf, low], upper=np.inf, n=2)
+        return trace(system, ([-0.1, 0.0], -0.5), (-0.5, 1.0))
+
+    one, other = graph(0.0), graph(low)
+    alphas = (-0.3, 0.1, 0.2, 0.3, 0.8)
+    assert [other.count(t) for t in alphas] == [one.count(t) for t in alphas]
+    numbers = [sum(len(piece.alpha) for piece in g.pieces) for g in (one, other)]
+    assert numbers[1] <= 2 * numbers[0]
+
+
+def test_an_unknown_that_is_tiny_at_the_start_has_the_magnitude_of_the_path():
+    """At its start the second unknown is 1e-6 and hardly moves; then it grows to 500."""
+    asked = []
+
+    def f(z, alpha, sw):
+        asked.append(alpha)
+        return [z[0] - alpha, z[1] - 1e-6 * np.exp(20.0 * z[0])]
+
+    graph = trace(Switched(2, f), ([0.0, 1e-6], 0.0), (0.0, 1.0))
+    (end,) = [p for p in graph.special_points() if p.alpha == 1.0]
+    np.testing.assert_allclose(end.z, [1.0, 1e-6 * np.exp(20.0)], rtol=1e-9)
+    assert sum(len(piece.alpha) for piece in graph.pieces) < 500
+    assert len(asked) < 2_000
+
+
+@pytest.mark.parametrize("given", [1e-6, [1e-6]])
+def test_magnitudes_that_are_given_to_formulas_are_kept(given):
+    def function(z, t):
+        return 2.0 * z - t
+
+    formulas = [
+        Switched(1, lambda z, t, sw: sw.max(z, 2.0 * z) - t, scale=given),
+        Complementarity(function, n=1, scale=given),
+        LCP([[2.0]], [0.0], [-1.0], scale=given),
+    ]
+    for system in formulas:
+        assert system.gives_scale
+        assert explore(system, (0.5e-6, 1e-6)).system.scale(0.0, 1.0)[0] == 1e-6
+
+
+@pytest.mark.parametrize("given", [0.0, [1.0, 1.0, 1.0], [-1.0, 1.0], "wide"])
+def test_wrong_magnitudes_are_refused(given):
+    with pytest.raises(InvalidInputError, match="scale must be"):
+        Switched(2, lambda z, t, sw: z - t, scale=given)
+
+
+def test_hidden_unknowns_have_the_magnitudes_of_their_switches():
+    system = Switched(1, lambda z, t, sw: z - sw.relu(sw.abs(1e6 * z) - t), scale=[1e-3])
+    assert 1e2 < system.scale(0.0, 1.0)[1] < 1e4
+
+
+def test_equations_of_subnormal_numbers_are_refused():
+    with pytest.raises(InvalidSystemError, match=r"row 0 .* multiply it by a constant"):
+        explore(Switched(1, lambda z, t, sw: 1e-320 * (z - t)), (-0.5, 1.0))
+
+
+@pytest.mark.parametrize("power", [1e-3, 100.0, 1e8])
+def test_power_per_unit_of_any_base(power):
+    network = ieee14()
+    branches = [replace(b, r=b.r / power, x=b.x / power, b=b.b * power) for b in network.branches]
+    generators = [
+        replace(g, Q_min=g.Q_min * power, Q_max=g.Q_max * power) for g in network.generators
+    ]
+    injected = [power * np.asarray(s) for s in (network.load, network.generation, network.shunt)]
+    other = Network(network.buses, tuple(branches), tuple(generators), network.slack, *injected)
+    graphs = []
+    for each in (network, other):
+        system = PowerFlow(each)
+        flat = np.where(np.isfinite(system.bounds()[0]), 1.0, 0.0)
+        graphs.append(trace(system, (flat, 1.0), (0.3, 2.0)))
+    special = [sorted((p.alpha, str(p.kind)) for p in graph.special_points()) for graph in graphs]
+    assert [kind for _, kind in special[0]] == [kind for _, kind in special[1]]
+    np.testing.assert_allclose(*[[alpha for alpha, _ in points] for points in special], rtol=1e-9)
+    points = [sum(len(piece.alpha) for piece in graph.pieces) for graph in graphs]
+    assert points[1] < 1.5 * points[0]
+
+
+def test_magnitudes_can_be_given_to_power_flow():
+    system = PowerFlow(ieee14(), scale=0.5)
+    assert system.gives_scale
+    np.testing.assert_array_equal(system.scale(0.0, 1.0), np.full(system.size, 0.5))

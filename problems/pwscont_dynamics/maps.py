@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 
 from pwscont import Block, Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.extending import EPS, Array, dense, finite_array
+from pwscont.extending import EPS, Array, BringsSearches, Search, dense, finite_array
 from pwscont_dynamics.called import Called, Function, affine, first_coordinate, positive_whole
+from pwscont_dynamics.shorter import ShorterPeriods, largest_divisors
 
 #: Points of an orbit that differ by less, relative to the largest, are one.
 SAME = EPS**0.5
 
 
-class Orbits(PiecewiseSystem):
+class Orbits(PiecewiseSystem, BringsSearches):
     """Points with f(...f(x)) = x after k steps of f = right where the border is >= 0, else left.
 
     The unknowns are all points of the orbit, z = (x_0, ..., x_{k-1}), so that products of slopes
@@ -50,6 +51,19 @@ class Orbits(PiecewiseSystem):
 
     def _points(self, z: Array) -> Array:
         return z.reshape(self.period, self.n)
+
+    # -- searches ----------------------------------------------------------------------------
+
+    def searches(self) -> list[Search]:
+        """Return the search for points of shorter periods, where there are any."""
+        shorter = {d: self.of_period(d) for d in largest_divisors(self.period)}
+        return [ShorterPeriods(shorter)] if shorter else []
+
+    def of_period(self, period: int) -> Self:
+        """Return the same map, whose points of another period are asked for."""
+        other = object.__new__(type(self))
+        vars(other).update(vars(self), period=period, size=self.n * period)
+        return other
 
     # -- stability ---------------------------------------------------------------------------
 

@@ -48,7 +48,7 @@ def run(
 def _load(
     names: Sequence[str], quick: bool, settings: Mapping[str, str]
 ) -> tuple[list[Case], dict[str, str]]:
-    """Return the problems, and why others are left out; problems asked for by name never are."""
+    """Return the problems, and why others are left out; a problem that the user names stays."""
     if settings and len(names) != 1:
         raise InvalidInputError("settings are those of one scene: name it")
     if names:

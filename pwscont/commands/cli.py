@@ -22,7 +22,7 @@ from pwscont.scenes.settings import add_settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit status, as ``--help`` lists them."""
+    """Run a command and return its exit status; ``--help`` lists the statuses."""
     given = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

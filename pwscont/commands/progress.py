@@ -19,9 +19,9 @@ WINDOW = 10.0  # seconds over which the rate is taken
 
 @final
 class ProgressLine:
-    """A line on a terminal that is written over; silent for short runs and where it is no terminal.
+    """A line on a terminal that is written over.
 
-    Silent, too, where the line would end up in a file or in another program.
+    The line is silent for short runs, and where the stream is a file or another program.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ProgressLine:
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time to write."""
+        """Whether the next update may be written."""
         return self._clock() >= self._next
 
     def write(self, words: str) -> None:
@@ -62,11 +62,11 @@ class ProgressLine:
         return (done - before) / (now - since)
 
     def begin(self, done: int) -> None:
-        """Count from so many that were done before."""
+        """Count from the number that was done before."""
         self._recent = deque([(self._clock(), done)])
 
     def close(self) -> None:
-        """End the line, if one was begun."""
+        """End the line if anything was written."""
         if self._shown:
             self._stream.write("\n")
 
@@ -101,7 +101,7 @@ class Progress:
             self._line.write(f"{counted(pieces, 'piece')}, {self._parameter} = {alpha:.6g}, {rate}")
 
     def close(self) -> None:
-        """End the line, if one was begun."""
+        """End the line if anything was written."""
         self._line.close()
 
 
@@ -131,7 +131,7 @@ class CaseProgress:
             self._line.write(f"{done} of {total} cases, {rate:.3g} cases/s, {left} left")
 
     def close(self) -> None:
-        """End the line, if one was begun."""
+        """End the line if anything was written."""
         self._line.close()
 
 

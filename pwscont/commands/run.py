@@ -92,14 +92,14 @@ def _print(text: str) -> OSError | None:
 def write_whole(
     answer: Answer, directory: Path, look: Look = DEFAULT_LOOK, origin: Origin | None = None
 ) -> list[Path]:
-    """Write the files of an answer into a directory; where the disk is full, none of them.
+    """Write the files of an answer into a directory; a full disk leaves no file there.
 
-    A file of a graph names the scene that it comes from.
+    The file of a graph names the scene of the graph.
 
     Raises
     ------
     InvalidInputError
-        If they cannot be written.
+        If the files cannot be written.
     """
     try:
         with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
@@ -132,7 +132,7 @@ def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
 
 @contextmanager
 def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[Runnable]:
-    """Give a scene that writes files a journal, which goes away when they are written.
+    """Give a scene that writes files a journal, which is deleted when the files are written.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def make_directory(directory: Path) -> None:
     Raises
     ------
     InvalidInputError
-        If that is not possible.
+        If the directory cannot be made.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -58,7 +58,7 @@ def _over(ranges: list[tuple[str, list[Any]]]) -> dict[str, list[Any]]:
 
 
 def _result(study: Study, options: argparse.Namespace) -> StudyResult:
-    """Run the cases; what is finished is kept in the directory, if there is one."""
+    """Run the cases; finished cases are kept in the directory that the user named, if any."""
     directory = _directory(options)
     if options.scheduler:
         print(f"pwscont: asking the scheduler at {options.scheduler}", file=sys.stderr)  # noqa: T201

@@ -65,7 +65,7 @@ def _range(text: str) -> tuple[str, list[Any]]:
 
 
 def _between(lo: float, hi: float, count: int) -> list[float]:
-    """Return so many values, evenly spaced from lo to hi."""
+    """Return ``count`` values, evenly spaced from lo to hi."""
     if count < 1:
         raise argparse.ArgumentTypeError(f"COUNT must be at least 1, got {count}")
     if not (isfinite(lo) and isfinite(hi)):

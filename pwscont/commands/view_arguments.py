@@ -1,4 +1,4 @@
-"""The options of ``pwscont view``; what they ask for is loaded when it is asked for."""
+"""The options of ``pwscont view``; its work is imported when the command runs."""
 
 from __future__ import annotations
 

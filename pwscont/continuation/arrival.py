@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 
 from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import ON_BOUND
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import FollowedPiece
 from pwscont.continuation.ray_keys import RayKey
@@ -14,7 +15,8 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.graph.packing import place as place_of
 from pwscont.graph.place import Place, Stored
 from pwscont.system.ending import Ending
-from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.bounds import Bounds
+from pwscont.transitions.detector import Said, SpecialPointFound, worded
 from pwscont.transitions.rays import Ray
 
 
@@ -55,3 +57,21 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
     """
     alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
     return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
+
+
+def without_leaving(
+    arrival: SpecialPointFound, staying: tuple[Ray, ...], bounds: Bounds
+) -> SpecialPointFound:
+    """Return a special point with the rays that stay, and words on bounds that others leave."""
+    gone = [ray for ray in arrival.rays if ray not in staying]
+    why = next(filter(None, map(bounds.left_by, gone)), None)
+    if why is None:
+        return arrival.leading(staying)
+    if len(staying) == 1:
+        return SpecialPointFound(Kind.END, arrival.x, why, staying)
+    said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
+    return SpecialPointFound(arrival.kind, arrival.x, said, staying)
+
+
+def _also(said: Said, more: str) -> str:
+    return f"{worded(said)}; {more}"

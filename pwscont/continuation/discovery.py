@@ -17,13 +17,13 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import ON_BOUND
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.arrival import (
     ends_on_purpose,
     keys_at_end,
     place_of_arrival,
     points_inside,
+    without_leaving,
 )
 from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
@@ -36,7 +36,7 @@ from pwscont.graph.place import Place
 from pwscont.graph.track import Track
 from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
-from pwscont.transitions.detector import Said, SpecialPointFound, worded
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
 #: Where a curve leaves one cell for another.
@@ -68,12 +68,15 @@ class Discovery:
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
+        #: Rays that leave the interval.
+        self.leaving: list[Ray] = []
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
         rays, place = self._staying(arrival.rays), place_of_arrival(arrival)
         interior = arrival.kind == Kind.START and len(rays) == len(arrival.rays)
-        arrival = self._without_leaving(arrival, rays)
+        outside = [ray for ray in arrival.rays if ray not in rays]
+        arrival = without_leaving(arrival, rays, self._follower.bounds)
         keys = [RayKey.of(ray, place) for ray in rays]
         known = self._known(arrival, keys)
         if known is not None:
@@ -85,6 +88,7 @@ class Discovery:
         if not self._budget.allows(len(self.edges)):
             return
         start = self._new(arrival, place, keys)
+        self.leaving += outside
         if not interior:
             self._known_rays.add(start, keys)
         dissolve = partial(self._dissolve, start, rays) if interior else None
@@ -158,6 +162,8 @@ class Discovery:
         if len(walk.points) == 1:  # not a single step could be taken
             here.stop(walk.arrival.message)
             return
+        if walk.arrival.kind == Kind.END:
+            self.leaving.append(walk.arrival.rays[0].reversed())
         key, end = here.keys[index], place_of_arrival(walk.arrival)
         keys = keys_at_end(walk, ray, key, end)
         reached = self._reach(walk, end, keys, KnownRay(node, index, key))
@@ -188,23 +194,11 @@ class Discovery:
         back, *others = walk.arrival.rays
         if all(map(self._stays, others)):
             return walk  # nearly always
-        inside = self._without_leaving(walk.arrival, (back, *self._staying(others)))
-        if len(inside.rays) == 1 and inside.kind != Kind.END:
-            inside = SpecialPointFound(Kind.END, inside.x, "end of the interval", inside.rays)
+        rays = back, *self._staying(others)
+        inside = without_leaving(walk.arrival, rays, self._follower.bounds)
+        if len(rays) == 1 and inside.kind != Kind.END:
+            inside = SpecialPointFound(Kind.END, inside.x, "end of the interval", rays)
         return replace(walk, arrival=inside)
-
-    def _without_leaving(
-        self, arrival: SpecialPointFound, staying: tuple[Ray, ...]
-    ) -> SpecialPointFound:
-        """Return a special point with the rays that stay, and words on bounds that others leave."""
-        gone = [ray for ray in arrival.rays if ray not in staying]
-        why = next(filter(None, map(self._follower.bounds.left_by, gone)), None)
-        if why is None:
-            return arrival.leading(staying)
-        if len(staying) == 1:
-            return SpecialPointFound(Kind.END, arrival.x, why, staying)
-        said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
-        return SpecialPointFound(arrival.kind, arrival.x, said, staying)
 
     def _reach(
         self, walk: FollowedPiece, place: Place, keys: Sequence[RayKey], begun: KnownRay
@@ -331,10 +325,6 @@ class Discovery:
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(Edge(back.end, forth.end, forth.followed, track, begun_at))
-
-
-def _also(said: Said, more: str) -> str:
-    return f"{worded(said)}; {more}"
 
 
 def _has_stayed(walk: FollowedPiece, key: RayKey) -> bool:

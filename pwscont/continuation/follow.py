@@ -129,7 +129,7 @@ class PieceFollower(Follower):
             walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
             return replace(walk, is_cut=True)
 
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
+    def _to_the_end(self, reached: _Reached) -> FollowedPiece:  # noqa: PLR0911, PLR0912
         curve, before, longest, blocked = reached.curve, None, np.inf, None
         if not curve.selection.is_straight:
             selection = curve.selection

@@ -1,8 +1,8 @@
 """Typical magnitudes of z for a system that gives none: from H, from solutions, from the path.
 
 Before anything is known, an unknown is as large as it must be for H to change by its own terms.
-Solutions then say more, and :class:`~pwscont.continuation.gauge.Gauge` what the path says. All of it
-follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
+Solutions then say more, and :class:`~pwscont.continuation.gauge.Gauge` what the path says. All of
+it follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
 magnitudes.
 
 Failure modes and answers
@@ -10,10 +10,14 @@ Failure modes and answers
 - Newton's method by differences needs steps that fit, so that H is asked before Newton is used.
 - H may be flat, or singular, where it is asked: it is asked for changes of all sizes, not for
   derivatives. Of many unknowns that would take too long; there one Newton step tells.
-- An unknown may rest at a bound, whose value is no magnitude: where it does not move it is as large
-  as the terms of the equations that it stands in.
-- Without alpha and constants an equation has no terms yet: unknowns that are measured give it some.
-- Next to a fold dz/dalpha is large: the smallest of several solutions counts.
+- An unknown may rest at a bound, whose value is no magnitude: where it does not move its own size
+  says nothing.
+- Equations that alpha is in come first. What is constant in another one may be a switch's small
+  saturation current: before that counts, unknowns that are measured give the equation terms.
+- Next to a fold dz/dalpha is large: the smallest of several solutions counts, of many unknowns
+  only.
+- H need not be defined beyond the bounds of z, nor far out: H is not asked there, and where it
+  fails it says nothing.
 - A solution that decays along a chain of unknowns: an unknown that is tiny beside the largest is
   not measured by its own size.
 """
@@ -34,6 +38,7 @@ from pwscont.linear.factorise import bordered, last_unit, power_of_two
 from pwscont.search.enumeration import Found
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.selection import knows_jacobian
 from pwscont.system.system import PiecewiseSystem
 
 #: Magnitudes found between these two are taken for one.
@@ -42,7 +47,7 @@ LEAST, MOST = 1.0 / 4.0, 2.0
 ALIKE = 4.0
 #: Sizes that are tried: powers of this base up to this one, and down to its negative.
 BASE, POWERS = 2.0**0.25, 512
-#: What part of its terms a row must change by: by all of them sin(z) would hardly ever do.
+#: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
@@ -79,25 +84,26 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     interval : tuple of float
     z : ndarray, shape (n,)
     """
-    if system.size > MANY and system.knows_jacobian:
+    if system.size > MANY and knows_jacobian(system):
         return _by_newton(system, interval, z)
-    lo, hi = interval
+    box, (lo, hi) = Box.of(system), interval
+    z = box.inside(z)
     alphas = [lo + place * (hi - lo) for place in PLACES]
     here = [_residual(system, z, alpha) for alpha in alphas]
-    terms = _finite(np.abs(here).max(axis=0))
+    terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        terms = np.maximum(terms, _changes(system, alphas, z, here, j, abs(float(z[j]))))
+        others = np.maximum(others, _changes(system, alphas, z, here, j, abs(float(z[j]))))
     sizes, changes = np.zeros(system.size), np.zeros((system.size, system.size))
-    for _ in range(system.size):
+    for number in range(system.size + 1):
         unknown = np.flatnonzero(sizes == 0.0)
         for j in unknown.tolist():
             check_budget()
             sizes[j] = _reach(system, alphas, z, here, terms, j)
             changes[:, j] = _changes(system, alphas, z, here, j, sizes[j])
-        terms = np.maximum(terms, changes.max(axis=1))
-        if sizes.all() or not sizes[unknown].any():
+        if sizes.all() or (number and not sizes[unknown].any()):
             break
-    return np.where(sizes > 0.0, sizes, 1.0)
+        terms = np.maximum(terms, np.maximum(others, changes.max(axis=1)))
+    return np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
 
 
 def _reach(
@@ -108,14 +114,14 @@ def _reach(
     terms: Array,
     j: int,
 ) -> float:
-    """Return the least power of the base by which z_j changes a row by half its terms, 0 if none does."""
+    """Return by how much z_j must change for a row to change by its terms, 0 if none does."""
     low, high = -POWERS, POWERS
     rows = np.flatnonzero(terms)
     while rows.size and high - low > 1:
         middle = (low + high) // 2
         changes = _changes(system, alphas, z, here, j, BASE**middle)
         low, high = (low, middle) if (changes >= PART * terms)[rows].any() else (middle, high)
-    return BASE**high if rows.size and high < POWERS else 0.0
+    return BASE**high / PART if rows.size and high < POWERS else 0.0
 
 
 def _changes(
@@ -127,11 +133,11 @@ def _changes(
     size: float,
 ) -> Array:
     """Return by how much each row changes, at most, if z_j changes by a size."""
-    changes = np.zeros(len(z))
+    changes, box = np.zeros(len(z)), Box.of(system)
     for before, alpha in zip(here, alphas, strict=True):
         for change in (size, -size):
             moved = z.copy()
-            moved[j] += change
+            moved[j] = min(max(z[j] + change, box.lower[j]), box.upper[j])
             after = np.abs(_residual(system, moved, alpha) - before)
             changes = np.maximum(changes, _finite(after))
     return changes
@@ -147,7 +153,7 @@ def _finite(sizes: Array) -> Array:
 
 
 def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
-    """Return the sizes of the Newton steps at the ends of the interval, one where there are none."""
+    """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay."""
     steps = np.zeros(system.size)
     for alpha in interval:
         jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
@@ -155,7 +161,7 @@ def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array)
         if not factor.is_singular():
             step = factor.solve(joined(_residual(system, z, alpha), 0.0))
             steps = np.maximum(steps, _finite(np.abs(step[:-1])))
-    return np.where(steps > 0.0, steps, 1.0)
+    return np.where(steps > 0.0, steps, steps.max() or 1.0)
 
 
 def _column_sizes(jacobian: Matrix) -> Array:
@@ -192,36 +198,16 @@ def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found
     found : sequence of (x, error)
         Solutions with their errors, one at least.
     """
-    n, rows = system.size, []
-    sizes, slopes = np.zeros(n), np.full(n, np.inf)
-    moving = np.zeros(n, dtype=bool)
+    sizes, slopes = np.zeros(system.size), np.full(system.size, np.inf)
     for x, error in found:
         jacobian = jacobian_at(system, x[:-1], float(x[-1]), system.character(x[:-1], float(x[-1])))
         factor = bordered(jacobian, last_unit(len(x)), metric.binary)
         own = (np.abs(x) * (np.abs(x) > CONFIDENCE * magnitude(x, np.atleast_2d(error))))[:-1]
-        slope = np.full(n, np.inf)
+        slope = np.full(system.size, np.inf)
         if not factor.is_singular():
             slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
-        moves = slope > STILL * own
-        sizes = np.maximum(sizes, np.where(moves, own, 0.0))
-        slopes, moving = np.minimum(slopes, slope), moving | moves
-        rows.append(sp.csc_array(_entries(jacobian)))
-    least = _finite(slopes) if n > MANY else metric.scale[:-1]
-    sizes = _by_terms(rows, np.where(moving, np.maximum(sizes, least), 0.0), metric.width)
+        sizes = np.maximum(sizes, np.where(slope > STILL * own, own, 0.0))
+        slopes = np.where(slope > STILL * own, np.minimum(slopes, slope), slopes)
+    rough = _finite(slopes) if system.size > MANY else metric.scale[:-1]
+    sizes = np.maximum(sizes, rough)
     return np.where(sizes > 0.0, sizes, metric.scale[:-1])
-
-
-def _by_terms(rows: Sequence[Matrix], sizes: Array, width: float) -> Array:
-    """Return sizes, unknown ones from the terms of the rows in which these unknowns stand."""
-    while True:
-        terms = [entries @ joined(sizes, width) for entries in rows]
-        found = sizes.copy()
-        for j in np.flatnonzero(sizes == 0.0).tolist():
-            at = [slice(*entries.indptr[j : j + 2]) for entries in rows]
-            parts = [t[e.indices[s]] / e.data[s] for t, e, s in zip(terms, rows, at, strict=True)]
-            every = np.concatenate(parts)
-            found[j] = np.min(every[(every > 0.0) & np.isfinite(every)], initial=np.inf)
-        found[np.isinf(found)] = 0.0
-        if (found == sizes).all():
-            return sizes
-        sizes = found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import isfinite
 from typing import Any, final
 
@@ -15,9 +16,10 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.generic import generic
 from pwscont.basics.given import checked_kind
-from pwscont.basics.guarantee import SearchScope
+from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.continuation.assembly import assemble
+from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.event_division import divide
 from pwscont.continuation.fill import infinite_stretches, is_sign
@@ -25,12 +27,14 @@ from pwscont.continuation.follow import Follower, PieceFollower, alone
 from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.reentry import Beyond, reentries
 from pwscont.continuation.uniqueness import check_unique, unique
 from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
 from pwscont.graph.records import Stretch
+from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.enumeration import Found
@@ -41,14 +45,7 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.hidden import shown_size
 from pwscont.system.reduction import Reduction, reduction_of
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions import (
-    BoundingTests,
-    IntervalEnds,
-    SmoothBranchPoints,
-    SmoothFolds,
-    StraightTests,
-    TransitionDetector,
-)
+from pwscont.transitions import TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
@@ -97,19 +94,6 @@ def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper
             "use PseudoArclength"
         )
     return stepper if stepper is not None else default_stepper(system)
-
-
-def default_detectors(
-    stepper: Stepper, interval: tuple[float, float]
-) -> tuple[TransitionDetector, ...]:
-    """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
-
-    Branch points come before folds, for alpha may turn at a branch point.
-    """
-    ends = IntervalEnds(*interval)
-    if isinstance(stepper, ExactLinear):
-        return ends, StraightTests()
-    return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
 
 @final
@@ -236,6 +220,9 @@ class Plan:
             self._check(journal)
             follower, starts = Recorded(follower, journal), journal.starts(starts)
         discovery = Discovery(follower, report, budget)
+        if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
+            beyond = Beyond(self.followed, self.metric, self.stepper, bounds)
+            starts = chain(starts, reentries(discovery, beyond))
         self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
         small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED

@@ -8,7 +8,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, product
 from pwscont.basics.errors import StartNotFoundError
 from pwscont.continuation.gauge import Gauge, MisjudgedError
 from pwscont.continuation.magnitudes import (
@@ -27,6 +27,7 @@ from pwscont.system.contract import check_contract, check_names, checked_size
 from pwscont.system.promises import check_promises
 from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.events import Events
 
@@ -57,6 +58,8 @@ def prepared(
     check_abilities(system)
     plan = Plan.of(system, interval, stepper, detectors)
     sample = check_contract(plan.system, z, alpha)
+    terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
+    refuse_extreme_rows(plan.system, np.abs(sample.residual) + terms)
     check_promises(plan.system, interval, sample)
     if not isinstance(system, PiecewiseLinearSystem):
         with np.errstate(all="ignore"):
@@ -121,7 +124,11 @@ def _measured(
 def _with(plan: Plan, magnitudes: Array) -> Plan:
     """Return a plan with other magnitudes."""
     sizes = rounded_to_one(magnitudes)
-    return Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
+    if (sizes == plan.metric.scale[:-1]).all():
+        return plan
+    other = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
+    is_straight = isinstance(plan.system, PiecewiseLinearSystem)  # elsewhere differences change
+    return replace(other, last=plan.last) if is_straight else other
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:

@@ -10,29 +10,72 @@ Failure modes and answers
 -------------------------
 - The solution is zero where the terms were not (an unloaded body reached from a loaded one):
   the terms are taken before the last correction as well as after it.
+- Constants in H cancel, of which no derivative tells: (z + B) - B moves in stairs as high as the
+  rounding of B. H is asked next to the solution for how far it is off its own derivative. It is so
+  by its curvature as well, which shows farther away and is taken off.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, joined, largest, product
+from pwscont.basics.generic import generic
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.root import Root
 from pwscont.linear.factorise import bordered
+from pwscont.system.system import SlicewiseLinearSystem
+
+#: How far from a solution H is asked, as a part of typical magnitudes; and at how many places.
+NEAR, FAR = EPS**0.5, EPS ** (1.0 / 3.0)
+PLACES = 4
+#: Third derivatives make the curvature near by differ from that farther away.
+BENT = 4.0
 
 
-def uncertainty(root: Root) -> Array:
+def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
     """Return independent contributions to the error of ``root.x``, shape (k, n + 1).
 
     Their root of the sum of squares, component by component or through a linear function, is
-    the estimated error.
+    the estimated error. ``unseen`` is rounding of the rows beyond that of their terms.
     """
     # the last correction was solved with errors of its largest parts everywhere
     size = np.abs(root.x) + largest(root.error / root.scale) * root.scale
-    return root.factor.solve_all(_rounding(root.jacobian, root.row, size))
+    return root.factor.solve_all(_rounding(root.jacobian, root.row, size, unseen))
+
+
+def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) -> Array:
+    """Return rounding of the rows at a root of which their derivatives do not tell, (n + 1,).
+
+    Systems that are linear at fixed alpha are made of matrices, where terms tell everything.
+    """
+    if isinstance(curve.selection.system, SlicewiseLinearSystem):
+        return np.zeros(len(root.x))
+    far = _off_derivative(curve, root, border, FAR, 0)
+    near = np.max([_off_derivative(curve, root, border, NEAR, i) for i in range(PLACES)], axis=0)
+    unseen: Array = np.maximum(near - BENT * (NEAR / FAR) ** 2 * far, 0.0)
+    return np.where(np.isfinite(unseen), unseen, 0.0)
+
+
+def _off_derivative(
+    curve: Curve, root: Root, border: Callable[[Array], float], part: float, shift: int
+) -> Array:
+    """Return by how much the rows change in another way than their derivatives say."""
+    x, metric = root.x, curve.metric
+    step = part * generic(len(x), shift) * (np.abs(x) + metric.scale)
+    grows = product(root.row, step).item() >= 0.0  # so it does where the path comes from
+    there = x + (step if grows else -step)
+    there[-1] = x[-1] + math.copysign(part * metric.width, sum(metric.interval) - 2.0 * x[-1])
+    dx = there - x
+    before, after = (curve.selection.residual_and(y, border(y)) for y in (x, there))
+    linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
+    off: Array = np.abs(after - before - linear)
+    return off
 
 
 def uncertainty_beside(curve: Curve, state: State) -> Array:
@@ -41,7 +84,8 @@ def uncertainty_beside(curve: Curve, state: State) -> Array:
     factor, known = bordered(jacobian, row, curve.metric.binary), np.abs(state.error).max(axis=0)
     if factor.failed:
         return state.error
-    return uncertainty(Root(state.x, known, jacobian, row, factor, curve.metric.scale, 0))
+    root = Root(state.x, known, jacobian, row, factor, curve.metric.scale, 0)
+    return uncertainty(root, unseen_rounding(curve, root, lambda x: float(row.dot(x))))
 
 
 def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
@@ -75,10 +119,10 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     return Root(x, np.abs(dx), jacobian, row, factor, metric.scale, 1), np.array(error)
 
 
-def _rounding(jacobian: Matrix, row: Matrix, size: Array) -> Array:
+def _rounding(jacobian: Matrix, row: Matrix, size: Array, unseen: Array | float = 0.0) -> Array:
     """Return samples of the rounding of all rows, for unknowns of a size."""
     terms = joined(product(abs(jacobian), size), product(abs(row), size).item())
-    rounding: Array = EPS * terms * samples(len(size))
+    rounding: Array = (EPS * terms + unseen) * samples(len(size))
     return rounding
 
 

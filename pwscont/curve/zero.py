@@ -19,7 +19,7 @@ from pwscont.curve.corrector import Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import MOST_CHORDS, Border, again, direction, newton
 from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import is_within, uncertainty
+from pwscont.curve.uncertainty import is_within, uncertainty, unseen_rounding
 
 MOST_NEWTON = 8
 
@@ -61,7 +61,8 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     factorisation that it has; another one is made where these do not shrink.
     """
     settled = again(curve, border, root)
-    error = uncertainty(settled)  # that of a few corrections more differs by rounding
+    unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])
+    error = uncertainty(settled, unseen)  # that of a few corrections more differs by rounding
     for _ in range(MOST_CHORDS):
         if is_within(settled, error) and curve.metric.admits(settled.x):
             return settled, error
@@ -70,7 +71,7 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
         found = newton(curve, border, root.x, MOST_NEWTON)
         if isinstance(found, Failure):
             break
-        root, error = found, uncertainty(found)
+        root, error = found, uncertainty(found, unseen)
         if is_within(root, error):
             return root, error
-    return root, np.vstack([uncertainty(root), root.error])
+    return root, np.vstack([uncertainty(root, unseen), root.error])

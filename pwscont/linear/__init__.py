@@ -1,1 +1,1 @@
-"""Linear algebra with matrices of every structure."""
+"""Linear algebra with matrices of every structure; begin with factor.py, then factorise.py."""

@@ -4,11 +4,11 @@ Newton's method for branch points solves with this matrix, see :mod:`pwscont.cur
 
 Failure modes and answers
 -------------------------
-- The full rows and the full column would fill a sparse factorisation: they are added one after the
-  other to an LU of B, the part of J for z. First come the borders that make up for the rank that B
-  lacks, then the column for alpha.
-- B lacks two ranks, where two curves that cross are both vertical: the whole matrix is factorised,
-  sparse, at whatever cost.
+- The full rows and the full column would fill a sparse factorisation: rows and columns are added
+  one by one to an LU of B, the part of J for z. First come the borders that make up for the rank
+  that B lacks, then the column for alpha.
+- B lacks two ranks, where two vertical curves cross: the whole matrix is factorised, sparse, at
+  whatever cost.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
     core, column = jacobian.split()
     if core.failed:
         return core
-    turn, one = _turn(C[:, -1]), np.ones(len(b) + 2)
+    turn, ones = _turn(C[:, -1]), np.ones(len(b) + 2)
     first, second = turn @ C
-    inner = BorderedFactor(Interior(core, b), np.append(first[:-1], 0.0), one[1:], one[1:])
+    inner = BorderedFactor(Interior(core, b), np.append(first[:-1], 0.0), ones[1:], ones[1:])
     if inner.is_singular():
         return inner
     row = np.concatenate([second[:-1], [0.0, second[-1]]])
-    outer = BorderedFactor(Interior(inner, np.append(column, 0.0)), row, one, one)
+    outer = BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones)
     return _Turned(outer, turn)
 
 

@@ -32,7 +32,7 @@ SMALLEST_TRIDIAGONAL = 3
 
 @final
 class BandedJacobian(StoredJacobian):
-    """A Jacobian (n, n + 1) whose part for z is banded; its last column is full.
+    """A Jacobian (n, n + 1) whose part for z is banded and whose last column is full.
 
     Parameters
     ----------

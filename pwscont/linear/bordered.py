@@ -10,7 +10,8 @@ Failure modes and answers
   unknown with the transpose of B, and corrects the last unknown with B: BEMW is as stable as the
   solves with B. Far from folds the first half of BEMW is left out, which saves a third of the time.
 - The bordered matrix itself is singular: the solution of a generic right-hand side is huge.
-- Rows and columns in different units: both are scaled, see :mod:`pwscont.linear.factor`.
+- Rows and columns have different units: rows and columns are scaled, see
+  :mod:`pwscont.linear.factor`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from pwscont.basics.generic import generic_angles
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor, power_of_two
 
-#: Bound on the largest entry of B^-1 b, a number without unit since B and b are scaled to about
-#: one. Plain elimination multiplies rounding errors by that entry; an error of GROWTH * EPS = 2e-12
-#: of a Newton correction is below rounding of the unknowns that are corrected.
+#: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
+#: scaled to about one. Plain elimination multiplies rounding errors by the largest entry; an error
+#: of GROWTH * EPS = 2e-12 of a Newton correction is below rounding of the corrected unknowns.
 GROWTH = 1e4
 
 
@@ -63,9 +64,9 @@ class Interior:
         """
         interior, vectors = cls(core, column), _two_generic(len(column) + 1)
         more = [] if beside is None else [beside]
-        right, one, other, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
+        right, first, second, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
         interior.right = right
-        interior.generic = tuple(zip(vectors, (one, other), strict=True))
+        interior.generic = tuple(zip(vectors, (first, second), strict=True))
         interior.beside = tuple(zip(more, solved, strict=True))
         return interior
 

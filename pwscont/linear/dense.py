@@ -4,7 +4,7 @@ Failure modes and answers
 -------------------------
 - The matrix is singular at a branch point, or where the curve is tangent to an interface: the
   reciprocal condition number of the scaled matrix tells, and nan or inf in the matrix as well.
-- A matrix of thousands of rows: every routine works in the room of the matrix that it is given.
+- A matrix of thousands of rows: every routine works in the place of the given matrix.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class DenseFactor(Factor):
     Parameters
     ----------
     matrix : ndarray, shape (k, k)
-        M, which is overwritten; in Fortran order, or else it is copied.
+        M, which is overwritten, or copied where M is not in Fortran order.
     scale : ndarray, shape (k,)
         The diagonal of C: typical magnitudes of the unknowns, powers of two.
     """
@@ -121,7 +121,7 @@ class DenseLU(LU):
     Parameters
     ----------
     lu, pivots : ndarray, shapes (k, k) and (k,)
-        As ``dgetrf`` of LAPACK returns them; :meth:`of` computes them.
+        Factors and row exchanges as ``dgetrf`` of LAPACK returns them, see :meth:`of`.
     """
 
     def __init__(self, lu: Array, pivots: Indices) -> None:

@@ -60,7 +60,7 @@ class Factor(ABC):
         """Return the solution for one right-hand side, shape (k,)."""
 
     def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k); default one by one."""
+        """Return the solutions for several right-hand sides, shape (l, k); by default singly."""
         return np.stack([self.solve(f) for f in rhs])
 
     def solve_transposed(self, rhs: Array) -> Array:

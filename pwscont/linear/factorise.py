@@ -67,8 +67,8 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
 def inner(jacobian: Matrix, scale: Array) -> Factor | None:
     """Factorise B, the part of J for z, in its own units; None where B has no factorisation.
 
-    B may be singular, as on vertical pieces, or nearly so: solutions are huge then, and the caller
-    must look at their size. Parameters as for :func:`bordered`.
+    B may be singular or nearly singular, as on vertical pieces: solutions are huge then, and the
+    caller must look at their size. Parameters as for :func:`bordered`.
     """
     if not isinstance(jacobian, np.ndarray):
         return _structured(jacobian).inner(scale)

@@ -134,7 +134,7 @@ class SparseLU(LU):
         if self.failed:
             return 0
         negative = np.count_nonzero(self._lu.U.diagonal() < 0.0)
-        # the product of two permutations has the parity of both together
+        # a product of two permutations has the sum of the parities
         odd = _is_odd(self._lu.perm_r[self._lu.perm_c].tolist())
         return -1 if (negative + odd) % 2 else 1
 

@@ -1,8 +1,8 @@
 """One thread for BLAS while matrices are small, where threadpoolctl is installed.
 
 Threads that wait for each other cost more than the work on a matrix of a few hundred rows, and more
-than products with one of thousands, which wait for memory. The command line sets environment
-variables before BLAS is loaded; from Python it is too late for that.
+than products with a matrix of thousands of rows, which wait for memory. The command line sets
+environment variables before BLAS is loaded; a Python program has loaded BLAS already.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-#: Environment variables that BLAS libraries and OpenMP read. A user who sets any of them decides.
+#: Environment variables that BLAS libraries and OpenMP read: whatever the user sets there holds.
 VARIABLES = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",

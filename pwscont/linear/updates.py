@@ -2,13 +2,13 @@
 
 With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 + g.w)) B^-1
 (Sherman and Morrison); 1 + g.w is the *pivot* of the change. :class:`Changes` keeps the vectors of
-all changes, as the product form of the inverse does in the simplex method (Dantzig and Orchard-Hays
-1954), multiplied out: a solve costs one with the first matrix, and two products with the vectors.
-The sign of the determinant is multiplied by the sign of each pivot (docs/theory, F10).
+all changes, multiplied out, as the product form of the inverse does in the simplex method (Dantzig
+and Orchard-Hays 1954): a solve costs a solve with the first matrix and two products with the
+vectors. The sign of the determinant is multiplied by the sign of each pivot (docs/theory, F10).
 
 - :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and changes.
-- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). It
-  keeps an explicit inverse, from which many changes are subtracted at once by products of matrices.
+- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
+  solver keeps an explicit inverse, and subtracts many changes at once by products of matrices.
 
 Failure modes and answers
 -------------------------
@@ -54,10 +54,10 @@ DRIFT = 1e-9
 #: of the digits there, and an LU less.
 INVERTIBLE = EPS**0.75
 #: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
-#: rows: as many operations as a fresh factorisation takes, 2/3 m^3.
-FEW_ROWS = 1.0 / 6.0
-#: Number of solves after which a factorisation is inverted: a solve with the inverse costs a third
-#: of one with the LU, so that the inverse, 4/3 m^3, is paid for after as many solves again.
+#: rows: two thirds of the 2 m^3 operations that a new inverse takes.
+FEW_ROWS = 1.0 / 3.0
+#: Number of solves after which an LU is inverted: a solve with the inverse costs a third of a solve
+#: with the LU, so that the inverse, 4/3 m^3 operations, is paid for after as many solves again.
 INVERTED_AFTER = 24
 #: Number of changes, as a multiple of the number of rows, after which the matrix is factorised
 #: afresh: the factorisation then costs a tenth of the changes before.
@@ -65,7 +65,8 @@ MANY_UPDATES = 2.0
 #: Least number of changes before such a factorisation, for matrices of a few rows.
 LEAST_UPDATES = 8
 #: Largest number of rows that are replaced one by one; more rows are replaced together, which takes
-#: as long as one product of matrices. Only for so few rows is an LU inverted, in 4/3 m^3.
+#: as long as one product of matrices. An LU is inverted, in 4/3 m^3 operations, for at most SINGLY
+#: rows.
 SINGLY = 8
 #: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
 #: the inverse, instead of the whole inverse.
@@ -252,7 +253,7 @@ class RowSolver(ABC):
 
     @abstractmethod
     def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant; of a singular matrix the sign of one close by."""
+        """Return the sign of the determinant; of a singular matrix that of a matrix close by."""
 
     @abstractmethod
     def renew(self, matrix: RowMatrix) -> bool:
@@ -267,7 +268,7 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """Keeps the inverse of the last matrix, or its LU, in one array of m^2 numbers.
+    """A solver that keeps the inverse or the LU of the last matrix, in one array of m^2 numbers.
 
     A fresh matrix is factorised. The LU is inverted when a change or many solves ask for that; rows
     of the inverse are then replaced until a fresh factorisation is due.

@@ -33,6 +33,8 @@ class SwitchedSystem(Notated):
     ) -> None:
         super().__init__(lifted.size, lifted.layout, lifted.hidden, given, own_names)
         self._lifted, self._derivatives = lifted, derivatives
+        #: Whether derivatives are more than differences.
+        self.knows_jacobian = derivatives is not None
         #: The last outcome, with its point and signs: tests and residual are asked for in turn.
         self._last: tuple[bytes, float, bytes, Outcome] | None = None
         self._last_slopes: tuple[bytes, float, bytes, Matrix] | None = None
@@ -73,11 +75,6 @@ class SwitchedSystem(Notated):
         """Return the value of each switch."""
         outcome = self._lifted.function.outcome(z, float(alpha), self._layout)
         return self._layout.values(outcome.branches, self._layout.modes(outcome.tests >= 0.0))
-
-    @property
-    def knows_jacobian(self) -> bool:
-        """Whether the function can be traced."""
-        return self._derivatives is not None
 
     # -- derivatives -------------------------------------------------------------------------
 

@@ -104,7 +104,8 @@ class Notated(PiecewiseSystem, HidesUnknowns):
     @property
     def gives_scale(self) -> bool:
         """Whether the user gave typical magnitudes, or a run found them."""
-        return self._given.scale is not None or self.is_measured
+        measured = bool((super().scale(0.0, 0.0) != 1.0).any())
+        return self._given.scale is not None or measured
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return the magnitudes that the user gave, and those of switches that follow."""

@@ -39,15 +39,16 @@ class Answer(ABC):
         return self
 
     def explored(self) -> tuple[Shown, BranchGraph] | None:
-        """Return the scene and its branch graph, for a view in the browser; None without one."""
+        """Return the scene and its branch graph, for a view; None without a graph."""
         return None
 
 
 class Runnable(ABC):
     """A named problem, ready to run from the command line.
 
-    A package offers one by an entry point of the group ``pwscont.scenes`` whose value is a
-    function that returns it; the parameters of the function, all with defaults, are settings.
+    A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
+    function that returns the scene. The parameters of the function, all with defaults, are the
+    settings.
 
     Attributes
     ----------
@@ -133,7 +134,7 @@ def values_within(
     Raises
     ------
     InvalidInputError
-        If one lies outside the interval, or the scene's own are not several numbers.
+        If a value lies outside the interval, or the scene's own values are not several numbers.
     """
     lo, hi = interval
     for alpha in finite_array(f"at of scene {scene.name}", own).ravel().tolist():

@@ -19,7 +19,7 @@ CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """A body in several states, as it is drawn.
+    """The shapes in which pictures show a body in several states.
 
     Between two states all numbers are interpolated, so they must depend on (z, alpha) linearly to
     be true there.

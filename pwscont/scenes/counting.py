@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pwscont.graph import BranchGraph
 
-#: The sum of the signs of det(dH/dz): where it changes, a branch is missing.
+#: The look of the sum of the signs of det(dH/dz); a branch is missing where the sum changes.
 BALANCE: dict[str, Any] = {"color": "#D55E00", "linestyle": "--"}
 #: The place of the legend: above the axes, clear of the data.
 ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": 3}

@@ -32,7 +32,7 @@ class Drawn:
     along : callable
         Points (z, alpha), shape (k, n + 1) -> values, shape (k,).
     size : float
-        A typical magnitude; zero where none is known.
+        A typical magnitude; zero if no magnitude is known.
     """
 
     label: str
@@ -57,7 +57,7 @@ class Drawn:
         raise _undrawable(what)
 
     def is_constant(self, values: Sequence[Array]) -> bool:
-        """Tell whether there are values, all equal but for rounding."""
+        """Tell whether there are values and all of them are equal to rounding."""
         if not values:
             return False
         low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))

@@ -30,7 +30,7 @@ FRAME = "0.55"
 
 
 def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
-    """Enlarge the folds of a diagram where they are close together and there is room.
+    """Enlarge crowded folds and short branches of a diagram, if the diagram has room.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Labels of marks: beside them where there is room, else farther away.
+"""Labels of marks: beside the marks where there is room, else farther away.
 
 Failure modes and answers
 -------------------------
@@ -103,7 +103,7 @@ def _ways(side: int) -> list[tuple[int, int]]:
 
 
 def _write(ax: Axes, mark: Mark, off: Array, leader: dict[str, Any] | None) -> None:
-    """Write a label so many points off its mark."""
+    """Write a label at a distance ``off`` from its mark, in points."""
     ax.annotate(
         mark.label,
         (mark.at[0], mark.at[1]),

@@ -48,7 +48,7 @@ def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
 
 
 def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
-    """Return the one value of a quantity on all branches; None where it has several."""
+    """Return the value of a constant quantity; None for a quantity with several values."""
     quantity = Drawn.of(graph, panel.component)
     values = [line_of(piece, quantity.along)[1] for piece in graph.pieces]
     return float(values[0][0]) if quantity.is_constant(values) else None
@@ -92,7 +92,7 @@ def columns_for(rows: Sequence[Sequence[Any]]) -> int:
 
 
 def arrange(columns: int, rows: int, *, counted: bool) -> tuple[Figure, Any]:
-    """Return a figure and its axes: rows for diagrams, and a low one for the counts."""
+    """Return a figure and its axes: rows for diagrams, and a low row for the counts."""
     heights = [ROW] * rows + [COUNTS] * counted
     width = COLUMN * columns if columns > 1 else ALONE
     figure = Figure(figsize=(width, sum(heights)), layout="constrained")

@@ -24,7 +24,7 @@ class Look:
     dpi : int
         Dots per inch.
     scale : float or None
-        Factor by which displacements of bodies are enlarged; default so that they can be seen.
+        Factor by which displacements of bodies are enlarged; the default makes them visible.
     animate : bool
         Whether moving pictures are written, too.
     """

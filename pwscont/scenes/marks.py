@@ -57,7 +57,7 @@ class Mark:
     kind, label : str
         The label is empty where the mark says enough.
     look : dict
-        How matplotlib draws it.
+        How matplotlib draws the mark.
     at : ndarray, shape (2,)
     branch : int
     side : int
@@ -153,7 +153,7 @@ def _label(graph: BranchGraph, point: SpecialPoint) -> str:
 
 
 def _sides(graph: BranchGraph) -> dict[int, int]:
-    """Return the side, 1 or -1, of each node on which no piece lies, where there is one."""
+    """Return the side, 1 or -1, of each node with pieces on the other side only."""
     seen: dict[int, set[int]] = {}
     for piece in graph.pieces:
         for node in {piece.start, piece.end}:
@@ -167,7 +167,7 @@ def _side(point: SpecialPoint, piece: Piece) -> int:
 
 
 def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
-    """Draw marks, those of one kind and branch together."""
+    """Draw marks, with one call for each kind and branch."""
     small = _small(sum(mark.kind == Kind.TRANSITION for mark in marks))
     for (kind, branch), group in groupby(sorted(marks, key=_group), key=_group):
         some = list(group)
@@ -178,7 +178,7 @@ def draw_marks(ax: Axes, marks: Sequence[Mark]) -> None:
 
 
 def _small(count: int) -> dict[str, float]:
-    """Return the size of the marks of so many transitions."""
+    """Return the size of the marks of ``count`` transitions."""
     size = MARKERS[Kind.TRANSITION]["markersize"] * min(1.0, (FEW / max(count, 1)) ** 0.5)
     return {"markersize": max(SMALLEST, size), "markeredgewidth": 1.0 if count <= FEW else 0.7}
 

@@ -100,4 +100,4 @@ class Shown(Protocol):
 
     @property
     def body(self) -> BodyPicture | None:
-        """How solutions look on a body, if there is one."""
+        """How solutions look on a body; None without a body."""

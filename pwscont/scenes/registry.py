@@ -4,7 +4,7 @@ Failure modes and answers
 -------------------------
 - A package cannot be imported, or what it offers is no scene: the message names the package, and
   all other scenes go on working.
-- Two packages offer scenes of one name: neither is taken, and the message names both.
+- Two packages offer scenes of one name: the name is refused, and the message names the packages.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
 
 
 def scene_settings(name: str) -> tuple[str, ...]:
-    """Return the names of a scene's settings; errors as those of :func:`load_scene`."""
+    """Return the names of a scene's settings; raises what :func:`load_scene` raises."""
     return tuple(signature(_loaded(_entry_point(name))).parameters)
 
 

@@ -13,7 +13,7 @@ from pwscont.basics.arrays import Array
 
 #: Number of cells of a picture, across and up.
 CELLS = np.array([120, 80])
-#: A line occupies all cells up to so many cells away.
+#: A line occupies all cells up to this number of cells away.
 CLOSE = 1
 
 #: Left, bottom, width and height, as parts of the axes.

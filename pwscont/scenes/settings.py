@@ -55,7 +55,7 @@ def settings_of(scene: str, make: Callable[..., Any], given: Mapping[str, str]) 
 
 
 def _number(text: str) -> float:
-    """Return a whole number as it is, any other as a float."""
+    """Return an int for a whole number, a float for any other number."""
     try:
         return int(text)
     except ValueError:

@@ -2,7 +2,7 @@
 
 Corners of a polygon would look like kinks. The curve's parameter is the length along the points;
 its cubics never leave the range of their ends (Fritsch and Carlson 1980). Unknowns that change by
-rounding only do not count for the length; of points that nearly coincide one is kept.
+rounding only do not count for the length; points that nearly coincide are drawn as one point.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from pwscont.basics.arrays import Array
 
-#: Pieces with at least so many points are drawn as smooth curves, each step in so many parts.
+#: Least points of a piece that is drawn as a smooth curve, and parts of each of its steps.
 LEAST_POINTS, FINER = 4, 8
 #: Points of a piece closer than this part of its length are drawn as one.
 APART = 1e-6
@@ -27,14 +27,14 @@ SAME = 1e-9
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Smooth:
-    """The places on a curve through points at which it is drawn.
+    """The places at which a curve through points is drawn.
 
     Attributes
     ----------
     kept : ndarray of bool, shape (k,)
         The points that the curve passes through.
     length : ndarray
-        The length along the points at those that are kept.
+        The length along the points at the kept points.
     fine : ndarray
         The lengths at which the curve is drawn.
     """

@@ -1,7 +1,7 @@
 """The lines of a branch diagram: pieces of one branch in one style, drawn as one.
 
 Where branches coincide, as on a constant quantity, the upper line runs between rails in the colours
-of those beneath it.
+of the lines beneath.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NEAR = 3e-3
 LEAST_STRETCH = 0.01
 #: Parts in which a straight piece is drawn where a quantity is not straight along it.
 FINE = 64
-#: Parts of a straight piece at which it is seen whether a quantity is straight, too.
+#: Parts of a straight piece at which a quantity is compared with a straight line.
 TRIED = np.array([0.0, 0.37, 0.71, 1.0])
 #: Number of points at which common stretches are compared and drawn.
 SAMPLES = 17
@@ -46,7 +46,7 @@ class Stroke:
     is_thin : bool
         Whether the determinant is negative.
     ends : tuple of int
-        The nodes where it begins and ends.
+        The nodes where the line begins and ends.
     """
 
     points: Array
@@ -57,7 +57,7 @@ class Stroke:
 
     @property
     def kind(self) -> tuple[int, str, bool]:
-        """Branch, style and width: strokes that share them can be drawn as one."""
+        """Branch, style and width: strokes with equal kinds can be drawn as one stroke."""
         return self.branch, repr(self.style), self.is_thin
 
     def at(self, alpha: Array) -> Array:
@@ -139,7 +139,7 @@ def _hides(upper: Stroke, lower: Stroke, near: float) -> bool:
 
 
 def joined(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Return the same lines, those that follow each other in one style as one.
+    """Return the lines, with lines that follow each other in one style joined.
 
     Otherwise the dashes of short pieces would begin anew at every transition.
     """
@@ -164,7 +164,7 @@ def _as_one(run: Sequence[Stroke]) -> Stroke:
 
 
 def alike(strokes: Sequence[Stroke]) -> Iterator[tuple[Stroke, list[Array]]]:
-    """Yield the lines of one branch by style: one of them, and the points of all."""
+    """Yield a stroke of each style on one branch, and the points of all strokes of that style."""
     for _, group in groupby(sorted(strokes, key=lambda s: s.kind), key=lambda s: s.kind):
         some = list(group)
         yield some[0], [stroke.points for stroke in some]

@@ -37,7 +37,7 @@ LINE_STYLES: tuple[Any, ...] = (
 
 
 def styles_of(words: Iterable[str], wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a line style for every mode: the wanted one, else the next that is free."""
+    """Return a line style for every mode: the wanted style, else the next free style."""
     modes = list(dict.fromkeys(words))
     chosen = {word: wanted[word] for word in modes if word in wanted}
     free = [style for style in LINE_STYLES if style not in chosen.values()]

@@ -26,11 +26,12 @@ from pwscont.scenes.panels import Shown
 #: Kinds of points whose solutions are like the solutions around them, and need no remark.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
 HEADINGS = {1: "", -1: ", negative orientation"}
-#: States of more unknowns are shortened to so many at either end, and labels of more letters.
+#: Most unknowns and most letters of a label that are printed, and the unknowns at either end of a
+#: shortened state.
 MOST_UNKNOWNS, MOST_LETTERS, AT_EITHER_END = 12, 90, 3
 HINT = "Long lines are shortened: pwscont run --full prints them in full."
 
-#: What is done to a label before it is printed.
+#: Returns the text that is printed for a label.
 Shortening = Callable[[str], str]
 
 

@@ -29,6 +29,7 @@ from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.linear.factorise import Factor
 from pwscont.stepping.stepper import CurvedSegment
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: No step is looked at in more places than these.
 MOST = 64
@@ -47,9 +48,14 @@ CLOSER, ROUNDS, ZOOM = 8, 3, 0.25
 SMOOTH = 3
 
 
-def gap_between_looks(gap: float, size: int) -> float:
-    """Return how far apart places are with so many unknowns, in the metric."""
-    return gap * sqrt(max(size / FEW, 1.0))
+def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
+    """Return how far apart the places are in which the steps of a system are looked at.
+
+    In the metric; infinite where no cell has a fold, for at fixed alpha its equations are linear.
+    """
+    if isinstance(system, SlicewiseLinearSystem):
+        return inf
+    return gap * sqrt(max(system.size / FEW, 1.0))
 
 
 def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:
@@ -65,9 +71,10 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     allowed : float
         Places are not looked at more closely where the curve is farther from the cubic than this.
     """
-    count = min(ceil(segment.length / gap_between_looks(gap, len(segment.chord) - 1)) - 1, MOST)
-    if count < 1 or segment.curve.selection.is_straight:
+    gap = gap_between_looks(segment.curve.selection.system, gap)
+    if segment.length <= gap:
         return 0.0
+    count = min(ceil(segment.length / gap) - 1, MOST)
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:

@@ -1,6 +1,6 @@
 """One case: a pure call from its number to a row of the table.
 
-Whatever runs the cases, each row depends on its number alone, but for the seconds it took.
+Each row depends on the number of its case alone, except for the seconds.
 
 Failure modes and answers
 -------------------------
@@ -35,7 +35,7 @@ class StudyRow:
         The number of the case, from 0.
     settings : mapping of str to value
     values : mapping of str to value
-        What was measured; None where there is nothing, or where it failed.
+        The measured values; None where there is nothing to measure or a measure failed.
     proven : bool
         Whether all graphs of the case are complete; else counts are least numbers.
     guarantee : str
@@ -55,7 +55,7 @@ class StudyRow:
 
     @property
     def numbers(self) -> tuple[object, ...]:
-        """All but the seconds: the same whenever and wherever the case is run."""
+        """All parts of the row except the seconds, equal for every run of the case."""
         values = tuple(self.values.items())
         return self.case, *self.settings.items(), values, self.guarantee, self.failure
 

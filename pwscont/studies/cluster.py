@@ -27,14 +27,14 @@ PATIENCE = 5.0
 
 
 def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterator[StudyRow]:
-    """Yield the rows of some cases, as they are finished.
+    """Yield the rows of some cases in the order in which the cases finish.
 
     Parameters
     ----------
     run : CaseRunner
     numbers : iterable of int
     address : str
-        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        The address of the scheduler, such as ``tcp://10.0.0.1:8786``.
 
     Raises
     ------

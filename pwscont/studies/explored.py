@@ -25,7 +25,7 @@ class ExploredCase:
     ----------
     settings : mapping of str to value
     guarantee : str
-        Of the first graph that was asked for or, where another one is not complete, of that.
+        The guarantee of the first graph, or of the first graph that is not complete.
     is_proven : bool
         Whether all graphs that were asked for are complete.
     failure : BaseException or None
@@ -40,7 +40,7 @@ class ExploredCase:
 
     @cached_property
     def graph(self) -> BranchGraph:
-        """The graph of the case, explored when it is first asked for."""
+        """The graph of the case; the first access explores the case."""
         if self.failure is None:
             try:
                 return self._noted(explored(self._problem(**self.settings)))

@@ -18,7 +18,7 @@ FIXED = ("case", "proven", "guarantee", "seconds", "failure")
 
 @final
 class Grid:
-    """All combinations of values, numbered from 0; those of the last setting change fastest.
+    """All combinations of values, numbered from 0; the last setting changes fastest.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _values(name: str, given: Any) -> tuple[Setting, ...]:
 
 
 def _plain(name: str, value: Any) -> Setting:
-    """Return a value as plain Python has it, so that it is the same in files and processes."""
+    """Return a value as a plain Python object, which files and processes keep unchanged."""
     plain = value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value
     finite = isinstance(plain, float) and isfinite(plain)
     if not (finite or isinstance(plain, bool | int | str)):

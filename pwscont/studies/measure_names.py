@@ -59,7 +59,7 @@ WITH_VALUE: Mapping[str, tuple[str, Callable[[str], Measure]]] = {
     "largest": ("QUANTITY@ALPHA", _largest),
     "smallest": ("QUANTITY@ALPHA", _smallest),
 }
-#: All of them, in words.
+#: All measures with their forms, in words.
 FORMS = ", ".join([*SIMPLE, *(f"{name}={form}" for name, (form, _) in WITH_VALUE.items())])
 
 

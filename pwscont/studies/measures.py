@@ -24,12 +24,12 @@ from pwscont.studies.explored import ExploredCase
 from pwscont.studies.problem import described
 
 Measured: TypeAlias = bool | int | float | str | tuple[Any, ...] | None
-#: Where no tolerance is given, a bracket is bisected to this part of its length.
+#: Without a tolerance, a bracket is bisected to this part of its length.
 BRACKET_PART = 1e-9
 
 
 class Measure(ABC):
-    """Something that is measured of each case; it must be the same whenever it is measured.
+    """A quantity that a study measures of each case; a case always has the same value.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Measure(ABC):
     [3]
     """
 
-    #: The further settings that are varied to measure it.
+    #: The further settings that the measure varies.
     varied: tuple[str, ...] = ()
 
     @abstractmethod
@@ -52,7 +52,7 @@ class Measure(ABC):
         Raises
         ------
         InvalidInputError
-            If it cannot be told; the row of the case then says why.
+            If the value cannot be told; the row of the case then says why.
         """
 
 
@@ -133,7 +133,7 @@ class NonUnique(Measure):
     """
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return the intervals; one with equal ends is a single alpha."""
+        """Return the intervals; an interval with equal ends is a single alpha."""
         return non_unique(case.graph)
 
 
@@ -328,7 +328,7 @@ def plain(value: Any) -> Measured:
     Raises
     ------
     InvalidInputError
-        If it is not a number, a text or a sequence of them.
+        If the value is not a number, a text or a sequence of numbers and texts.
     """
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()

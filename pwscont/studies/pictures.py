@@ -29,9 +29,9 @@ from pwscont.studies.grid import Setting
 
 #: The name of a column -> a masked array.
 Column: TypeAlias = Callable[[str], Any]
-#: Whole numbers up to so many different ones have a colour each.
+#: Most different whole numbers that have a colour each.
 FEW = 9
-#: So many maps stand in one row, more in a square; and most maps.
+#: Most maps in a single row (more maps stand in a square), and most maps.
 ACROSS, MOST_MAPS = 3, 12
 #: One solution is nearly white; more are darker.
 SHADES = "YlGnBu"
@@ -53,7 +53,7 @@ class Drawing:
     over : dict of str to tuple
         These settings.
     values, unproven, failed : ndarray
-        One axis for each of them.
+        One axis for each setting.
     """
 
     def __init__(self, name: str, over: Mapping[str, Sequence[Setting]], column: Column) -> None:
@@ -70,7 +70,7 @@ class Drawing:
 
     @property
     def levels(self) -> npt.NDArray[np.float64] | None:
-        """The values where they are few whole numbers or infinite, else None."""
+        """The values, if all are whole or infinite and few differ; else None."""
         found = np.unique(self.values.compressed())
         finite = found[np.isfinite(found)]
         few = len(found) <= FEW and bool((finite == finite.round()).all())

@@ -77,7 +77,7 @@ def checked_problem(given: Any) -> Problem:
 
 
 def check_settings(problem: Problem, names: Iterable[str]) -> None:
-    """Refuse settings that a problem does not take, or that are fixed.
+    """Refuse fixed settings, and settings that a problem does not take.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def check_settings(problem: Problem, names: Iterable[str]) -> None:
 
 
 def _settings_of(problem: Problem) -> list[str] | None:
-    """Return the names of the settings of a problem; None where it takes any."""
+    """Return the names of the settings of a problem; None for a problem that takes any setting."""
     if isinstance(problem, RegisteredScene):
         return list(scene_settings(problem.name))
     try:
@@ -128,7 +128,7 @@ def explored(made: Any) -> BranchGraph:
     Raises
     ------
     InvalidInputError
-        If that has no graph, as a scene with two parameters.
+        If the problem has no graph, as a scene with two parameters has none.
     KeyboardInterrupt
         If Ctrl-C was pressed: half a graph is no case.
     """

@@ -1,4 +1,4 @@
-"""What numbers depend on beside what a study asks: the versions of what computes them."""
+"""The versions of the programs on which the numbers of a study depend."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ INSTALL = "pip install {0}, or pip install '.[study]' in a checkout of pwscont"
 
 @final
 class StudyResult:
-    """The rows of a study, read from its store when they are asked for.
+    """The rows of a study, read from its store at each access.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class StudyResult:
         return len(self) == self.total
 
     def failures(self) -> list[StudyRow]:
-        """Return the rows of which something failed."""
+        """Return the rows with a failure."""
         return [row for row in self if row.failure]
 
     def __repr__(self) -> str:
@@ -133,7 +133,7 @@ class StudyResult:
         -------
         numpy.ma.MaskedArray
             One axis for each setting, in the order of :attr:`over`; masked where there is no row
-            or no value. Of numbers, else of objects.
+            or no value. An array of numbers, or of objects if some values are no numbers.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class StudyResult:
         return _typed(masked).reshape(self._grid.shape)
 
     def graph(self, **settings: Setting) -> BranchGraph:
-        """Return the graph of a case, where graphs were kept; it is without its system.
+        """Return the graph of a case of a study that kept graphs; the graph has no system.
 
         Raises
         ------
@@ -230,7 +230,7 @@ class StudyResult:
         Raises
         ------
         InvalidInputError
-            If it cannot be written.
+            If the file cannot be written.
         """
         unfinished = Path(f"{path}.unfinished")
         try:
@@ -265,7 +265,7 @@ def _cell(row: StudyRow, name: str) -> Any:
 
 
 def _typed(values: Any) -> Any:
-    """Return numbers as numbers, all other values as they are."""
+    """Return floats for numbers, all other values unchanged."""
     kinds = {type(value) for value in values.compressed()}
     kind = next((k for k in (bool, int, float) if kinds <= {k}), None)
     if kind is None and kinds <= {int, float}:
@@ -288,7 +288,7 @@ def _filled(values: Any) -> npt.NDArray[Any]:
 
 
 def _text(value: Any) -> Any:
-    """Return a value as it stands in a file: nothing for None, JSON for several numbers."""
+    """Return the text for a value in a file: nothing for None, JSON for several numbers."""
     if value is None:
         return ""
     return json.dumps(value) if isinstance(value, tuple) else value

@@ -10,7 +10,7 @@ Failure modes and answers
 - The power fails: the last rows may be missing, and their cases run again.
 - Bytes of the file change: the store is refused.
 - The disk is full: the study ends with an error; what was written stays.
-- Two processes work on one store: the first locks it until it ends, however it ends.
+- Two processes work on one store: the first process locks the store until that process ends.
 - The store is of another study, or of other versions: the difference is named, before any work.
 """
 
@@ -28,7 +28,7 @@ from pwscont.basics.looks import counted, named, short
 from pwscont.studies.case import StudyRow
 
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"
-#: SQLite keeps this text: a store of another version has another one.
+#: SQLite keeps this text: a store of another version has another text.
 TABLE = "CREATE TABLE study_1 (number INTEGER PRIMARY KEY, text, checksum)"
 #: With a log, a row does not wait for the disk.
 LOG = "PRAGMA journal_mode = WAL"
@@ -57,7 +57,7 @@ class Store:
     Parameters
     ----------
     path : path or None
-        Made if it does not exist; None for memory.
+        The file, which is made if there is none; None for memory.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class Store:
         Raises
         ------
         InvalidInputError
-            If it cannot be written.
+            If the row cannot be written.
         """
         self._write(row.case, json.dumps(_parts(row)))
 
@@ -127,7 +127,7 @@ class Store:
         return json.loads(found[0])
 
     def check(self, about: Mapping[str, Any]) -> None:
-        """Refuse the store of another study; the first time, write what this one is about.
+        """Refuse the store of another study; into an empty store, write what this study is about.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class Store:
         return InvalidInputError(f"cannot use the store {self.path or 'in memory'}: {why}")
 
     def _open(self) -> None:
-        """Lock the file, begin it if it is new, and read it once from end to end."""
+        """Lock the file, begin a new file, and read an old file once from end to end."""
         self._data.executescript(LOCK)
         table = self._value("SELECT group_concat(sql) FROM sqlite_master")
         if table not in {None, TABLE}:

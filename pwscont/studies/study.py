@@ -2,7 +2,7 @@
 
 Failure modes and answers
 -------------------------
-- Ctrl-C: the study ends with the rows that are finished, and says that it is not.
+- Ctrl-C: the study ends with the finished rows, and says that the study is not finished.
 - The program is killed: with a store, a study that resumes runs the cases that are missing.
 - The functions have changed since the store was begun: a finished case is run again before the
   study resumes, and compared.
@@ -104,16 +104,16 @@ class Study:
         graphs: str | Path | None = None,
         report: CasesDone = silent_cases,
     ) -> StudyResult:
-        """Run all cases; every number is the same whatever runs them, but for the seconds.
+        """Run all cases; every number except the seconds is the same on every machine.
 
         Parameters
         ----------
         workers : int
-            Number of processes; with 1 the cases run in this one.
+            Number of processes; with 1 the cases run in this process.
         scheduler : str, optional
             Address of a Dask scheduler, whose workers run the cases instead.
         store : path, optional
-            The file that keeps every row as it comes; default memory.
+            The file in which every finished row is kept at once; default memory.
         resume : bool
             Whether to go on with the study that the store holds. Rows that are there are kept,
             failed ones, too.
@@ -169,7 +169,7 @@ class Study:
 
 
 def _check_quickest(kept: Store, run: CaseRunner) -> None:
-    """Run the quickest of the stored cases again, and refuse a store of which it differs."""
+    """Run the quickest stored case again; refuse a store with another row for that case."""
     finished = (row for row in kept if not row.failure)
     row = min(finished, key=lambda row: row.seconds, default=None)
     if row is not None and next(in_process(run, [row.case])).numbers != row.numbers:
@@ -182,7 +182,7 @@ def _check_quickest(kept: Store, run: CaseRunner) -> None:
 def _rows(
     run: CaseRunner, kept: Store, workers: int, scheduler: str | None
 ) -> Generator[StudyRow, None, None]:
-    """Yield the rows that are missing, as they are finished."""
+    """Yield the missing rows in the order in which the cases finish."""
     left = len(run.grid) - len(kept)
     missing = (number for number in range(len(run.grid)) if number not in kept)
     if not left:
@@ -198,7 +198,7 @@ def _rows(
 def _keep(
     rows: Generator[StudyRow, None, None], kept: Store, total: int, report: CasesDone
 ) -> bool:
-    """Store rows as they come; returns whether Ctrl-C ended them."""
+    """Store every finished row at once; returns whether Ctrl-C ended the study."""
     try:
         with closing(rows):
             before = len(kept)

@@ -1,15 +1,15 @@
 """Cases on the cores of this machine: processes that each run one case at a time.
 
-Each process has a pipe of its own. So it is known which case ended a process, no other case has to
-be run again, and the other processes go on.
+Each process has a pipe of its own. Therefore the case that ends a process is known, no other case
+has to be run again, and the other processes go on.
 
 Failure modes and answers
 -------------------------
-- A process dies, killed for its memory, say: it is replaced, and its case runs again. A case that
-  ends three processes becomes a failed row.
+- A process dies, killed for its memory, say: another process takes its place and runs its case. A
+  case that ends three processes becomes a failed row.
 - Processes die before their first case, as those of a script without ``__main__`` guard do, or
   cannot import what they are to run: the study is refused with what to do.
-- Ctrl-C reaches all processes of a terminal: the workers ignore it, this process ends them.
+- Ctrl-C reaches all processes of a terminal: workers ignore Ctrl-C, this process ends the workers.
 - This process is killed: the pipes close, and the workers end after the cases they are at.
 """
 
@@ -28,7 +28,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.linear.threads import one_thread_in_children
 from pwscont.studies.case import CaseRunner, StudyRow
 
-#: A case that ends so many processes fails.
+#: A case that ends this number of processes fails.
 MOST_DEATHS = 3
 #: Processes begin as new interpreters, which is safe with threads and the same on all systems.
 SPAWN = get_context("spawn")
@@ -57,7 +57,8 @@ def _no_interrupts() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # the first process starts it, and it would unblock them
+    # the first process would start the tracker, and the tracker would unblock signals
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -72,9 +73,9 @@ class Worker:
     Attributes
     ----------
     case : int or None
-        The case that it is at.
+        The case that the process computes.
     is_ready : bool
-        Whether it could load what it is to run.
+        Whether the process could load the study.
     """
 
     def __init__(self, run: bytes) -> None:
@@ -98,16 +99,16 @@ class Worker:
         self._say(self._pipe.send, case)
 
     def _say(self, send: Any, what: Any) -> None:
-        with suppress(OSError):  # if it has ended, the next answer tells
+        with suppress(OSError):  # a process that has ended is noticed at the next answer
             send(what)
 
     def answer(self) -> StudyRow | str | None:
-        """Return what it has sent, None if it has sent nothing.
+        """Return the answer of the process; None before it has answered.
 
         Raises
         ------
         EOFError
-            If it has ended.
+            If the process has ended.
         """
         try:
             if self._pipe.poll():
@@ -127,7 +128,7 @@ class Worker:
 
 
 def on_workers(run: CaseRunner, numbers: Iterable[int], count: int) -> Iterator[StudyRow]:
-    """Yield the rows of some cases, as they are finished.
+    """Yield the rows of some cases in the order in which the cases finish.
 
     Parameters
     ----------

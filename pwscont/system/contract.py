@@ -142,8 +142,7 @@ def _has_methods(system: PiecewiseSystem) -> bool:
 def checked_size(system: PiecewiseSystem) -> int:
     """Return the number of unknowns, or say that the system has none."""
     size = getattr(system, "size", None)
-    is_number = isinstance(size, int | np.integer) and not isinstance(size, bool)
-    if not is_number or size < 1:
+    if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise InvalidSystemError(
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )

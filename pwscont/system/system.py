@@ -23,7 +23,7 @@ from pwscont.system.undefined import Undefined
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
-#: Slots that ``within`` does not copy from a system to its copy for an interval.
+#: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
 
 
@@ -145,18 +145,8 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def gives_scale(self) -> bool:
         """Whether typical magnitudes are given, or were found."""
-        own = type(self).scale is not PiecewiseSystem.scale or "scale" in self.__dict__
-        return own or self.is_measured
-
-    @property
-    def knows_jacobian(self) -> bool:
-        """Whether derivatives are more than differences that depend on typical magnitudes."""
-        return type(self).jacobian is not PiecewiseSystem.jacobian
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether a run found typical magnitudes that differ from one."""
-        return self._is_fitted and bool((self._differences.scale[:-1] != 1.0).any())
+        own = type(self).scale is not PiecewiseSystem.scale or "scale" in vars(self)
+        return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
     def _is_fitted(self) -> bool:
@@ -217,8 +207,7 @@ class PiecewiseSystem(Undefined, ABC):
     def bounds(self) -> tuple[Any, Any]:
         """Return between which values z makes sense, each broadcastable to (n,); default all.
 
-        Solutions outside are no starts, and a branch that leaves the bounds ends there: a
-        negative voltage, a concentration above one.
+        Solutions outside are no starts, and a branch that leaves its bounds ends there.
         """
         return -np.inf, np.inf
 
@@ -235,7 +224,7 @@ class PiecewiseSystem(Undefined, ABC):
         return tuple(f"z[{i}]" for i in range(self.size))
 
     def __repr__(self) -> str:
-        size = getattr(self, "size", None)  # a repr does not fail, not even of half a system
+        size = getattr(self, "size", None)  # half a system has a repr, too
         return f"{type(self).__name__}({counted(size, 'unknown') if isinstance(size, int) else ''})"
 
     def _repr_html_(self) -> str:

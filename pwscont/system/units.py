@@ -1,4 +1,4 @@
-"""Units of test functions: those in which products of tests cannot be computed are refused."""
+"""Units of tests and equations: those that cannot be computed with are refused."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.rounding import EPS
 from pwscont.system.system import PiecewiseSystem
 
 #: Squares of magnitudes up to this one, and of its inverse, are numbers.
 LARGEST = 1e150
+#: Values of H whose terms are smaller than this lose digits to underflow.
+LEAST = float(np.finfo(float).tiny) / EPS
 
 
 def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
@@ -33,4 +36,25 @@ def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
             f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
             f"{changes[bad[0]]:.3g}, outside the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which "
             "squares can be computed: multiply the test function by a constant"
+        )
+
+
+def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
+    """Refuse equations whose terms are so small that their values lose digits to underflow.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    terms : ndarray, shape (n,)
+        How large the terms of each row are.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST))
+    if len(bad):
+        raise InvalidSystemError(
+            f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
+            f"less than {LEAST:.3g}, where numbers lose digits: multiply it by a constant"
         )

@@ -99,7 +99,7 @@ class Bounds(TransitionDetector):
             return None
         curve, state = ray.curve, ray.state
         out = self._side * state.tangent[self._which] < -self._level(curve, state)
-        found = np.flatnonzero(self._is_on(curve, state) & out) if out.any() else ()
+        found = np.flatnonzero(self._is_on(curve, state) & out if out.any() else out)
         return self._message(int(found[0])) if len(found) else None
 
     def _message(self, index: int) -> str:

@@ -1,4 +1,4 @@
-"""The diagrams of a view, as Bokeh draws them; the page fills them with numbers.
+"""The diagrams of a view, as Bokeh draws them; the page fills the diagrams with numbers.
 
 Imported only where a view is asked for. Sources and ranges have the names by which the page's
 programs find them.
@@ -43,7 +43,7 @@ PARTS = ("diagram", "strip", "body", "curves")
 
 
 def document_of(body: dict[str, Any] | None) -> Document:
-    """Return the diagrams, with those of a body if there is one."""
+    """Return the diagrams, with diagrams of the body of a system with a body."""
     document = Document()
     roots = {"diagram": diagram(), "strip": strip()}
     if body:

@@ -29,7 +29,7 @@ class Numbers:
     names : tuple of str
         The names of the columns: the parameter, the unknowns, the recorded quantities.
     unknowns : int
-        How many of them are unknowns.
+        How many of the columns are unknowns.
     rows : ndarray, shape (r, 1 + n + m)
         nan where a recorded quantity failed.
     pieces : list of ndarray of int
@@ -130,7 +130,7 @@ def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
 
 
 def _increasing(length: Array) -> Array:
-    """Return lengths of which none are equal, so that one can interpolate."""
+    """Return strictly increasing lengths, so that interpolation is possible."""
     least = APART * (length[-1] or 1.0)
     return np.append(0.0, np.cumsum(np.maximum(np.diff(length), least)))
 

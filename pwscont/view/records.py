@@ -120,7 +120,7 @@ def _pieces(graph: BranchGraph, numbers: Numbers) -> dict[str, Any]:
 
 
 def _points(graph: BranchGraph, numbers: Numbers) -> list[dict[str, Any]]:
-    """Return the special points; those that are nodes are solutions as well."""
+    """Return the special points; nodes are solutions as well."""
     branch, points = _branches(graph), graph.special_points()
     return [
         _point(graph, point, branch) | {"row": int(row)}
@@ -144,7 +144,7 @@ def _start_of(graph: BranchGraph, point: SpecialPoint) -> int:
 
 
 def _branches(graph: BranchGraph) -> dict[int, int]:
-    """Return the branch of each node; they are numbered as by ``graph.components()``."""
+    """Return the branch of each node; branches are numbered as by ``graph.components()``."""
     nodes = [point.id for point in graph.special_points() if point.id >= 0]
     parts = connected(nodes, [(piece.start, piece.end) for piece in graph.pieces])
     return {node: branch for branch, part in enumerate(parts) for node in part}

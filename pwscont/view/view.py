@@ -111,7 +111,7 @@ class View:
         Raises
         ------
         InvalidInputError
-            If it cannot be written.
+            If the file cannot be written.
         """
         target, content = Path(path), self.html.encode("utf-8")
         if not target.name:
