@@ -212,7 +212,7 @@ def test_regimes_of_a_lower_bound_one_by_one():
             [
                 [eye - lead, -lead, eye],
                 [-0.1 * eye, eye - 0.99 * lead, 0.0 * eye],
-                [-free[:, np.newaxis] * rule, eye],
+                [-1.0 * free[:, np.newaxis] * rule, eye],
             ]
         )
         z = np.linalg.solve(A, np.concatenate([0.01 - eye[0] * shock, 0.0 * eye[0], 0.01 * free]))
