@@ -35,8 +35,12 @@ def _polyhedron(equations, sides):
     inner, free = _solve(equal) if equal else (None, ways)
     if free:
         return None, len(free)
-    pairs = list(zip(inner or [], ways, strict=True))
-    return tuple(s + sum(w * way[i] for w, way in pairs) for i, s in enumerate(start)), 0
+    weights = inner or ()
+    point = [
+        s + sum(w * way[i] for w, way in zip(weights, ways, strict=True))
+        for i, s in enumerate(start)
+    ]
+    return tuple(point), 0
 
 
 def _is_feasible(rows, unknowns):

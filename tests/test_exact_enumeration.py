@@ -179,7 +179,7 @@ def test_extreme_loads_are_refused_as_explore_does(size):
 
 
 def lower_bound(switches, periods):
-    """Perfect foresight with a bound on the rate in the first periods; alpha is a shock."""
+    """Perfect foresight, the interest rate bounded in the first periods; alpha is a shock."""
     T, n = switches, periods
     lag, lead, first = np.eye(n, k=-1), np.eye(n, k=1), np.eye(n)[0]
 

@@ -81,12 +81,12 @@ def test_bumps_wider_than_stated_are_found(shape, w, seed):
 
 
 def test_a_smaller_gap_finds_narrower_bumps_and_the_graph_states_it(tmp_path):
-    close = PseudoArclength(step_size=StepSize(gap=0.0015))
+    close = PseudoArclength(step_size=StepSize(gap=0.0007))
     for seed in range(2):
         system = Bump("gauss", 2e-4, np.random.default_rng(seed))
         start = system.c + 0.5
         graph = trace(system, (system.at(start), system.alpha(start)), INTERVAL, stepper=close)
         assert agrees(system, graph)
-    assert "closer together along a curve than 0.0015" in graph.searched.unseen
+    assert "closer together along a curve than 0.0007" in graph.searched.unseen
     graph.save(tmp_path / "graph.npz")
     assert BranchGraph.load(tmp_path / "graph.npz").searched.unseen == graph.searched.unseen

@@ -12,7 +12,7 @@ from pwscont.basics.errors import InvalidInputError
 WANTED_STRAIN = 0.5
 TINY = 1e-300
 FIRST = 0.02
-GAP = 0.01
+GAP = 0.0025
 
 
 @final

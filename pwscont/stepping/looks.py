@@ -33,7 +33,7 @@ from pwscont.stepping.stepper import CurvedSegment, Stepper
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: No step is looked at in more places than these.
-MOST = 64
+MOST = 256
 #: Up to so many unknowns a look costs little beside a step.
 FEW = 8
 #: How much the distances between places vary, as a part of them.
