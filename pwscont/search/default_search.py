@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 
 from pwscont.basics.arrays import Array
@@ -12,7 +13,7 @@ from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
 from pwscont.search.slices import EndPoints, Slices
-from pwscont.search.throughout import Throughout
+from pwscont.search.throughout import Throughout, affordable_starts
 from pwscont.system.blocks import number_of_cells
 from pwscont.system.own_searches import BringsSearches
 from pwscont.system.system import (
@@ -28,6 +29,8 @@ MANY_CELLS = 4**10
 MANY_INTERFACES = 2_000_000
 #: Cells of a curved system in which Newton can be tried in a second or two.
 MANY_NEWTONS = 2**11
+#: Random starts at each end where these are all that is left.
+FEWEST, MOST = 4, 20
 #: Unknowns of a curved system that is searched inside of the interval as well.
 MANY_UNKNOWNS = 200
 #: Slices between the ends, to find loops: from the first to the second number, as long as their
@@ -57,11 +60,12 @@ def _most_complete(
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
         ends = _from_many(around)
-        few = system.size <= MANY_UNKNOWNS
-        many: Search = Throughout.affordable(system, ends) if few else ends
+        is_small = system.size <= MANY_UNKNOWNS
+        many: Search = Throughout.affordable(system, ends) if is_small else ends
         return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
+    some = replace(_from_many(around), count=affordable_starts(system, FEWEST, MOST))
     if _needs_too_many_cells(system):
-        return _added_up(_from_many(around), system)
+        return _added_up(some, system)
     blocks = system.blocks()
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
@@ -71,7 +75,7 @@ def _most_complete(
         cells = cells_to_try(system, Metric.of(system, interval), interval[0])
     if cells <= MANY_CELLS:
         return _ends_and_slices(cells, interval)
-    return _added_up(_from_many(around), system)
+    return _added_up(some, system)
 
 
 def _from_many(around: Sequence[Array]) -> MultiStart:

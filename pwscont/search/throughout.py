@@ -79,7 +79,7 @@ class Throughout(Search):
     @classmethod
     def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Throughout:
         """Return the search that a budget of evaluations allows for a system of this size."""
-        starts = min(EVALUATIONS // ((system.size + 2) * USUAL), 63)
+        starts = affordable_starts(system, 1, 63)
         slices = int(min(max(starts**0.5, 3), 9))
         return cls(ends, slices, max(starts // slices, 1))
 
@@ -250,6 +250,11 @@ class _Looking:
             self.box, x, error, metric.scale
         )
         return (x, error) if is_usable else None
+
+
+def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:
+    """Return how many starts a budget of evaluations allows for a system of this size."""
+    return min(max(EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)
 
 
 def _part(number: int) -> float:
