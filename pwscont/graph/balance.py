@@ -107,6 +107,16 @@ def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
     return point.kind == Kind.END or ends or ON_BOUND in point.message
 
 
+#: Failures after which a branch is said to run to infinity.
+TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLAT)
+
+
+def leaves_upright(graph: Queries, point: SpecialPoint) -> bool:
+    """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
+    runs = any(reason.value in point.message for reason in TO_INFINITY)
+    return runs and graph.is_beside_infinite(point.alpha)
+
+
 class Balance(Queries):
     """The balance of a branch graph; see :class:`pwscont.BranchGraph`."""
 
@@ -163,12 +173,12 @@ class Balance(Queries):
         """Return the stretches in which the balance is not what it must be.
 
         Without a known degree: the stretches whose balance differs from the most frequent one, each
-        without the signs of branches that end on purpose.
+        without the signs of branches that end on purpose, or run to infinity at one alpha.
         """
         judged = self._judged()
         degree = self.system.degree if self.system else None
         if degree is None:
-            ends = [(p, n) for p, n in loose_ends(self).items() if is_on_purpose(self, p)]
+            ends = [(p, n) for p, n in loose_ends(self).items() if self._may_end(p)]
             judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
             values = [value for value, _ in judged]
             degree = max(values, key=values.count, default=None)
@@ -179,6 +189,9 @@ class Balance(Queries):
             else:
                 merged.append((lo, hi))
         return merged
+
+    def _may_end(self, point: SpecialPoint) -> bool:
+        return is_on_purpose(self, point) or leaves_upright(self, point)
 
     @cached_property
     def _alpha_errors(self) -> Array:
@@ -216,8 +229,8 @@ def verdict(graph: Balance) -> str:
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
-    if not doubts and not graph.pieces and not promises:
-        return f"nothing found by {graph.searched.what}"
+    if not graph.pieces and not graph.infinite and not promises:
+        return "; ".join([f"nothing found by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
@@ -314,6 +327,8 @@ def _what_happened(graph: Balance, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
+    if leaves_upright(graph, point):
+        return "infinitely many solutions"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
