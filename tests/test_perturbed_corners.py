@@ -133,7 +133,7 @@ class Switches(Cone):
 
 @pytest.mark.parametrize("k", [2, 3, 4, 5])
 def test_switches_have_the_rays_of_brute_force(k):
-    """By one factorisation for all cells; several rays, and folds, among them."""
+    """Cell by cell; several rays, and folds, among them."""
     several = 0
     for seed in range(40):
         rng = np.random.default_rng([seed, k])

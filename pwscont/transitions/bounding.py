@@ -38,8 +38,8 @@ from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.corner.complementary import SLANT
 from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
+from pwscont.transitions.corner.simple import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (

@@ -24,17 +24,21 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.complementary import NOISE, SLANT, rays_by_switches, switches
 
 #: A direction d of length one in the metric, and the cells that it belongs to.
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
 
 #: Corners with up to this many cells are tried cell by cell at first.
 FEW_CELLS = 64
+#: A test whose slope is below this part of its terms may as well stay zero.
+SLANT = EPS**0.5
+#: What a direction of length one errs by, as SLANT sees it: a component that is zero is rounding.
+NOISE = GUARD * EPS / SLANT
 #: Most vanishing tests of a system without blocks, whose cells are gone through one by one.
 MANY_TESTS = 12
 
@@ -63,9 +67,7 @@ def simple_corner(
     if prod(map(len, choices)) > FEW_CELLS:
         return None
     cells = [_with_modes(here, blocks, modes) for modes in product(*choices)]
-    pairs = switches(system, here, blocks, choices, zero)
-    by_switches = rays_by_switches(system, metric, x, cells[0], pairs) if pairs else None
-    return _cell_by_cell(system, metric, x, zero, cells) if by_switches is None else by_switches
+    return _cell_by_cell(system, metric, x, zero, cells)
 
 
 def _cell_by_cell(
