@@ -57,7 +57,7 @@ class Ray:
         For a ray along an interface, all cells that it belongs to; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
-        small changes of H make of it, see :mod:`pwscont.transitions.corner.index`.
+        small changes of H make of it, see :mod:`pwscont.transitions.corner.enumeration`.
     """
 
     curve: Curve
