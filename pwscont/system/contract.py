@@ -76,7 +76,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     Raises
     ------
     InvalidSystemError
-        Naming the method, what it returned and what it should return.
+        The message names the method, what the method returned and what it should return.
     """
     given, tests = z.copy(), system.test_functions(z, alpha)
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
@@ -101,7 +101,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
 
 
 def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
-    """Return the tests that bound a cell, or say that they are no numbers of tests."""
+    """Return the tests that bound a cell, or refuse indices that are no numbers of tests."""
     found = system.bounding_tests(character)
     if isinstance(found, range | list | tuple | np.ndarray):
         numbers = indices(found)
@@ -155,7 +155,7 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
     Raises
     ------
     InvalidInputError, InvalidSystemError
-        If they are not as many positive numbers as there are unknowns.
+        If there are not as many positive numbers as unknowns.
     """
     scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
     if scale.shape != (system.size,) or not is_everywhere(scale > 0.0):
@@ -171,7 +171,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
     Raises
     ------
     InvalidInputError
-        If they are not positive numbers that can be broadcast to that shape.
+        If the numbers are not positive or cannot be broadcast to that shape.
     """
     if magnitudes is None:
         return None
@@ -182,7 +182,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names that are not texts, one for each unknown, all different.
+    """Refuse names unless there is one text for each unknown and all names differ.
 
     Raises
     ------
@@ -206,32 +206,32 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     Raises
     ------
     InvalidSystemError
-        If the shape is wrong here, even if it was right at other points.
+        If the shape is wrong at this point, even if the shape was right at other points.
     """
     value = system.residual(z, alpha, character)
     return own_array(system, "residual", value, (system.size,))
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return c of H_after - H_before = c kappa_test as a system knows it, shape (n,).
+    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as the system states it.
 
-    In an array that the system may use for the next one.
+    The system may reuse the array for its next value.
 
     Raises
     ------
     InvalidSystemError
-        If it is no vector of that length.
+        If the value is no vector of that length.
     """
     return checked_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
-    """Return dH_chi / d(z, alpha), shape (n, n + 1); dense or sparse, a matrix of its own.
+    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a dense or sparse copy.
 
     Raises
     ------
     InvalidSystemError
-        If the shape is wrong here, even if it was right at other points.
+        If the shape is wrong at this point, even if the shape was right at other points.
     """
     return own_matrix(lent_jacobian_at(system, z, alpha, character))
 
@@ -239,6 +239,6 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 def lent_jacobian_at(
     system: PiecewiseSystem, z: Array, alpha: float, character: Character
 ) -> Matrix:
-    """Return the same, in an array that the system may use for the next one."""
+    """Return dH_chi / d(z, alpha) without a copy, for use before the next value."""
     jacobian = system.jacobian(z, alpha, character)
     return checked_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))

@@ -2,8 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- A kink between samples: second differences show it, for they shrink like the step, not like its
-  square; a bump as narrow as a step shrinks in the end, so three lengths of steps are compared.
+- A kink between samples: second differences of a kink shrink like the step, those of a smooth
+  function like the square of the step; a bump as narrow as a step shrinks in the end, so three
+  lengths of steps are compared.
 - Rounding looks like a kink: differences below a part of the values are left alone.
 - What holds for solutions only is checked only where H is zero to rounding.
 """
@@ -36,7 +37,7 @@ DIRECTIONS, SAMPLES = 4, 33
 #: then shrink at least: half way between that of a kink and that of a parabola, on a log scale.
 FINER = 8
 SHRINK = float(FINER) ** 1.5
-#: A solution larger than its typical magnitude by this factor refutes that magnitude.
+#: A solution larger than its typical magnitude by this factor refutes the magnitude.
 FAR = 1e3
 #: Most modes of a block that are compared.
 MOST_MODES = 64
@@ -50,9 +51,9 @@ class Defect:
     Attributes
     ----------
     what : str
-        Which promise, and which method or test function broke it.
+        The broken promise, and the method or test function that breaks the promise.
     z, alpha
-        Where.
+        The point.
     size : float
         How far off, relative to the size of what was compared; nan where nothing was.
     """
@@ -133,7 +134,7 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
 
 
 def _kink(function: Callable[[float], Array]) -> float | None:
-    """Return where in (-1, 1) a function has a kink, None where it is smooth or not finite."""
+    """Return the place in (-1, 1) of a kink of a function, None without a kink."""
     lo, hi, before, size = -1.0, 1.0, None, 0.0
     for _ in range(3):
         t = np.linspace(lo, hi, SAMPLES)
@@ -151,7 +152,7 @@ def _kink(function: Callable[[float], Array]) -> float | None:
 
 
 def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Check that H and the tests are affine as promised, and that the blocks own their rows."""
+    """Check that H and the tests are affine as promised, and that blocks own their rows."""
     z, alpha = x[:-1], float(x[-1])
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
@@ -214,7 +215,7 @@ def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
 
 
 def _with_each_mode(character: Character, block: Block) -> Iterator[tuple[Character, Character]]:
-    """Yield the character with the first mode of a block, and with each of the others."""
+    """Yield pairs of characters: with the first mode of a block, and with each further mode."""
     first = _with_mode(character, block.tests, block.modes[0])
     for mode in block.modes[1:]:
         yield first, _with_mode(character, block.tests, mode)

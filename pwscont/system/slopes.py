@@ -1,7 +1,7 @@
 """Whether derivatives that a user gives are those of the user's functions.
 
-A Jacobian that is wrong in one number sends every step astray, or turns the wrong way at a fold,
-without a word. One generic direction shows a wrong number in its row, at the cost of two values.
+A Jacobian with one wrong number sends every step astray, or turns the wrong way at a fold, without
+a word. A single generic direction shows a wrong number in its row, at the cost of two values.
 
 Failure modes and answers
 -------------------------
@@ -30,12 +30,13 @@ from pwscont.system.system import PiecewiseSystem
 ASIDE = 0.01
 #: Lengths of steps, the first of which nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: By what part of its terms a derivative may be off, and quotients may differ from each other.
+#: A derivative may be off by the part WRONG of its terms; quotients may differ from each other by
+#: the part ALIKE.
 WRONG, ALIKE = 1e-4, 1e-5
 
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
-    """Refuse a Jacobian that is not that of H next to a point; one by differences always is.
+    """Refuse a Jacobian that is not the derivative of H next to a point; differences need no check.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
 def _wrong_row(
     function: Callable[[Array], Array], given: Matrix, x: Array, direction: Array
 ) -> int | None:
-    """Return the row in which a derivative is not that of a function, None where it is."""
+    """Return the row in which a derivative is not the function's; None if there is no such row."""
     slopes, terms = product(given, direction), product(abs(given), np.abs(direction))
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)

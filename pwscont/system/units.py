@@ -9,14 +9,14 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 from pwscont.system.system import PiecewiseSystem
 
-#: Squares of magnitudes up to this one, and of its inverse, are numbers.
+#: Squares of magnitudes up to this number, and of its inverse, are normal numbers.
 LARGEST = 1e150
 #: Values of H whose terms are smaller than this lose digits to underflow.
 LEAST = float(np.finfo(float).tiny) / EPS
 
 
 def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
-    """Refuse tests whose typical changes are so large or small that their squares are no numbers.
+    """Refuse tests whose typical changes have squares that overflow or underflow.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
 
 
 def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
-    """Refuse equations whose terms are so small that their values lose digits to underflow.
+    """Refuse equations whose terms are so small that the values lose digits to underflow.
 
     Parameters
     ----------
