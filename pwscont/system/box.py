@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 #: A range of at most this many deviations is narrow: a normal distribution would leave the range
 #: too often.
-NARROW = 8.0
+MOST_DEVIATIONS = 8.0
 
 
 @final
@@ -110,7 +110,7 @@ class Box:
         if near is not None:
             return self.inside(near + deviation * normal)
         width = np.minimum(self.upper - self.lower, self.period)
-        narrow = width <= NARROW * deviation
+        narrow = width <= MOST_DEVIATIONS * deviation
         away = np.where(narrow, np.where(narrow, width, 0.0) * even, deviation * normal)
         return self.inside(self.centre(deviation) + away)
 

@@ -35,7 +35,7 @@ STEP = EPS ** (1.0 / 3.0)
 #: The same for differences of fourth order.
 FINE_STEP = EPS**0.2
 #: A finer step is this part of the step before; the finest step leaves seven digits.
-FINER, FINEST = 1.0 / 16.0, 1.0 / 16.0**3
+REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
 #: A change of a value by at most this part of the value is rounding.
 ROUNDED = 4.0 * EPS
 #: Weights of fourth order of values at multiples of a step: on both sides, and on one side.

@@ -41,9 +41,9 @@ from pwscont.system.units import refuse_extreme_tests
 
 #: A function promised to be affine may differ from its affine model by this part of the function's
 #: terms: far more than rounding, far less than a curved function does over typical magnitudes.
-BENT = EPS**0.5
+AFFINE_DEFECT = EPS**0.5
 #: Several tests, each below this part of its terms, may vanish at the same corner.
-NEAR = EPS**0.5
+AT_CORNER = EPS**0.5
 #: Points at which H is evaluated where a search found nothing.
 PROBES = 8
 #: Cells in which the size of a row is asked for.
@@ -136,7 +136,7 @@ def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms
-    excess: Array = np.abs(value - origin - change) - BENT * terms
+    excess: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
     return excess
 
 
@@ -172,7 +172,7 @@ def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> 
     sizes = abs(selection.jacobian(x))
     terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
     rounding = GUARD * EPS * (sizes @ scale)
-    if (np.abs(start - 2.0 * middle + end) > BENT * terms + rounding).any():
+    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + rounding).any():
         raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
 
 
@@ -188,8 +188,8 @@ def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) ->
     rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
     terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
-    row = int(np.argmax(rest - BENT * terms))
-    if rest[row] > BENT * terms[row]:
+    row = int(np.argmax(rest - AFFINE_DEFECT * terms))
+    if rest[row] > AFFINE_DEFECT * terms[row]:
         raise InvalidSystemError(
             f"{type(selection.system).__name__}.residual and jacobian disagree in row {row} in "
             f"{selection.label}, reached at alpha = {x[-1]:.10g}: a Jacobian is wrong, or this "
@@ -220,7 +220,9 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     jacobians = one.jacobian(x), other.jacobian(x)
     excess = jump - sum(abs(jacobian) @ uncertain for jacobian in jacobians)
     if (excess > 0.0).any() and _is_corner((one, other), x, scale):
-        excess -= NEAR * (jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians))
+        excess -= AT_CORNER * (
+            jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians)
+        )
     row = int(np.argmax(excess))
     if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
         name, size = type(one.system).__name__, float(jump[row])
@@ -241,7 +243,7 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
     near: set[int] = set()
     for side in sides:
         sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
-        near |= set(side.bounding[np.abs(side.tests(x)) <= NEAR * sizes].tolist())
+        near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
     return len(near) > 1
 
 

@@ -24,7 +24,7 @@ from pwscont.system.system import (
 #: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
 #: Constant gradients of no more entries are kept.
-FEW = 4096
+MOST_KEPT_ENTRIES = 4096
 
 
 @final
@@ -143,7 +143,7 @@ class Selection:
         if self._gradients is not None:
             return self._gradients
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
-        if self.is_straight and rows.size <= FEW:
+        if self.is_straight and rows.size <= MOST_KEPT_ENTRIES:
             self._gradients = own_matrix(rows)
         return rows
 

@@ -27,12 +27,12 @@ from pwscont.system.differences import Differences
 from pwscont.system.system import PiecewiseSystem
 
 #: How far beside a point derivatives are compared, in typical magnitudes.
-ASIDE = 0.01
+DISTANCE_TO_POINT = 0.01
 #: Lengths of steps, the first of which nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: A derivative may be off by the part WRONG of its terms; quotients may differ from each other by
-#: the part ALIKE.
-WRONG, ALIKE = 1e-4, 1e-5
+#: A derivative that is off by more than the part WRONG_SLOPE of its terms is wrong; quotients that
+#: differ by at most the part EQUAL_QUOTIENTS of the terms agree.
+WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
 
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
@@ -77,7 +77,7 @@ def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
 def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
     """Return a point beside x, and a direction in which all steps stay in the interval."""
     direction = differences.scale * generic(len(x))
-    y, reach = x + ASIDE * direction, max(STEPS) * abs(direction[-1])
+    y, reach = x + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
     if differences.hi - differences.lo <= 2.0 * reach:
         direction[-1] = 0.0
     else:
@@ -96,9 +96,9 @@ def _wrong_row(
         forth, back = function(x + step * direction), function(x - step * direction)
         quotients.append((forth - back) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
-        wrong &= np.abs(quotients[-1] - slopes) > WRONG * sizes
+        wrong &= np.abs(quotients[-1] - slopes) > WRONG_SLOPE * sizes
         for one, other in pairwise(quotients):
-            wrong &= np.abs(one - other) <= ALIKE * sizes
+            wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
         if not wrong.any():
             return None  # nearly always at once
     return int(np.flatnonzero(wrong)[0])

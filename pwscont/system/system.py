@@ -66,7 +66,7 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
 
 #: The default of ``cells`` tries every sign pattern; beyond this number of tests the default asks
 #: for help.
-MANY_TESTS = 16
+MOST_TESTS_TO_TRY = 16
 #: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
 
@@ -329,7 +329,7 @@ def _number_of_tests(system: PiecewiseSystem) -> int:
 def has_too_many_tests(system: PiecewiseSystem) -> bool:
     """Tell whether a system without its own ``cells`` has too many sign patterns to try."""
     is_default = type(system).cells is PiecewiseSystem.cells
-    return is_default and _number_of_tests(system) > MANY_TESTS
+    return is_default and _number_of_tests(system) > MOST_TESTS_TO_TRY
 
 
 class SlicewiseLinearSystem(PiecewiseSystem):

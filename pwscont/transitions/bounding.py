@@ -54,12 +54,12 @@ from pwscont.transitions.rays import (
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
 #: a curvature of more than 1 / EPS^(1/2).
-CLEAR = EPS**0.75
+CLEAR_CROSSING = EPS**0.75
 #: Distance over which the slope changes, in the metric.
-NEARBY = 1e-6
+DISTANCE_TO_CURVATURE = 1e-6
 #: Places between both zeros where values of the test are compared with the parabola, as parts of
 #: the distance to the lowest point; and the largest difference allowed, as a part of the depth.
-BETWEEN, OFF = (0.5, 1.0, 1.5), 0.25
+PARABOLA_PLACES, PARABOLA_DEFECT = (0.5, 1.0, 1.5), 0.25
 
 
 def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
@@ -72,19 +72,21 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
         A point where a test that bounds the curve's cell vanishes, and falls along the tangent.
     test : int
     """
-    if curve.metric.norm(state.size) <= CLEAR:
+    if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
     index = int(np.flatnonzero(curve.selection.bounding == test)[0])
-    slope, further = -_slope(curve, state, index), _at(curve, state, NEARBY)
+    slope, further = -_slope(curve, state, index), _at(curve, state, DISTANCE_TO_CURVATURE)
     if further is None or not slope > 0.0:
         return None
     turn = slope + _slope(curve, further, index)
-    lowest = NEARBY * slope / turn if turn > 0.0 else np.inf
-    if not (lowest <= NEARBY and 0.5 * slope * lowest <= _rounding(curve, state, index)):
+    lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
+    if not (
+        lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= _rounding(curve, state, index)
+    ):
         return None
-    places = [_at(curve, state, part * lowest) for part in (*BETWEEN, 2.0)]
+    places = [_at(curve, state, part * lowest) for part in (*PARABOLA_PLACES, 2.0)]
     *between, rising = (place for place in places if place is not None)
-    if len(between) < len(BETWEEN) or _dips(curve, between, index, slope * lowest):
+    if len(between) < len(PARABOLA_PLACES) or _dips(curve, between, index, slope * lowest):
         return None
     if _leaves(curve, rising, index):
         return None
@@ -94,9 +96,9 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
 def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
     """Tell whether a test follows the parabola that begins at zero and is half of twice deep."""
     values = np.array([curve.selection.test(state.x, index) for state in between])
-    parts = np.array(BETWEEN)
+    parts = np.array(PARABOLA_PLACES)
     parabola = twice * (0.5 * parts**2 - parts)
-    return bool((np.abs(values - parabola) <= 0.5 * OFF * twice).all())
+    return bool((np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * twice).all())
 
 
 def _leaves(curve: Curve, rising: State, index: int) -> bool:
@@ -134,9 +136,9 @@ def _at(curve: Curve, state: State, s: float) -> State | None:
 #: Tests smaller than this part of their own terms are looked at more closely; on straight pieces,
 #: tests smaller than this part of the largest test, or of the largest slope times the length of the
 #: interval.
-NEAR = 1e-9
+NEXT_TO_ZERO = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
-LONG = 0.05
+LONG_STEP = 0.05
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
@@ -225,7 +227,7 @@ class BoundingTests(TransitionDetector):
 def next_to_zero(values: Array, slopes: Array) -> Indices:
     """Return the tests small enough that each may be zero all along a straight piece."""
     sizes = np.abs(values)
-    near = NEAR * max(largest(sizes), largest(np.abs(slopes)))
+    near = NEXT_TO_ZERO * max(largest(sizes), largest(np.abs(slopes)))
     if smallest(sizes) > near:
         return NONE  # nearly always
     return np.flatnonzero(sizes <= near)
@@ -236,7 +238,7 @@ def _next_to_zero(values: Array, terms: Array) -> Indices:
 
     Every test is measured in its own unit: the other tests may be zero as well, or far larger.
     """
-    above = plus(np.abs(values), -NEAR, terms)
+    above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
     return NONE if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
 
 
@@ -256,7 +258,7 @@ def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
 
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
     """Return the points inside a step in which the tests are looked at, all in the interval."""
-    if segment.length <= LONG:
+    if segment.length <= LONG_STEP:
         x = segment.inside
         return (x,) if segment.curve.metric.admits(x) else ()
     points = (segment.near(part * segment.length) for part in THIRDS)
@@ -270,7 +272,7 @@ def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
     """
     selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
     rows = selection.unsigned_gradients(state.x)
-    clear = NEAR * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
+    clear = NEXT_TO_ZERO * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
     return bool(((start.values < -clear) & (end.values < start.values)).any())
 
 
@@ -282,7 +284,7 @@ def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
     rides = (start.slopes == 0.0) & (end.slopes == 0.0)
     sizes = np.maximum(np.abs(start.values), np.abs(end.values))
-    deep = inside < -NEAR * np.maximum(terms, sizes)
+    deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
     return bool((deep & positive & ~rides).any())
 
 

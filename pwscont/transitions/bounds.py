@@ -34,7 +34,7 @@ from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
-LEVEL = EPS**0.5
+LEVEL_SLOPE = EPS**0.5
 EVERY = slice(None)
 
 
@@ -88,7 +88,7 @@ class Bounds(TransitionDetector):
 
     def _level(self, curve: Curve, state: State) -> Array:
         """Return slopes that are none, and distances that may be the error of a point."""
-        level = GUARD * EPS if curve.selection.is_straight else LEVEL
+        level = GUARD * EPS if curve.selection.is_straight else LEVEL_SLOPE
         sizes: Array = level * (curve.metric.scale + np.abs(state.x))[self._which]
         return sizes
 

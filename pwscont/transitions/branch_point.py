@@ -33,10 +33,10 @@ from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, Tr
 from pwscont.transitions.rays import Ray
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
-SLACK = 0.1
-MOST_HALVINGS = 10
+OUTSIDE_STEP = 0.1
+MOST_BISECTIONS = 10
 #: Distance at which the sign of det[J; t^T] is evaluated if no walk carries the sign along.
-NEARBY = EPS**0.25
+DISTANCE_TO_SIGN = EPS**0.25
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
@@ -109,9 +109,9 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
         return None
     tangent = found.directions[0]
     differences = curve.selection.system.differences(float(found.x[-1]))
-    if not differences.contains(found.x[-1] - NEARBY * tangent[-1]):
+    if not differences.contains(found.x[-1] - DISTANCE_TO_SIGN * tangent[-1]):
         tangent = -tangent
-    near = curve.selection.jacobian(found.x - NEARBY * tangent)
+    near = curve.selection.jacobian(found.x - DISTANCE_TO_SIGN * tangent)
     sign = bordered(near, curve.metric.covector(tangent), curve.metric.binary).sign
     return branch_point(curve, found, State(found.x, tangent, found.error, sign))
 
@@ -121,7 +121,7 @@ def _locate(
 ) -> Crossing | Failure:
     """Return the branch point on a segment, bisecting until Newton finds the point."""
     lo, hi = bracket
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         if isinstance(found, Crossing) and _belongs(segment, found.x):
@@ -135,7 +135,7 @@ def _locate(
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
     """Tell whether a branch point lies on the segment, or too close to its ends to decide."""
-    s, slack = segment.position(x), SLACK * segment.length
+    s, slack = segment.position(x), OUTSIDE_STEP * segment.length
     aside = segment.curve.metric.norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)
 

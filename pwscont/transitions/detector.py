@@ -20,7 +20,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
-FARTHEST = 0.1 / EPS**0.75
+FARTHEST_ZERO = 0.1 / EPS**0.75
 #: The smallest number by which any number may be divided without overflow.
 TINIEST = float(np.finfo(float).tiny)
 #: A message, or a function that returns the message: thousands of messages are never read.
@@ -31,7 +31,7 @@ UNKNOWN.setflags(write=False)
 
 
 #: Places on a straight piece at which functions without a slope are read.
-PLACES = 64
+PLACES_ON_RAY = 64
 
 
 def worded(said: Said) -> str:
@@ -49,7 +49,7 @@ def soonest(values: Array, slopes: Array) -> tuple[int, float]:
     first = int((slopes / np.maximum(values, TINIEST)).argmin())
     value, slope = float(values[first]), float(slopes[first])
     nearest = max(value, 0.0) / -slope if slope < 0.0 else math.inf
-    return first, nearest if nearest <= FARTHEST else math.inf
+    return first, nearest if nearest <= FARTHEST_ZERO else math.inf
 
 
 def ratio_test(values: Array, slopes: Array) -> Array:
@@ -60,7 +60,7 @@ def ratio_test(values: Array, slopes: Array) -> Array:
     falling = slopes < 0.0
     distances = np.full(len(falling), np.inf)
     np.divide(np.maximum(values, 0.0), -slopes, out=distances, where=falling)
-    distances[distances > FARTHEST] = np.inf
+    distances[distances > FARTHEST_ZERO] = np.inf
     return distances
 
 
@@ -200,7 +200,7 @@ class TransitionDetector(ABC):
 
     def _falls_by_reading(self, segment: Segment, which: Indices, farthest: float) -> Array:
         """Return where functions without a slope fall to zero on a ray, between places."""
-        places = np.linspace(0.0, farthest, PLACES + 1)[:-1]
+        places = np.linspace(0.0, farthest, PLACES_ON_RAY + 1)[:-1]
         read = np.array([values_on(self, segment, s)[which] for s in places])
         distances = np.full(len(which), np.inf)
         for k, row in enumerate(read.T):

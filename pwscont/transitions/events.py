@@ -45,10 +45,10 @@ GRADED = 10.0 ** np.arange(-7.0, -1.0)
 CLOSEST = EPS**0.5
 NONE = np.empty(0)
 #: If g comes no closer to zero than this part of its values, points of the cubic prove the sign.
-SHALLOW = 1e-3
+SHALLOW_DIP = 1e-3
 #: Distance beside an end of a step, as a part of the way to the next place, at which g shows how it
 #: changes.
-ASIDE = 1e-3
+DISTANCE_TO_PLACE = 1e-3
 #: Where between two places, as a part of the way, g is compared with that of a single zero.
 PLAIN = 0.3
 
@@ -63,11 +63,11 @@ def _places(count: int) -> Array:
 ON_STEP, ON_RAY = _places(16), _places(64)
 #: If g comes closer to zero than this part of its values, g is evaluated around the closest place,
 #: too.
-NEAR = 0.1
+CLOSE_TO_ZERO = 0.1
 #: At what distances from there, as parts of the stretch.
 AROUND = np.outer(GRADED, [1.0, 2.0, 5.0]).ravel()
 #: An event closer than this to a special point, in the metric, may be at that point.
-BESIDE = 1e-6
+AT_SPECIAL_POINT = 1e-6
 
 
 @final
@@ -139,7 +139,7 @@ class EventsAlong:
     def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
         """Tell whether events are at a special point, to the accuracy of that point."""
         metric, way = self._curve.metric, mark.state.x - x
-        if metric.norm(way) > BESIDE:
+        if metric.norm(way) > AT_SPECIAL_POINT:
             return False
         return all(event.is_near(metric, x, error, way) for event in mark.events)
 
@@ -196,7 +196,12 @@ class _Watched:
             value = self.event.value(self._exact(segment, s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
-        beside = [lo + PLAIN * cell, hi - PLAIN * cell, zero - ASIDE * cell, zero + ASIDE * cell]
+        beside = [
+            lo + PLAIN * cell,
+            hi - PLAIN * cell,
+            zero - DISTANCE_TO_PLACE * cell,
+            zero + DISTANCE_TO_PLACE * cell,
+        ]
         sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
             return NONE
@@ -205,7 +210,7 @@ class _Watched:
         options = {"xatol": CLOSEST * cell}
         found = minimize_scalar(divided, bounds=(lo, hi), method="bounded", options=options)
         if found.fun < 0.0:  # two more zeros: on either side of this place
-            apart = ASIDE * abs(found.x - zero)
+            apart = DISTANCE_TO_PLACE * abs(found.x - zero)
             places += [zero - apart, zero + apart]
         return np.unique([s for s in places if lo < s < hi])
 
@@ -236,7 +241,7 @@ class _Watched:
         """
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
-        if not sizes[i] <= NEAR * sizes.max() or not sizes.any():
+        if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
             return NONE
         s = np.concatenate([[0.0], places])
         lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
@@ -259,7 +264,7 @@ class _Watched:
         """Yield the lowest places where g has another sign than at the places around."""
         s = np.concatenate([[0.0], places])
         values = np.concatenate([[self.event.value(segment.start.x)], values])
-        shallow = SHALLOW * float(np.abs(values).max())
+        shallow = SHALLOW_DIP * float(np.abs(values).max())
         for lo, hi, sign in self._valleys(segment, s, values):
             low, least = self._lowest(segment.near, sign, lo, hi)
             if abs(least) <= shallow and isinstance(segment, CurvedSegment):
@@ -277,7 +282,7 @@ class _Watched:
         for i in np.flatnonzero(inside):
             yield float(s[i]), float(s[i + 2]), float(signs[i])
         for at, beyond in ((0, 1), (-1, -2)):
-            beside = float(s[at] + ASIDE * (s[beyond] - s[at]))
+            beside = float(s[at] + DISTANCE_TO_PLACE * (s[beyond] - s[at]))
             is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
             if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
                 lo, hi = sorted((float(s[at]), float(s[beyond])))

@@ -26,11 +26,11 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW, locate_sign_change
+from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change
 from pwscont.transitions.rays import Ray
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
-SHALLOW = 1e-4
+SHALLOW_TURN = 1e-4
 
 
 @final
@@ -79,7 +79,7 @@ class SmoothFolds(TransitionDetector):
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)
         if isinstance(found, Failure):  # right at an end the change may be polished away
-            narrow = max(narrow, NARROW)
+            narrow = max(narrow, NARROW_BRACKET)
             found = locate_sign_change(segment, slope, bracket, narrow)
         return found if isinstance(found, Failure) else _settled(segment, found, narrow)
 
@@ -102,7 +102,7 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
         return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-    return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
+    return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
 
 
 def _place(segment: CurvedSegment, off: float) -> float:
@@ -129,12 +129,12 @@ def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
 
 
 #: A curve steeper than this at an end has no fold there.
-LEVEL = 1e-2
-#: How far from the end, in the metric, the slope of alpha is compared at first.
-BESIDE = 1e-4
+STEEPEST_AT_FOLD = 1e-2
+#: Distance from the end, in the metric, at which the slope of alpha is compared first.
+FIRST_SECANT = 1e-4
 MOST_SECANTS = 8
-#: How much the tangent leans at a fold at an end.
-LEAN = EPS**0.5
+#: The tangent of a fold at an end leans into the interval by this part of its length.
+LEAN_INWARDS = EPS**0.5
 
 
 def fold_at_end(curve: Curve, state: State) -> State | None:
@@ -145,9 +145,9 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     if curve.selection.is_straight:
         return None
     side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > LEVEL:
+    if not side or abs(slope) > STEEPEST_AT_FOLD:
         return None
-    inwards = BESIDE if side * slope > 0.0 else -BESIDE
+    inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
     here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
     if here is None or there is None or _side(curve, there):
         return None
@@ -155,7 +155,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     fold = None if s is None else _beside(curve, state, s)
     if fold is None or not _side(curve, fold):
         return None
-    along = max(abs(s or 0.0), GUARD * EPS * BESIDE / abs(curve.slope(there)))
+    along = max(abs(s or 0.0), GUARD * EPS * FIRST_SECANT / abs(curve.slope(there)))
     return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
@@ -166,7 +166,7 @@ def leaning(ray: Ray) -> Ray:
     if not side or curve.slope(state) or curve.selection.is_straight:
         return ray
     tangent = state.tangent.copy()
-    tangent[-1] = side * LEAN * curve.metric.scale[-1]
+    tangent[-1] = side * LEAN_INWARDS * curve.metric.scale[-1]
     return replace(ray, state=State(state.x, tangent, state.error, state.orientation))
 
 
@@ -194,7 +194,7 @@ def _level(
         if slope in (0.0, before):
             break
         first, s = second, t - slope * (t - s) / (slope - before)
-        there = _beside(curve, state, s) if abs(s) <= BESIDE else None
+        there = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
         if there is None:
             return None
         second = s, curve.slope(there)

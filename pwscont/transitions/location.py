@@ -22,11 +22,11 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 #: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
 #: flat: the error of alpha is the square of this number. Much closer, changes of the tangent are
 #: rounding.
-NARROW = EPS**0.6
+NARROW_BRACKET = EPS**0.6
 #: A bracket in double precision cannot be halved more often.
-MOST_HALVINGS = 60
+MOST_BRACKET_HALVINGS = 60
 #: Brent's method takes no more steps than the square of these halvings; many where a zero is flat.
-MOST_BRENT = MOST_HALVINGS**2
+MOST_BRENT = MOST_BRACKET_HALVINGS**2
 
 
 def locate_zero(
@@ -46,7 +46,7 @@ def locate_zero(
     """
     lo, hi = bracket
     guess = 0.5 * (lo + hi) if guess is None else guess
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         found = _newton(segment, border, guess)
         if isinstance(found, State) and _within(segment, found, lo, hi):
             return found
@@ -101,7 +101,7 @@ def locate_sign_change(
     segment: Segment,
     function: Callable[[State], float],
     bracket: tuple[float, float],
-    narrow: float = NARROW,
+    narrow: float = NARROW_BRACKET,
 ) -> State | Failure:
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 

@@ -36,7 +36,7 @@ from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
 #: Tests that change by more than this part of typical terms are not looked at more closely.
-FLAT = 1e-4
+FLAT_SLOPE = 1e-4
 #: A piece keeps the direction in which it began up to this part of the direction.
 ALIGNED = EPS**0.5
 
@@ -232,7 +232,7 @@ class Gradients:
 
     def are_flat(self, which: Indices, slopes: Array) -> Signs:
         """Tell which of some tests hardly change along a piece: most that are zero clearly do."""
-        flat: Signs = np.abs(slopes) <= FLAT * self._typical[which]
+        flat: Signs = np.abs(slopes) <= FLAT_SLOPE * self._typical[which]
         return flat
 
     def changes(self, found: Settled, rates: Array) -> Array:

@@ -30,16 +30,16 @@ from pwscont.transitions.rays import Ray
 
 #: Number of places along and off a branch at which a function is tried that is zero where the
 #: branch begins.
-PLACES = 18
-#: How far from there, in the metric: farther than across most intervals.
-FAR = 4.0
+PLACES_TRIED = 18
+#: Distance of the farthest place, in the metric: longer than most intervals.
+FARTHEST_TRIED = 4.0
 #: Number of shaken points that tell how much of a function is rounding.
 SHAKEN = 16
-#: A function that is zero within this distance may be zero but for rounding, in the metric.
-REACH = 1e-2
+#: A function whose zero lies within this distance, in the metric, may be zero up to rounding.
+REACHABLE = 1e-2
 #: Over this distance a function hardly changes; if the function does, the change is rounding.
-APART = 1e-9
-TINY = float(np.finfo(float).tiny)
+ROUNDING_DISTANCE = 1e-9
+TINIEST = float(np.finfo(float).tiny)
 
 
 @final
@@ -104,7 +104,7 @@ class UserEvent:
         value, slope, steep = self._differences(metric, x, state.tangent)
         if not (value or slope):
             return 0.0, 0.0, self._is_zero_beyond(metric, x, state.tangent)
-        if slope and abs(value) > REACH * steep:
+        if slope and abs(value) > REACHABLE * steep:
             return value, slope, False
         noise = self.noise(metric, x, state.size)
         is_zero = abs(value) <= max(steep * metric.slack(x, CONVERGED), noise)
@@ -153,7 +153,7 @@ class UserEvent:
         Without a sign g is zero, and keeps to that.
         """
         value = self.value(x)
-        return sign * value or -TINY if sign else 1.0 if value == 0.0 else -1.0
+        return sign * value or -TINIEST if sign else 1.0 if value == 0.0 else -1.0
 
     def noise(self, metric: Metric, x: Array, error: Array) -> float:
         """Return a bound on the computed g at a point where g is zero.
@@ -206,7 +206,7 @@ class UserEvent:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
         metric, x = ray.curve.metric, ray.state.x
         value, slope, steep = self._differences(metric, x, ray.state.tangent)
-        if slope and abs(value) > REACH * steep:
+        if slope and abs(value) > REACHABLE * steep:
             return False
         try:
             tried = np.array([self._tried(metric, y) for y in _around(ray)])
@@ -216,14 +216,17 @@ class UserEvent:
 
     def _tried(self, metric: Metric, x: Array) -> tuple[float, float]:
         """Return the size of g at a place, and the part of g that is noise."""
-        return abs(self.value(x)), self._shaken(metric, x, APART * metric.scale)
+        return abs(self.value(x)), self._shaken(metric, x, ROUNDING_DISTANCE * metric.scale)
 
 
 def _around(ray: Ray) -> Iterator[Array]:
     """Yield places along and off a branch, all in the interval."""
     metric, x = ray.curve.metric, ray.state.x
     lo, hi = metric.interval
-    distances, alphas = np.linspace(-FAR, FAR, PLACES), np.linspace(lo, hi, PLACES)
+    distances, alphas = (
+        np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED),
+        np.linspace(lo, hi, PLACES_TRIED),
+    )
     for i, (s, alpha) in enumerate(zip(distances, alphas, strict=True)):
         along, aside = x + s * ray.state.tangent, x + s * metric.scale * generic(len(x), i)
         aside[-1] = alpha

@@ -29,18 +29,18 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
+    TINIEST,
     Reading,
     SpecialPointFound,
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
+from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
 
 #: Closer to its beginning than this, in intervals, a piece has no event of a user's detector.
-CLOSE = 1e-10
-TINY = float(np.finfo(float).tiny)
+AT_BEGINNING = 1e-10
 
 
 @final
@@ -115,7 +115,7 @@ class Watch:
 
         Right after its own special point a function is zero up to rounding, which may be positive.
         """
-        reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
+        reach = AT_BEGINNING * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
     def without(self, reading: Readings, event: Event) -> Readings:
@@ -129,7 +129,7 @@ class Watch:
     def before(self, reading: Readings, event: Event) -> Readings:
         """Return the reading just before an event: the event's function is still positive."""
         part = reading.part(self._detectors.index(event.detector))
-        return self._with(reading, event, TINY, float(part.slopes[event.index]))
+        return self._with(reading, event, TINIEST, float(part.slopes[event.index]))
 
     def _with(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
@@ -334,7 +334,7 @@ def first_on_ray(watch: Watch, segment: Segment, reading: Readings) -> Event | F
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     """Refuse a selection that leaves its ray: the correction was more than rounding."""
     start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
     refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
@@ -391,7 +391,7 @@ def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
 
 def _before(reading: Joined) -> Joined:
     """Return the reading just before an event: functions that vanish at the event are positive."""
-    values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
+    values = np.where(reading.values == 0.0, TINIEST, reading.values)
     return Joined(reading.parts, values, reading.slopes)
 
 
@@ -481,7 +481,7 @@ def _bracket_of_return(
 ) -> tuple[float, float] | Failure:
     """Return a bracket of the zero of a function that starts at zero, rises and falls back."""
     lo = hi = segment.length
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         lo *= 0.5
         state = segment.at(lo)
         if isinstance(state, Failure):
