@@ -1,4 +1,9 @@
-"""What a system can do besides, each a class to derive from as well."""
+"""What a system can do besides: a class for each ability, and one way to ask for it.
+
+A system has an ability if the system derives from the ability's class, and every room asks by
+``isinstance``. Where a system without the ability has a natural answer, the function beside the
+class gives the answer for all systems.
+"""
 
 from __future__ import annotations
 

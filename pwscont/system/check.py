@@ -14,12 +14,11 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
-from pwscont.system.abilities import check_abilities, completed_point, end_of, shown_size
+from pwscont.system.abilities import completed_point, end_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import (
-    check_attributes,
     check_contract,
-    check_names,
+    check_declaration,
     checked_scale,
     jacobian_at,
     kink_at,
@@ -105,14 +104,12 @@ def check_system(
     >>> print(check_system(Switched(1, lambda z, t, sw: z - sw.relu(t)), [([0.0], 0.5)]))
     no defects found at 1 point
     """
-    check_attributes(system)
+    check_declaration(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []
     solutions: list[Array] = []
     count = 0
-    check_names(system)
-    check_abilities(system)
     for x in _checked_points(system, points):
         _check_sizes(system, float(x[-1]))
         check_contract(system, x[:-1], float(x[-1]))

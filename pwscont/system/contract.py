@@ -23,7 +23,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
-from pwscont.system.abilities import shown_size
+from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.shapes import (
     checked_array,
     checked_matrix,
@@ -113,6 +113,18 @@ def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
     )
 
 
+def check_declaration(system: PiecewiseSystem) -> None:
+    """Refuse attributes, names or methods of a system that do not fit, before any method is used.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    check_attributes(system)
+    check_names(system)
+    check_abilities(system)
+
+
 def check_attributes(system: PiecewiseSystem) -> None:
     """Refuse a value where a method belongs, a method where a value does, and a wrong size.
 
@@ -120,11 +132,11 @@ def check_attributes(system: PiecewiseSystem) -> None:
     ------
     InvalidSystemError
     """
-    checked_size(system)
+    _check_size(system)
     kind = type(system).__name__
     if not _has_methods(system):
         for name, arguments in METHODS.items():
-            if not callable(given := getattr(system, name, checked_size)):
+            if not callable(given := getattr(system, name, _check_size)):
                 what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
                 raise InvalidSystemError(f"{kind}.{name} {what}")
     for name in VALUES:
@@ -135,18 +147,17 @@ def check_attributes(system: PiecewiseSystem) -> None:
 def _has_methods(system: PiecewiseSystem) -> bool:
     """Tell whether all methods are those of the class, and functions: nearly always."""
     kind = type(system)
-    given = [getattr(kind, name, checked_size) for name in METHODS]
+    given = [getattr(kind, name, _check_size) for name in METHODS]
     return all(map(callable, given)) and METHODS.keys().isdisjoint(vars(system))
 
 
-def checked_size(system: PiecewiseSystem) -> int:
-    """Return the number of unknowns, or say that the system has none."""
+def _check_size(system: PiecewiseSystem) -> None:
+    """Refuse a system without a number of unknowns."""
     size = getattr(system, "size", None)
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise InvalidSystemError(
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )
-    return int(size)
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:

@@ -72,11 +72,6 @@ class Selection:
         """Whether the selection and its tests are affine, so that the curve is a straight line."""
         return isinstance(self.system, PiecewiseLinearSystem)
 
-    @cached_property
-    def knows_jacobian(self) -> bool:
-        """Whether the system gives derivatives of its own instead of differences."""
-        return knows_jacobian(self.system)
-
     @property
     def cell(self) -> bytes:
         """The signs that name this selection."""
@@ -158,12 +153,6 @@ class Selection:
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
         gradient: Array = self.side[index] * dense(rows)[0]
         return gradient
-
-
-def knows_jacobian(system: PiecewiseSystem) -> bool:
-    """Tell whether a system gives derivatives of its own, which need no magnitudes."""
-    given = type(system).jacobian is not PiecewiseSystem.jacobian
-    return bool(getattr(system, "knows_jacobian", given))
 
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:

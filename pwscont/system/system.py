@@ -196,6 +196,11 @@ class PiecewiseSystem(Undefined, ABC):
         return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
+    def knows_jacobian(self) -> bool:
+        """Whether the derivatives are the system's own, which no typical magnitude changes."""
+        return type(self).jacobian is not PiecewiseSystem.jacobian
+
+    @property
     def _is_fitted(self) -> bool:
         return hasattr(self, "_differences")
 
