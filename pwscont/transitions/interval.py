@@ -3,10 +3,10 @@
 Failure modes and answers
 -------------------------
 - A corner is reached from a cell that goes on there, and curves of other cells that meet there end:
-  it ends all of them, or what is found would depend on the side one comes from.
-- A start is such a corner, and no cell is the one that the curve comes from: all are asked.
-- A curve that runs along an interface does not end because it lies on it: a point that all curves
-  pass within one cell is none where they could end.
+  the corner ends all curves that meet there, or the result would depend on the cell of arrival.
+- A start is such a corner, without a cell of arrival: all cells are asked.
+- A curve that runs along an interface does not end because of this interface: a point that all
+  curves pass within a single cell ends no curve.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pwscont.transitions.rays import Ray, vanishing
 
 
 def ended(arrival: SpecialPointFound) -> SpecialPointFound:
-    """Return a special point as an end of all its rays, where the system ends a curve of one.
+    """Return a special point as the end of all its rays, if the system ends the curve of any.
 
     Systems that are not :class:`~pwscont.extending.Ending` end none.
     """
@@ -112,7 +112,7 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
-    """Return the fold at which a step turns at an end, by rounding, instead of crossing it."""
+    """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
     near = found
     if isinstance(near, Failure):
         near = locate_sign_change(segment, segment.curve.slope, (0.0, segment.length))

@@ -1,18 +1,18 @@
 """The pieces that leave a point: facts F1, F2 and F8 (docs/theory).
 
-At a point x of the zero set let V be the set of bounding tests that vanish there. With V
-empty, one curve passes: two rays in one cell. With V = {i}, the selections J and J' on both
-sides satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into
-each cell, each the solution of one linear system, and their orientations agree. The direction
-at a kink is a sign, never a trial.
+At a point x of the zero set let V be the set of bounding tests that vanish there. With V empty, a
+single curve passes: two rays in the same cell. With V = {i}, the selections J and J' on both sides
+satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into each cell,
+each ray the solution of a linear system, with orientations that agree. The direction at a kink is a
+sign, never a trial.
 
 Failure modes and answers
 -------------------------
-- A test counts as zero when it is below the rounding of its own terms plus what the error of
-  the point contributes: relative, so units and magnitudes do not matter.
+- A test counts as zero when its value is below the rounding of the test's own terms plus what the
+  error of the point contributes: relative, so units and magnitudes do not matter.
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
-- Interfaces that meet within rounding may be apart all the same: a ray then starts on its own
-  curve, not at the common point, which is a point of another curve.
+- Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of
+  its own curve, not at the common point, which is a point of another curve.
 - The orientations differ: the user's selections disagree on the interface. The user is told, and no
   ray is returned.
 - H jumps: the system is refused. A jump below rounding counts as no jump, and a jump below the
@@ -47,17 +47,17 @@ DISAGREE = EPS**0.5
 @final
 @dataclass(slots=True, eq=False)  # see State
 class Ray:
-    """A piece leaving a point: the curve it lies on and the state it starts from.
+    """A piece leaving a point: the curve of the piece and the state where the piece starts.
 
     Attributes
     ----------
     curve : Curve
     state : State
     interface_cells : tuple of Character
-        For a ray along an interface, all cells that it belongs to; else empty.
+        For a ray along an interface, all cells to which the ray belongs; else empty.
     index : int
-        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
-        small changes of H make of it, see :mod:`pwscont.transitions.corner.enumeration`.
+        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions into
+        which small changes of H split the ray, see :mod:`pwscont.transitions.corner.enumeration`.
     """
 
     curve: Curve
@@ -91,8 +91,8 @@ def vanishing(
     error : ndarray, shape (k, n + 1)
         Samples of the error of ``x``.
     scale : ndarray, shape (n + 1,), optional
-        Typical magnitudes of ``x``, needed where all unknowns of a test vanish, as at a node that
-        lifts off while it begins to slip: there their own size is no measure of rounding.
+        Typical magnitudes of x, needed where all unknowns of a test vanish, as at a node that lifts
+        off while it begins to slip: the unknowns' own size is no measure of rounding there.
     """
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
@@ -119,12 +119,12 @@ def is_zero(
 
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Array:
-    """Return the gradient of one test, positive towards the inside of the cell."""
+    """Return the gradient of a test, signed positive towards the inside of the cell."""
     return selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
-    """Return the ray from ``x`` on the zero set of one test into the cell, if there is one.
+    """Return the ray from x on the zero set of a test into the cell; None without a ray.
 
     None where the curve is tangent to the interface, where ``x`` does not solve this selection, or
     where the test does not bound the cell: within rounding of a corner the signs of the other tests
@@ -147,8 +147,9 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
 def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
     """Return the ray into the cell of ``curve`` from a state located on its interface (F2).
 
-    None where the factorisation that located the state does not serve, because it is old or the
-    selections do not agree along the interface, or where there is no ray: :func:`inward_ray` tells.
+    None if there is no ray, or if the factorisation that located the state cannot be reused,
+    because it is old or the selections do not agree along the interface: :func:`inward_ray` decides
+    then.
     """
     selection, metric, x = curve.selection, curve.metric, state.x
     if state.located_by is None or test not in selection.bounding:
@@ -169,10 +170,10 @@ def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
 
 @final
 class _Beyond:
-    """[J'; g] on the far side of an interface, by the factorisation of [J; g] on the near one.
+    """[J'; g] on the far side of an interface, by the factors of [J; g] on the near side.
 
-    With c = J' w, where J w = 0 and g.w = 1, it is [[I, c], [0, 1]] [J; g], if the selections agree
-    along the interface. Determinants are the same.
+    With c = J' w, where J w = 0 and g.w = 1, the matrix [J'; g] is [[I, c], [0, 1]] [J; g], if the
+    selections agree along the interface. Determinants are the same.
 
     Attributes
     ----------
@@ -195,14 +196,15 @@ class _Beyond:
         return self._factor.solve_all(rhs)
 
     def excess(self, along: Array) -> Array:
-        """Return by how much a direction misses the one in which the test rises by one."""
+        """Return the residual of a direction along which the test should rise by 1."""
         return self @ along - last_unit(len(along))
 
     def direction(self, along: Array, metric: Metric) -> Array | None:
         """Return the direction in which the test rises, None where corrections do not converge.
 
-        It is right to rounding: a piece on which alpha does not change at all is known by it. None
-        also where a test in extreme units makes it too short or too long for its squares.
+        The direction is right to rounding: a piece on which alpha does not change at all is known
+        by its direction. None also if a test in extreme units makes the direction too short or too
+        long to be squared.
         """
         before = math.inf
         if not SHORTEST < metric.norm(along) < LARGEST:
@@ -219,9 +221,9 @@ class _Beyond:
 def check_continuity(
     curve: Curve, other: Selection, ray: Ray | None, x: Array, error: Array
 ) -> None:
-    """Refuse a jump of H between the selection of a curve and another one at a common point.
+    """Refuse a jump of H between the selection of a curve and ``other`` at a common point.
 
-    Nothing is computed where a ray of the other selection begins at the point within its error.
+    A ray of the other selection that begins at the point within its error proves continuity.
 
     Raises
     ------
@@ -232,7 +234,7 @@ def check_continuity(
 
 
 def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
-    """Return the state of a curve at a common point of several, or at its own point close by."""
+    """Return the state of a curve at a point common to several curves, or close to the point."""
     border = curve.metric.covector(tangent)
     factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
     if factor.is_singular():
