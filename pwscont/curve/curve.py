@@ -169,8 +169,8 @@ class State:
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     located_by : Factor, optional
-        Where a function vanishes: a factorisation of [J; its gradient], which has nearly
-        everything that the piece beyond begins with. It is not kept with the way back.
+        Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
+        points of the curve close by. A reversed state has none.
     behind : State, optional
         Where the step that led here began, and ``arc``, the length of the curve from there, in the
         metric; what predictors extrapolate. No more than two states back are kept.
