@@ -47,7 +47,6 @@ from pwscont.curve.metric import SHORTEST, Metric
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.selection import knows_jacobian
 from pwscont.system.system import PiecewiseSystem
 
 #: A magnitude that is wrong by more than this factor, too small or too large.
@@ -174,7 +173,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     interval : tuple of float
     z : ndarray, shape (n,)
     """
-    if system.size > MANY and knows_jacobian(system):
+    if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
     box, (lo, hi) = Box.of(system), interval
     z = box.inside(z)
