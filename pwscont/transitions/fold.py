@@ -43,13 +43,6 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), UNKNOWN)
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that alpha goes the same way at both ends, and does not turn between them."""
-        curve = segment.curve
-        if curve.slope(segment.start) * curve.slope(segment.end) <= 0.0:
-            return False
-        return curve.selection.is_straight or not _turns_twice(segment)
-
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
