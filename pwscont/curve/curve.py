@@ -122,9 +122,6 @@ class State:
     located_by : Factor, optional
         Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
         points of the curve close by. A reversed state has none.
-    behind : State, optional
-        Where the step that led here began, and ``arc``, the length of the curve from there, in the
-        metric; what predictors extrapolate. No more than two states back are kept.
     """
 
     x: Array
@@ -133,14 +130,6 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
-    behind: State | None = field(default=None, repr=False)
-    arc: float = field(default=0.0, repr=False)
-
-    def comes_from(self, behind: State, arc: float) -> None:
-        """Remember the step that led here; what was two steps before it is let go."""
-        self.behind, self.arc = behind, arc
-        if behind.behind is not None:
-            behind.behind.behind = None
 
     @property
     def size(self) -> Array:

@@ -43,7 +43,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import farthest_off
 from pwscont.curve.newton import Border, Root, uncertainty
-from pwscont.curve.predictor import Hermite, Predictor, arc
+from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment, Stepper
 from pwscont.linear.vectors import dot
@@ -105,7 +105,6 @@ def accepted(
     if not strain <= 1.0:
         return Failure(FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
-    end.comes_from(state, arc(segment.length, cosine))
     return segment
 
 
