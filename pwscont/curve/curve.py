@@ -98,7 +98,7 @@ class Curve:
         slope = float(state.tangent[-1]) / self.metric.width
         if abs(slope) > LEAN:
             return slope  # nearly always
-        if not self.selection.knows_jacobian:
+        if not self.selection.system.knows_jacobian:
             slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
         return slope if abs(slope) > GUARD * EPS else 0.0
 

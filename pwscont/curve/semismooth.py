@@ -35,7 +35,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, is_rounding, uncertainty
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
@@ -111,7 +111,7 @@ def semismooth_newton(
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            if not _is_solved(linear, metric, x, residual):
+            if not _is_solved(linear, metric, x, residual) or _misses(linear, metric, x, residual):
                 return Failure(FailureReason.NO_DESCENT)
             return x + step, np.abs(step)[np.newaxis]
         reduced = _line_search(system, metric, linear.rows, known, point, step)
@@ -165,6 +165,22 @@ def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -
     rounding = CONVERGED * float(np.add.reduce(np.abs(x / metric.scale)))
     allowed = math.sqrt(CONVERGED) + np.where(by_z <= EPS * by_alpha, 0.0, rounding)
     return bool((np.abs(residual / linear.rows) <= allowed).all())
+
+
+def _misses(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
+    """Tell whether a regularised step is tiny where the Newton step is not.
+
+    A Jacobian that is singular in the units of the metric may be regular in units of its own, as
+    where an exponential in every row hides what tells the rows apart.
+    """
+    if not linear.is_singular:
+        return False
+    with np.errstate(all="ignore"):
+        factor = bordered(linear.jacobian, last_unit(len(x)), balanced_columns(linear.jacobian))
+        if factor.is_singular():
+            return False
+        step = factor.solve(joined(residual, 0.0))
+    return not metric.relative(step, x) <= math.sqrt(CONVERGED)
 
 
 def _as_good_as_it_gets(

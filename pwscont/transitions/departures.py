@@ -3,8 +3,8 @@
 Failure modes and answers
 -------------------------
 - Near a fold the residual is as small as the square of the distance: where dH/dz is singular,
-  Newton at fixed alpha may stand still beside the fold, beyond it even, where there is no solution.
-  With another unknown held fixed, Newton leads to the curve, at the alpha at which it is.
+  Newton at fixed alpha may stand still beside the fold, or beyond the fold, where there is no
+  solution. With another unknown held fixed, Newton leads to the curve, at the curve's own alpha.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
     """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
 
-    It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
+    The row holds one unknown fixed: alpha, except at a fold, where alpha fails. At a branch point
+    all fail.
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):
@@ -85,7 +86,7 @@ class Standing:
     curve : Curve
         Of the cell whose signs the tests have, or seem to have.
     other : Curve or None
-        Of the cell on the other side, where exactly one test vanishes that bounds a cell.
+        The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
     """
 
     x: Array
@@ -118,9 +119,9 @@ class Standing:
         return cls(x, error, zero, curve, other)
 
     def departures(self) -> SpecialPointFound:
-        """Return the solution as a special point, with its kind and its rays.
+        """Return the solution as a special point, with the point's kind and rays.
 
-        A point inside a cell has two rays on one curve and the kind START.
+        A point inside a cell has two rays on the same curve and the kind START.
         """
         if not self.zero:
             return _inside(self.curve, self.x, self.error)
@@ -148,7 +149,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
-    # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: one sign
+    # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
     rays = forth, forth.reversed()
@@ -158,7 +159,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
 
 
 def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
-    """Return the special point on an interface with a ray into each cell, if there are both."""
+    """Return the special point on an interface with a ray into each cell; None without two rays."""
     (test,), curve, x, error = standing.zero, standing.curve, standing.x, standing.error
     rays = [inward_ray(side, x, error, test) for side in (curve, other)]
     check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)

@@ -1,18 +1,18 @@
 """The pieces that leave a point: facts F1, F2 and F8 (docs/theory).
 
-At a point x of the zero set let V be the set of bounding tests that vanish there. With V
-empty, one curve passes: two rays in one cell. With V = {i}, the selections J and J' on both
-sides satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into
-each cell, each the solution of one linear system, and their orientations agree. The direction
-at a kink is a sign, never a trial.
+At a point x of the zero set let V be the set of bounding tests that vanish there. With V empty, a
+single curve passes: two rays in the same cell. With V = {i}, the selections J and J' on both sides
+satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into each cell,
+each ray the solution of a linear system, with orientations that agree. The direction at a kink is a
+sign, never a trial.
 
 Failure modes and answers
 -------------------------
-- A test counts as zero when it is below the rounding of its own terms plus what the error of
-  the point contributes: relative, so units and magnitudes do not matter.
+- A test counts as zero when its value is below the rounding of the test's own terms plus what the
+  error of the point contributes: relative, so units and magnitudes do not matter.
 - [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
-- Interfaces that meet within rounding may be apart all the same: a ray then starts on its own
-  curve, not at the common point, which is a point of another curve.
+- Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of
+  its own curve, not at the common point, which is a point of another curve.
 - The orientations differ: the user's selections disagree on the interface. The user is told, and no
   ray is returned.
 - H jumps: the system is refused. A jump below rounding counts as no jump, and a jump below the
@@ -44,17 +44,17 @@ DISAGREE = EPS**0.5
 @final
 @dataclass(slots=True, eq=False)  # see State
 class Ray:
-    """A piece leaving a point: the curve it lies on and the state it starts from.
+    """A piece leaving a point: the curve of the piece and the state where the piece starts.
 
     Attributes
     ----------
     curve : Curve
     state : State
     interface_cells : tuple of Character
-        For a ray along an interface, all cells that it belongs to; else empty.
+        For a ray along an interface, all cells to which the ray belongs; else empty.
     index : int
-        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions that
-        small changes of H make of it, see :mod:`pwscont.transitions.corner.index`.
+        For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions into
+        which small changes of H split the ray, see :mod:`pwscont.transitions.corner.enumeration`.
     """
 
     curve: Curve
@@ -88,8 +88,8 @@ def vanishing(
     error : ndarray, shape (k, n + 1)
         Samples of the error of ``x``.
     scale : ndarray, shape (n + 1,), optional
-        Typical magnitudes of ``x``, needed where all unknowns of a test vanish, as at a node that
-        lifts off while it begins to slip: there their own size is no measure of rounding.
+        Typical magnitudes of x, needed where all unknowns of a test vanish, as at a node that lifts
+        off while it begins to slip: the unknowns' own size is no measure of rounding there.
     """
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
@@ -116,12 +116,12 @@ def is_zero(
 
 
 def gradient_of(selection: Selection, x: Array, test: int) -> Array:
-    """Return the gradient of one test, positive towards the inside of the cell."""
+    """Return the gradient of a test, signed positive towards the inside of the cell."""
     return selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
-    """Return the ray from ``x`` on the zero set of one test into the cell, if there is one.
+    """Return the ray from x on the zero set of a test into the cell; None without a ray.
 
     None where the curve is tangent to the interface, where ``x`` does not solve this selection, or
     where the test does not bound the cell: within rounding of a corner the signs of the other tests
@@ -144,9 +144,9 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
 def check_continuity(
     curve: Curve, other: Selection, ray: Ray | None, x: Array, error: Array
 ) -> None:
-    """Refuse a jump of H between the selection of a curve and another one at a common point.
+    """Refuse a jump of H between the selection of a curve and ``other`` at a common point.
 
-    Nothing is computed where a ray of the other selection begins at the point within its error.
+    A ray of the other selection that begins at the point within its error proves continuity.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def check_continuity(
 
 
 def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
-    """Return the state of a curve at a common point of several, or at its own point close by."""
+    """Return the state of a curve at a point common to several curves, or close to the point."""
     border = curve.metric.covector(tangent)
     factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
     if factor.is_singular():

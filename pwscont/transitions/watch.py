@@ -29,18 +29,18 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
+from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
-CLOSE = 1e-10
+AT_BEGINNING = 1e-10
 #: The value, in any unit, of a function just before the function vanishes.
 TINY = float(np.finfo(float).tiny)
 #: A function that is zero at the start of a step is watched if the slope makes that function
@@ -161,7 +161,7 @@ class Watch:
 
         Right after its own special point a function is zero, up to rounding that may be positive.
         """
-        reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
+        reach = AT_BEGINNING * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
     def without(self, reading: Readings, event: Event) -> Readings:
@@ -256,7 +256,7 @@ class Watch:
 
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
-    """Return the error that says what a detector returned instead of what it must."""
+    """Return the error that names what a detector returned and what it should return."""
     return InvalidInputError(
         f"{type(detector).__name__}.{method} must return {what}, got {got!r}; check_detector tells "
         "what else is wrong"
@@ -281,7 +281,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Fai
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     """Refuse a selection that leaves its ray: the correction was more than rounding."""
     start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
     refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
@@ -355,7 +355,7 @@ def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
         return []
     crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
-    # where both tangent lines meet; a convex function stays above that point
+    # meeting point of both tangent lines, below the whole graph of a convex function
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (before.values - after.values + after.slopes * length) / run
@@ -366,7 +366,8 @@ def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
 def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
     """Return the function that vanishes first if all are straight, of the first detector with any.
 
-    Where functions of several detectors vanish at one place, it is that detector's.
+    Where functions of several detectors vanish at the same place, the event belongs to the first
+    detector.
     """
     ends = np.cumsum([len(part.values) for part in before.parts])
     last = ends[np.searchsorted(ends, min(suspects), side="right")]
@@ -421,7 +422,7 @@ def _bracket_of_dip(
 
 
 def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
-    """Return the value of a function, also where a reading takes it to be level at zero."""
+    """Return the value of a function, even where a reading calls the function level at zero."""
     if border := detector.border(segment.curve, index):
         return float(border(state.x)[0])
     return float(detector.read(segment.curve, state).values[index])
@@ -432,7 +433,7 @@ def _bracket_of_return(
 ) -> tuple[float, float] | Failure:
     """Return a bracket of the zero of a function that starts at zero, rises and falls back."""
     lo = hi = segment.length
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         lo *= 0.5
         state = segment.at(lo)
         if isinstance(state, Failure):
