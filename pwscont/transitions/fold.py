@@ -67,7 +67,7 @@ class SmoothFolds(TransitionDetector):
             return sign * float(state.tangent[-1])
 
         def exact_slope(state: State) -> float:
-            return slope(polished(segment.curve, state).state)
+            return slope(polished(segment.curve, state)[0])
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)
