@@ -140,7 +140,7 @@ class FewCells:
 
     @cached_property
     def _points(self) -> tuple[_OnLines | None, _OnLines | None]:
-        """The points at the lower end, and the points where tests vanish, from one batch if regular."""
+        """The points at the lower end, and where tests vanish, from one batch if regular."""
         tests, crossed = np.nonzero(self.bounding.T)
         cells = np.arange(len(self.cells))
         ends = np.full(len(cells), len(self.kappa) - 1)

@@ -59,8 +59,8 @@ WANTED = (
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: A test may be zero if smaller than this part of the sum of the magnitudes of the terms of the test
-#: at z plus typical magnitudes.
+#: A test may be zero if smaller than this part of the sum of the magnitudes of the terms, which are
+#: taken at z plus typical magnitudes.
 ZERO = 1e-6
 
 
