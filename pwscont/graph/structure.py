@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import chain, combinations
@@ -242,7 +243,7 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     kept = point.quantities.record
     if kept:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
-    return point.asking(quantities)
+    return replace(point, quantities=quantities)
 
 
 def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
