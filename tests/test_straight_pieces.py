@@ -14,7 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.curve import straight
 from pwscont.linear.updates import ProductForm
-from pwscont.transitions.detector import FARTHEST, soonest
+from pwscont.transitions.detector import FARTHEST_ZERO, soonest
 
 # -- stated errors ---------------------------------------------------------------------------------
 
@@ -239,7 +239,7 @@ def test_the_function_that_falls_to_zero_first(seed):
         ]
         with np.errstate(over="ignore"):  # as in a run
             first, distance = soonest(values, slopes)
-        least = min(distances) if min(distances) <= FARTHEST else np.inf
+        least = min(distances) if min(distances) <= FARTHEST_ZERO else np.inf
         assert distance == pytest.approx(least, rel=1e-15, abs=1e-280)
         assert distance == np.inf or distances[first] == distance
 

@@ -218,7 +218,7 @@ def polished(curve: Curve, state: State) -> Polished:
     """Return a state after one correction more, with a tangent to nearly all digits."""
     found = BorderedNewton().correct(curve, state.x, state.tangent)
     corrected = state if isinstance(found, Failure) else found.state
-    if curve.selection.knows_jacobian:
+    if curve.selection.system.knows_jacobian:
         return Polished(corrected, GUARD * EPS)
     return _by_differences(curve, corrected)
 

@@ -108,7 +108,7 @@ class Hermite(Predictor):
         if s < CONVERGED:
             return _straight_on(state, length), state.tangent
         earlier, r = previous.behind, previous.arc
-        is_exact = curve.selection.knows_jacobian
+        is_exact = curve.selection.system.knows_jacobian
         if earlier is None or not (is_exact and s <= ALIKE * r <= ALIKE**2 * s):
             return _cubic(state, previous, s, length), state.tangent
         return _quintic(state, (previous, s), (earlier, s + r), length), state.tangent

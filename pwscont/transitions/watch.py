@@ -2,14 +2,14 @@
 
 Failure modes and answers
 -------------------------
-- A cell thinner than the step: the character is frozen, so the far end of the step lies
-  outside the cell whatever is beyond it (docs/theory, F7).
-- A test that dips below zero and comes back within one step: its slopes at both ends differ in
-  sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
-  that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
-  step, at one point of a short one.
-- A fold is at an interface but for rounding: of events that only errors tell apart the one that was
-  located first counts. A piece that begins with a test below zero never meets it again.
+- A cell thinner than the step: the character is frozen, so the far end of the step lies outside the
+  cell, whatever lies beyond the cell (docs/theory, F7).
+- A test that dips below zero and comes back within one step: the slopes of the test at both ends
+  differ in sign, and where the tangent lines at both ends cross below zero, the dip is searched. A
+  dip that the slopes do not show is seen by the tests at points inside the step: at thirds of a
+  long step, at a single point of a short step.
+- A fold is at an interface up to rounding: of events that only errors tell apart, the event located
+  first counts. A piece that begins with a test below zero never meets the test's interface again.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
   says that the step is inside, and a bracket starts where the value of the test is positive.
 """
@@ -29,18 +29,18 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
+    TINIEST,
     Reading,
     SpecialPointFound,
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
+from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
 
 #: Closer to its beginning than this, in intervals, a piece has no event of a user's detector.
-CLOSE = 1e-10
-TINY = float(np.finfo(float).tiny)
+AT_BEGINNING = 1e-10
 
 
 @final
@@ -66,7 +66,7 @@ class Event:
 
 @final
 class Watch:
-    """All detectors of a run as one: their readings are joined end to end."""
+    """All detectors of a run as one detector: readings are joined end to end."""
 
     def __init__(
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
@@ -86,7 +86,7 @@ class Watch:
         ]
 
     def read(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read at ``state``, each when it is asked for."""
+        """Return what all detectors read at ``state``, each reading made at first use."""
         return Readings(self._detectors, self._copied, curve, state)
 
     def first(self, curve: Curve, state: State) -> Readings:
@@ -113,22 +113,23 @@ class Watch:
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is so close to where the piece begins.
 
-        Right after its own special point a function is zero, but for rounding that is positive.
+        Right after its own special point a function is zero up to rounding, which may be positive.
         """
-        reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
+        reach = AT_BEGINNING * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
     def without(self, reading: Readings, event: Event) -> Readings:
         """Return a reading in which the function of an event is zero, and level.
 
-        It is watched once it is positive. Falling from zero, it would be found again.
+        The function is watched once it is positive. If the function fell from zero, the same event
+        would be found again.
         """
         return self._with(reading, event, 0.0, 0.0)
 
     def before(self, reading: Readings, event: Event) -> Readings:
-        """Return the reading at an event as it was just before: the function is still positive."""
+        """Return the reading just before an event: the event's function is still positive."""
         part = reading.part(self._detectors.index(event.detector))
-        return self._with(reading, event, TINY, float(part.slopes[event.index]))
+        return self._with(reading, event, TINIEST, float(part.slopes[event.index]))
 
     def _with(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
@@ -197,7 +198,7 @@ class Watch:
     def falls(self, segment: Segment, start: Joined) -> Array:
         """Return the distance at which each function falls to zero on a straight segment.
 
-        Each detector looks only as far as the nearest zero found by the detectors before it.
+        Each detector looks only as far as the nearest zero of the detectors before.
         """
         if self._are_affine:
             return ratio_test(start.values, start.slopes)
@@ -208,13 +209,13 @@ class Watch:
         return np.concatenate(distances)
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point, or the end of the branch if a detector ends it there."""
+        """Return a special point, or the end of the branch if a detector ends the branch there."""
         for detector in self._detectors:
             arrival = detector.ended(arrival)
         return arrival
 
     def owner(self, reading: Joined, index: int) -> tuple[TransitionDetector, int]:
-        """Return the detector that an index of a joined reading belongs to, and its own index."""
+        """Return the detector of an index of a joined reading, and the detector's own index."""
         for detector, part in zip(self._detectors, reading.parts, strict=True):
             if index < len(part.values):
                 return detector, index
@@ -224,10 +225,10 @@ class Watch:
 
 @final
 class Readings:
-    """What all detectors read at a state, each when it is first asked for.
+    """What all detectors read at a state, each reading made at first use.
 
-    Values depend on the state alone: read late, they are what they were. Those of users' detectors,
-    which may use the same arrays for the next state, are copied.
+    Values depend on the state alone: a late reading equals an early reading. Those of users'
+    detectors, which may use the same arrays for the next state, are copied.
     """
 
     __slots__ = ("_copied", "_curve", "_detectors", "_parts", "_state")
@@ -244,14 +245,14 @@ class Readings:
         self._parts: list[Reading | None] = [None] * len(detectors)
 
     def part(self, place: int) -> Reading:
-        """Return what one of the detectors reads."""
+        """Return what the detector at this place reads."""
         part = self._parts[place]
         if part is None:
             part = self.keep(place, self._detectors[place].read(self._curve, self._state))
         return part
 
     def keep(self, place: int, part: Reading) -> Reading:
-        """Keep what one of the detectors has read, and return it."""
+        """Keep what the detector at this place has read, and return the reading."""
         if self._copied[place]:
             part = Reading(np.array(part.values), np.array(part.slopes))
         self._parts[place] = part
@@ -263,20 +264,20 @@ class Readings:
         return [self.part(place) for place in range(len(self._parts))]
 
     def having(self, place: int, part: Reading) -> Readings:
-        """Return the same with another reading of one detector."""
+        """Return readings with another reading of the detector at this place."""
         other = Readings(self._detectors, self._copied, self._curve, self._state)
         other._parts = [*self._parts[:place], part, *self._parts[place + 1 :]]
         return other
 
     def joined(self) -> Joined:
-        """Return what all of them read, end to end."""
+        """Return what all detectors read, end to end."""
         return Joined.of(self.parts)
 
 
 @final
 @dataclass(slots=True, eq=False)
 class Joined:
-    """The readings of all detectors, and their values and slopes end to end."""
+    """The readings of all detectors, and all values and slopes end to end."""
 
     parts: Sequence[Reading]
     values: Array
@@ -303,7 +304,7 @@ def _keeps_signs(first: Reading, last: Reading) -> bool:
 
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
-    """Return the error that says what a detector returned instead of what it must."""
+    """Return the error that names what a detector returned and what it should return."""
     return InvalidInputError(
         f"{type(detector).__name__}.{method} must return {what}, got {got!r}; check_detector tells "
         "what else is wrong"
@@ -333,7 +334,7 @@ def first_on_ray(watch: Watch, segment: Segment, reading: Readings) -> Event | F
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     """Refuse a selection that leaves its ray: the correction was more than rounding."""
     start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
     refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
@@ -348,7 +349,7 @@ def first_on_curve(
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
-    ``first`` is an event that is known at the end: others there are none of their own.
+    ``first`` is an event known to be at the end: no other event at the end counts.
 
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
     segment falls to zero later, and is not located. So of each detector the function that seems to
@@ -382,15 +383,15 @@ def first_on_curve(
 
 
 def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
-    """Tell whether an event is at the end of a segment, or before it by no more than its error."""
+    """Tell whether an event is at the end of a segment, or before the end within its error."""
     state = event.state
     error = CONFIDENCE * segment.curve.metric.norm(state.size)
     return state is segment.end or event.position >= segment.length - error
 
 
 def _before(reading: Joined) -> Joined:
-    """Return the reading just before an event: functions that are zero at it are positive."""
-    values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
+    """Return the reading just before an event: functions that vanish at the event are positive."""
+    values = np.where(reading.values == 0.0, TINIEST, reading.values)
     return Joined(reading.parts, values, reading.slopes)
 
 
@@ -402,7 +403,7 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
         return []
     crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
-    # where both tangent lines meet; a convex function stays above that point
+    # meeting point of both tangent lines, below the whole graph of a convex function
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (before.values - after.values + after.slopes * length) / run
@@ -413,7 +414,8 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
 def _soonest(suspects: set[int], before: Joined, after: Joined) -> int:
     """Return the function that vanishes first if all are straight, of the first detector with any.
 
-    Where functions of several detectors vanish at one place, it is that detector's.
+    Where functions of several detectors vanish at the same place, the event belongs to the first
+    detector.
     """
     ends = np.cumsum([len(part.values) for part in before.parts])
     last = ends[np.searchsorted(ends, min(suspects), side="right")]
@@ -468,7 +470,7 @@ def _bracket_of_dip(
 
 
 def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
-    """Return the value of a function, also where a reading takes it to be level at zero."""
+    """Return the value of a function, even where a reading calls the function level at zero."""
     if border := detector.border(segment.curve, index):
         return float(border(state.x)[0])
     return float(detector.read(segment.curve, state).values[index])
@@ -479,7 +481,7 @@ def _bracket_of_return(
 ) -> tuple[float, float] | Failure:
     """Return a bracket of the zero of a function that starts at zero, rises and falls back."""
     lo = hi = segment.length
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         lo *= 0.5
         state = segment.at(lo)
         if isinstance(state, Failure):
