@@ -36,7 +36,7 @@ from pwscont.curve.curve import Held, LastHeld
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, is_rounding, uncertainty
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
@@ -90,7 +90,8 @@ def semismooth_newton(
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
             flat = linear.is_flat(metric)
-            if not _is_solved(place.residual / linear.rows, x / metric.scale, flat):
+            fits = _is_solved(place.residual / linear.rows, x / metric.scale, flat)
+            if not fits or linear.misses(place, metric):
                 return Failure(FailureReason.NO_DESCENT)
             if last and isinstance(system, PiecewiseLinearSystem):
                 linear.leave(last, place.character)
@@ -172,6 +173,22 @@ class _Linear:
         by_z = product(abs(self.jacobian), joined(metric.scale[:-1], 0.0))
         by_alpha = product(abs(self.jacobian), joined(np.zeros(len(self.rows)), metric.width))
         return np.asarray(by_z <= EPS * by_alpha)
+
+    def misses(self, place: _Place, metric: Metric) -> bool:
+        """Tell whether a regularised step is tiny where the Newton step is not.
+
+        A Jacobian that is singular in the units of the metric may be regular in units of its own,
+        as where an exponential in every row hides what tells the rows apart.
+        """
+        if not self.is_singular:
+            return False
+        with np.errstate(all="ignore"):
+            columns = balanced_columns(self.jacobian)
+            factor = bordered(self.jacobian, last_unit(len(place.x)), columns)
+            if factor.is_singular():
+                return False
+            step = factor.solve(joined(place.residual, 0.0))
+        return not metric.relative(step, place.x) <= math.sqrt(CONVERGED)
 
     def leave(self, last: LastHeld, character: Character) -> None:
         """Leave the Jacobian, if it is regular, where the piece that begins here finds it."""

@@ -39,8 +39,8 @@ from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.corner.complementary import SLANT
-from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
+from pwscont.transitions.corner.cells import SLANT, Corner
+from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (
@@ -331,7 +331,7 @@ def corner(
 ) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
-    found = fan(curve.selection.system, curve.metric, x, error, zero, back)
+    found = tangent_cone(Corner.at(curve.selection.system, curve.metric, x, error, zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))

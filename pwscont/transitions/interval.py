@@ -23,7 +23,8 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import last_unit
 from pwscont.system.abilities import Ending, end_of
-from pwscont.transitions.corner.cone import fan, same_piece
+from pwscont.transitions.corner.cells import Corner
+from pwscont.transitions.corner.cone import same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.fold import fold_at_end
 from pwscont.transitions.location import locate_sign_change, locate_zero
@@ -103,7 +104,9 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     zero = vanishing(system, state.x, state.error, metric.scale)
     if not zero and (fold := fold_at_end(curve, state)):
         return _turning(Ray(curve, fold))
-    rays = fan(system, metric, state.x, state.error, zero, back).rays if zero else ()
+    rays: tuple[Ray, ...] = ()
+    if zero:
+        rays = tangent_cone(Corner.at(system, metric, state.x, state.error, zero), back).rays
     inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 

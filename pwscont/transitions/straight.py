@@ -25,7 +25,7 @@ from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
-from pwscont.transitions.corner.complementary import SLANT
+from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,
