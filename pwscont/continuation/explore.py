@@ -100,7 +100,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
         If there is no solution nearby, or it lies outside the bounds.
     """
     z, alpha = start
-    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha, last=plan.last)
+    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
@@ -152,8 +152,6 @@ def prepared(
         with np.errstate(all="ignore"):
             refuse_wrong_jacobian(plan.system, sample.character, sample.x)
             refuse_wrong_gradients(plan.system, sample.x)
-    if plan.followed is plan.system:
-        plan.last.begin(sample)
     return plan
 
 
@@ -213,9 +211,7 @@ def _with(plan: Plan, magnitudes: Array) -> Plan:
     sizes = rounded_to_one(magnitudes)
     if (sizes == plan.metric.scale[:-1]).all():
         return plan
-    other = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
-    is_straight = isinstance(plan.system, PiecewiseLinearSystem)  # elsewhere differences change
-    return replace(other, last=plan.last) if is_straight else other
+    return Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:

@@ -16,14 +16,12 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, is_everywhere, joined
-from pwscont.basics.character import Character
+from pwscont.basics.arrays import Array, joined
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import Factor, bordered, last_unit
-from pwscont.system.contract import Sample
 from pwscont.system.differences import FINE_STEP, STEP
 from pwscont.system.selection import Selection
 
@@ -78,14 +76,6 @@ def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -
 LEAN = GUARD * CONVERGED
 
 
-class Held(NamedTuple):
-    """A Jacobian, the unit row that borders it to a regular matrix, and the factorisation."""
-
-    jacobian: Matrix
-    row: Array
-    factor: Factor
-
-
 @final
 @dataclass(slots=True, eq=False)
 class Curve:
@@ -95,18 +85,10 @@ class Curve:
     ----------
     selection : Selection
     metric : Metric
-    held : Held, optional
-        The Jacobian where the curve was entered, for the piece that begins there.
     """
 
     selection: Selection
     metric: Metric
-    held: Held | None = field(default=None, repr=False)
-
-    def handed_on(self) -> Held | None:
-        """Return the Jacobian where the curve was entered, and let go of it."""
-        held, self.held = self.held, None
-        return held
 
     def slope(self, state: State) -> float:
         """Return d alpha / d arc length, exactly zero where it is zero to rounding.
@@ -119,37 +101,6 @@ class Curve:
         if not self.selection.system.knows_jacobian:
             slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
         return slope if abs(slope) > GUARD * EPS else 0.0
-
-
-@final
-class LastHeld:
-    """The last Jacobian of a straight cell that Newton's method factorised, with alpha held.
-
-    The piece through the solution that was found begins with it. Newton's method itself begins with
-    what the system returned when it was checked, if that was at the start.
-    """
-
-    def __init__(self) -> None:
-        self._last: tuple[Character, Held] | None = None
-        self._sample: Sample | None = None
-
-    def begin(self, sample: Sample) -> None:
-        """Remember what the system returned when it was checked."""
-        self._sample = sample
-
-    def begun(self, x: Array) -> Sample | None:
-        """Return what it returned, if that was at this point, and forget it."""
-        sample, self._sample = self._sample, None
-        return sample if sample and is_everywhere(sample.x == x) else None
-
-    def keep(self, character: Character, held: Held) -> None:
-        """Remember what belongs to a cell, and nothing else."""
-        self._last = character, held
-
-    def handed_on(self, curve: Curve) -> Held | None:
-        """Return what is remembered, if it belongs to the cell of a curve, and forget it."""
-        last, self._last = self._last, None
-        return last[1] if last and last[0] == curve.selection.character else None
 
 
 @final
@@ -169,8 +120,8 @@ class State:
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     located_by : Factor, optional
-        Where a function vanishes: a factorisation of [J; its gradient], which has nearly
-        everything that the piece beyond begins with. It is not kept with the way back.
+        Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
+        points of the curve close by. A reversed state has none.
     behind : State, optional
         Where the step that led here began, and ``arc``, the length of the curve from there, in the
         metric; what predictors extrapolate. No more than two states back are kept.

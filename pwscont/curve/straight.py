@@ -32,7 +32,6 @@ from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
-from pwscont.linear.dense import DenseFactor
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import column, inner
 from pwscont.linear.jacobian import StructuredJacobian
@@ -280,13 +279,7 @@ class StraightCell:
 
 
 def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
-    """Return the Jacobian of a curve and the factorisation of its part for z, where there is one.
-
-    A dense one that was factorised with alpha held, where the piece begins, serves as it is.
-    """
-    held = curve.handed_on()
-    if held and held.row[-1] and isinstance(held.factor, DenseFactor):
-        return held.jacobian, held.factor.without_border()
+    """Return the Jacobian of a curve and the factorisation of the part for z, if regular."""
     jacobian = curve.selection.jacobian(x)
     return jacobian, inner(jacobian, curve.metric.binary)
 

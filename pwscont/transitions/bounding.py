@@ -48,7 +48,6 @@ from pwscont.transitions.rays import (
     beyond,
     check_continuity,
     inward_ray,
-    ray_beyond,
     vanishing,
 )
 
@@ -321,7 +320,7 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     """
     new = Selection(curve.selection.system, beyond(curve.selection, state.x, test))
     there = Curve(new, curve.metric)
-    ray = ray_beyond(there, state, test) or inward_ray(there, state.x, state.error, test)
+    ray = inward_ray(there, state.x, state.error, test)
     check_continuity(curve, new, ray, state.x, state.error)
     return ray if ray and ray.state.orientation == state.orientation else None
 

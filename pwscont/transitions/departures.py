@@ -15,16 +15,16 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, are_finite
+from pwscont.basics.arrays import Array, Matrix, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.curve.curve import Curve, Held, State
+from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
@@ -46,9 +46,9 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     x, _ = found
     curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
     held = regular_border(curve, x)
-    if held is None or held.row[-1]:
+    if held is None or held[1][-1]:
         return found
-    row = held.row
+    row = held[1]
     root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
     if isinstance(root, Failure):
         return None
@@ -56,7 +56,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
 
 
-def regular_border(curve: Curve, x: Array) -> Held | None:
+def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
     """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
 
     The row holds one unknown fixed: alpha, except at a fold, where alpha fails. At a branch point
@@ -68,7 +68,7 @@ def regular_border(curve: Curve, x: Array) -> Held | None:
         row[j] = 1.0
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
-            return Held(jacobian, row, factor)
+            return jacobian, row, factor
     return None
 
 
@@ -141,13 +141,11 @@ def _beyond(here: Selection, test: int) -> Selection:
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
-    held = curve.held or regular_border(curve, x)
+    held = regular_border(curve, x)
     if held is None:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
-    if curve.selection.is_straight:
-        curve.held = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))

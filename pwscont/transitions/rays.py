@@ -21,20 +21,17 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, generic, joined
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at, named
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values
-from pwscont.curve.metric import LARGEST, SHORTEST, Metric
-from pwscont.curve.newton import MOST_CORRECTIONS, STALLED
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection
@@ -142,80 +139,6 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
-
-
-def ray_beyond(curve: Curve, state: State, test: int) -> Ray | None:
-    """Return the ray into the cell of ``curve`` from a state located on its interface (F2).
-
-    None if there is no ray, or if the factorisation that located the state cannot be reused,
-    because it is old or the selections do not agree along the interface: :func:`inward_ray` decides
-    then.
-    """
-    selection, metric, x = curve.selection, curve.metric, state.x
-    if state.located_by is None or test not in selection.bounding:
-        return None
-    there = _Beyond(selection.jacobian(x), -gradient_of(selection, x, test), state)
-    some, rest = metric.scale * generic(len(x)), selection.residual_and(x, 0.0)
-    asked = np.stack([there @ some, rest, there.excess(there.before)])
-    same, defect, change = there.solve_all(asked)
-    agree = metric.norm(same - some) <= STALLED * metric.norm(some)
-    if not (agree and metric.norm(defect) <= metric.slack(x, DISAGREE)):
-        return None
-    outwards = there.direction(there.before - change, metric)
-    if outwards is None:
-        return None
-    onwards = metric.normalised(-outwards)
-    return Ray(curve, moved(x, defect, onwards, state.error, state.orientation))
-
-
-@final
-class _Beyond:
-    """[J'; g] on the far side of an interface, by the factors of [J; g] on the near side.
-
-    With c = J' w, where J w = 0 and g.w = 1, the matrix [J'; g] is [[I, c], [0, 1]] [J; g], if the
-    selections agree along the interface. Determinants are the same.
-
-    Attributes
-    ----------
-    before : ndarray, shape (n + 1,)
-        w.
-    """
-
-    def __init__(self, jacobian: Matrix, row: Array, state: State) -> None:
-        assert state.located_by is not None, "the factorisation that located the state"
-        self._jacobian, self._row, self._factor = jacobian, row, state.located_by
-        self.before = state.tangent / float(row.dot(state.tangent))
-        self._c = jacobian @ self.before
-
-    def __matmul__(self, x: Array) -> Array:
-        return joined(self._jacobian @ x, float(self._row.dot(x)))
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for right-hand sides, shape (l, n + 1), which are overwritten."""
-        rhs[:, :-1] -= np.outer(rhs[:, -1], self._c)
-        return self._factor.solve_all(rhs)
-
-    def excess(self, along: Array) -> Array:
-        """Return the residual of a direction along which the test should rise by 1."""
-        return self @ along - last_unit(len(along))
-
-    def direction(self, along: Array, metric: Metric) -> Array | None:
-        """Return the direction in which the test rises, None where corrections do not converge.
-
-        The direction is right to rounding: a piece on which alpha does not change at all is known
-        by its direction. None also if a test in extreme units makes the direction too short or too
-        long to be squared.
-        """
-        before = math.inf
-        if not SHORTEST < metric.norm(along) < LARGEST:
-            return None
-        for _ in range(MOST_CORRECTIONS):
-            (change,) = self.solve_all(self.excess(along)[np.newaxis])
-            along, size = along - change, metric.norm(change) / metric.norm(along)
-            if size <= GUARD * EPS or STALLED * before < size < CONVERGED:
-                return np.asarray(along)
-            before = size
-        return None
 
 
 def check_continuity(
