@@ -381,7 +381,7 @@ def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozen
 
 
 def turns(back: Ray, forth: Ray) -> bool:
-    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse it."""
+    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 

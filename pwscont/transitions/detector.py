@@ -220,8 +220,8 @@ class TransitionDetector(ABC):
     def border(self, curve: Curve, index: int) -> Border | None:
         """Return function ``index`` of a point with its gradient, x -> (value, gradient).
 
-        With it a step may end where the function vanishes, instead of beyond. None, the default,
-        where there is no gradient.
+        With a gradient, a step may end where the function vanishes, instead of beyond. None, the
+        default, where there is no gradient.
         """
         return None
 
@@ -245,11 +245,11 @@ class TransitionDetector(ABC):
         """
 
     def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell, from both ends of a step alone, that nothing of this detector's is on it.
+        """Tell, from both ends of a step alone, that no function of this detector vanishes.
 
         True says that no function vanishes on the step, by the signs that :meth:`read` returns at
-        both ends, and that :meth:`needs_shorter_step` returns None: neither is called then. False,
-        the default, has them called.
+        both ends, and that :meth:`needs_shorter_step` returns None: the run calls neither method
+        then. False, the default, makes the run call both methods.
         """
         return False
 

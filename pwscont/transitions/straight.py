@@ -121,8 +121,8 @@ class StraightTests(TransitionDetector):
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
-        None where that is hard, or if the ray begins at an interface but is not the one beyond the
-        last that was crossed: :meth:`read` and :meth:`locate` serve them all.
+        None where that is hard, or if the ray begins at an interface but is not the ray beyond the
+        last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
         last, state = self._last, ray.state
         if last is None or last.ray.state is not state:
@@ -149,7 +149,7 @@ class StraightTests(TransitionDetector):
     def _at_end(
         self, last: Entered, room: float, interval: tuple[float, float]
     ) -> SpecialPointFound | None:
-        """Return the end of the interval, which a piece reaches at this distance; its cell is left.
+        """Return the end of the interval, which a piece reaches at this distance; leave the cell.
 
         None where that is hard.
         """

@@ -155,7 +155,7 @@ class Watch:
                 raise broken(detector, "read", "finite values", last)
 
     def is_quiet(self, segment: CurvedSegment, start: Readings, end: Readings) -> bool:
-        """Tell that nothing happens on a step, by what little tells it of nearly every step."""
+        """Tell that nothing happens on a step, by a quick test that settles nearly every step."""
         for i, detector in enumerate(self._detectors):
             if detector.is_quiet(segment):
                 continue
