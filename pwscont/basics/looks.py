@@ -37,7 +37,7 @@ def short(words: str) -> str:
 
 
 def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
-    """Return words with at most so many letters; an ellipsis stands for the words in the middle."""
+    """Return words cut to ``most`` letters; an ellipsis stands for the middle."""
     if len(words) <= most:
         return words
     half = (most - 7) // 2

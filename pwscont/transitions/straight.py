@@ -96,12 +96,12 @@ class StraightTests(TransitionDetector):
         gradients = self._gradients_of(curve, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * gradients.rows.dot(state.tangent)[selection.bounding]
-        riding = next_to_zero(values, slopes)
-        riding = riding[gradients.are_flat(selection.bounding[riding], slopes[riding])]
-        if len(riding):
-            rows = gradients.rows.some(selection.bounding[riding])
-            riding = riding[is_zero_along(rows, values[riding], slopes[riding], state, scale)]
-            values[riding], slopes[riding] = 1.0, 0.0
+        idle = next_to_zero(values, slopes)
+        idle = idle[gradients.are_flat(selection.bounding[idle], slopes[idle])]
+        if len(idle):
+            rows = gradients.rows.some(selection.bounding[idle])
+            idle = idle[is_zero_along(rows, values[idle], slopes[idle], state, scale)]
+            values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -161,7 +161,7 @@ class StraightTests(TransitionDetector):
         found = last.cell.settled(x, last_unit(len(x)), 0.0)
         if found is None:
             return None
-        found.x[-1] = end  # equal but for rounding
+        found.x[-1] = end  # equal up to rounding
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
         return at_end(last.ray.curve, here)
 
