@@ -144,11 +144,14 @@ STILL = EPS**0.5
 #: Of many unknowns one that is smaller than this part of the largest, in units in which columns of
 #: the Jacobian are balanced, is not measured by its own size.
 TAIL = 1e-3
+#: An unknown smaller than this part of the largest is zero in any units, and has no size.
+VANISHED = 1e-30
 
 
 def rounded_to_one(sizes: Array) -> Array:
     """Return magnitudes, one where they are close to one."""
-    return np.where((sizes >= LEAST) & (sizes <= MOST), 1.0, sizes)
+    close = (sizes >= LEAST) & (sizes <= MOST)
+    return np.where(close, 1.0, np.maximum(sizes, VANISHED * sizes.max()))
 
 
 def are_alike(sizes: Array, others: Array) -> bool:

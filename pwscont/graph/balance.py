@@ -114,6 +114,21 @@ def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
     return point.kind == Kind.END or ends or ON_BOUND in point.message
 
 
+#: Failures after which a branch is said to run to infinity.
+TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLAT)
+
+
+def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
+    runs = any(reason.value in point.message for reason in TO_INFINITY)
+    return runs and is_beside_infinite(graph, point.alpha)
+
+
+def _may_end(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a branch ends at a point on purpose, or runs to infinity at one alpha."""
+    return is_on_purpose(graph, point) or leaves_upright(graph, point)
+
+
 def balance_at(graph: Structure, alpha: float) -> int:
     """Return the sum of signs at an alpha, see :meth:`pwscont.BranchGraph.balance`."""
     check_inside(graph, alpha)
@@ -157,7 +172,7 @@ def unbalanced(graph: Structure) -> list[tuple[float, float]]:
     judged = _judged(graph)
     degree = graph.system.degree if graph.system else None
     if degree is None:
-        ends = [(p, n) for p, n in loose_ends(graph).items() if is_on_purpose(graph, p)]
+        ends = [(p, n) for p, n in loose_ends(graph).items() if _may_end(graph, p)]
         judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
         values = [value for value, _ in judged]
         degree = max(values, key=values.count, default=None)
@@ -201,8 +216,8 @@ def verdict(graph: Structure) -> str:
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
-    if not doubts and not graph.pieces and not promises:
-        return f"nothing found by {graph.searched.what}"
+    if not graph.pieces and not graph.infinite and not promises:
+        return "; ".join([f"nothing found by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
@@ -299,6 +314,8 @@ def _what_happened(graph: Structure, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
+    if leaves_upright(graph, point):
+        return "infinitely many solutions"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
