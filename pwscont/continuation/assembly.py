@@ -63,7 +63,9 @@ def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, event
     numbers = count(1 + max(discovery.nodes, default=-1))
     edges, discovery.edges = discovery.edges, []
     for edge in edges:
-        whole = _EdgeWithEvents.of(edge, system, metric, events)
+        kinds = [discovery.nodes[node].kind for node in (edge.start, edge.end)]
+        crossed = kinds[0] == Kind.BRANCH_POINT, kinds[1] == Kind.BRANCH_POINT
+        whole = _EdgeWithEvents.of(edge, crossed, system, metric, events)
         nodes = {next(numbers): node for node in whole.nodes()}
         discovery.nodes.update(nodes)
         discovery.edges.extend(whole.parts(nodes))
@@ -72,25 +74,31 @@ def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, event
 @final
 @dataclass(frozen=True, slots=True)
 class _EdgeWithEvents:
-    """A piece, its curve, and the events on it in order."""
+    """A piece, which of its ends are branch points, its curve, and the events on it in order."""
 
     edge: Edge
+    crossed: tuple[bool, bool]
     curve: Curve
     segments: Sequence[Segment]
     marks: Sequence[EventMark]
 
     @classmethod
     def of(
-        cls, edge: Edge, system: PiecewiseSystem, metric: Metric, events: Events
+        cls,
+        edge: Edge,
+        crossed: tuple[bool, bool],
+        system: PiecewiseSystem,
+        metric: Metric,
+        events: Events,
     ) -> _EdgeWithEvents:
         """Return a piece with the events on it."""
         curve = edge.followed.curve(system, metric)
-        segments, points = list(_segments(curve, edge.track)), edge.track.points
+        segments, points = list(_segments(curve, edge.track, crossed)), edge.track.points
         start, end = edge.track.start, edge.track.end
         along = events.along(curve, start.x, start.error)
         for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
             along.look(segment, metric.norm(b - a), after)
-        return cls(edge, curve, segments, along.before(end.x, end.error))
+        return cls(edge, crossed, curve, segments, along.before(end.x, end.error))
 
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes that the events make."""
@@ -116,8 +124,10 @@ class _EdgeWithEvents:
         """Return the points inside a part; of a curved one there is one at least."""
         if len(inner) or len(self.edge.track.inner) == 0:
             return inner
-        chord = self.curve.metric.normalised(end.x - start.x)
-        first, last = (_state(self.curve, at.x, chord, at.error) for at in (start, end))
+        track = self.edge.track
+        crossed = self.crossed[0] and start is track.start, self.crossed[1] and end is track.end
+        points, errors = np.array([start.x, end.x]), [start.error, end.error]
+        first, last = _states(self.curve, points, errors, crossed)
         segment = CurvedSegment.between(self.curve, first, last, 0.0)
         middle = segment.point(0.5 * segment.length, None)
         return inner if middle is None else middle[np.newaxis]
@@ -137,20 +147,42 @@ class _EdgeWithEvents:
         return sum((mark.after, mark.position) < here for mark in self.marks)
 
 
-def _segments(curve: Curve, track: Track) -> Iterator[Segment]:
+def _segments(curve: Curve, track: Track, crossed: tuple[bool, bool]) -> Iterator[Segment]:
     """Yield the stretches between the points of a piece."""
-    points, metric = track.points, curve.metric
-    chords = [metric.normalised(b - a) if (b != a).any() else b - a for a, b in pairwise(points)]
+    points = track.points
     if len(points) == 2:
-        yield StraightSegment(curve, State(points[0], chords[0], track.start.error[np.newaxis], 1))
+        way = _chords(curve, points)[0]
+        yield StraightSegment(curve, State(points[0], way, track.start.error[np.newaxis], 1))
         return
     errors = [track.start.error, *[np.zeros_like(x) for x in points[1:-1]], track.end.error]
+    for start, end in pairwise(_states(curve, points, errors, crossed)):
+        yield CurvedSegment.between(curve, start, end, 0.0)
+
+
+def _chords(curve: Curve, points: Array) -> list[Array]:
+    normalised = curve.metric.normalised
+    return [normalised(b - a) if (b != a).any() else b - a for a, b in pairwise(points)]
+
+
+def _states(
+    curve: Curve, points: Array, errors: Sequence[Array], crossed: tuple[bool, bool]
+) -> list[State]:
+    """Return the states at points of a piece.
+
+    At a branch point the Jacobian gives no direction: it is that of the parabola through this and
+    the next point with the direction there.
+    """
+    chords = _chords(curve, points)
     states = [
         _state(curve, x, chord, error)
         for x, chord, error in zip(points, [*chords, chords[-1]], errors, strict=True)
     ]
-    for start, end in pairwise(states):
-        yield CurvedSegment.between(curve, start, end, 0.0)
+    for is_crossed, end, beside in zip(crossed, (0, -1), (1, -2), strict=True):
+        if is_crossed:
+            way = 2.0 * chords[end] - states[beside].tangent
+            tangent = curve.metric.normalised(way)
+            states[end] = State(states[end].x, tangent, states[end].error, 1)
+    return states
 
 
 def _state(curve: Curve, x: Array, way: Array, error: Array) -> State:

@@ -118,8 +118,9 @@ def write(path: str | Path, contents: Contents) -> None:
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
         _replace(Path(path), content.getbuffer())
-    except OSError as error:
-        raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
+    except (OSError, TypeError, ValueError) as error:  # the last two: it is no path of a file
+        why = getattr(error, "strerror", None) or error
+        raise GraphFileError(f"cannot write {path}: {why}") from error
 
 
 def _header(contents: Contents) -> dict[str, Any]:
