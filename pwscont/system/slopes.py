@@ -95,7 +95,10 @@ def _wrong_row(
     wrong = np.ones(len(slopes), dtype=bool)
     for step in STEPS:
         ahead, behind = x + step * direction, x - step * direction
-        if (np.abs((ahead - behind) / (2.0 * step) - direction) > ALIKE * np.abs(direction)).any():
+        if (
+            np.abs((ahead - behind) / (2.0 * step) - direction)
+            > EQUAL_QUOTIENTS * np.abs(direction)
+        ).any():
             return None
         quotients.append((function(ahead) - function(behind)) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
