@@ -180,7 +180,7 @@ class BoundingTests(TransitionDetector):
         selection = segment.curve.selection
         if selection.is_straight or not len(start.values):
             return None
-        if start.least < 0.0 and _is_outside(segment, start, end):
+        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
         for x in _looked_at(segment):
             values = selection.tests(x)

@@ -50,10 +50,6 @@ class SmoothBranchPoints(TransitionDetector):
         """Return the sign and its negative."""
         return _READINGS[state.orientation]
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that the sign is known at both ends, and is the same."""
-        return segment.start.orientation * segment.end.orientation > 0
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
         assert isinstance(segment, CurvedSegment)  # straight curves of one selection do not cross
