@@ -124,7 +124,7 @@ class BranchGraph(Structure):
         return balance.balances(self)
 
     def balance_values(self) -> list[int]:
-        """Return the different values of the balance, ascending; a single value if nothing is missing.
+        """Return the different values of the balance, ascending: one value if nothing is missing.
 
         A stretch of alpha that is no longer than the uncertainty of the special points around it
         does not count: such a stretch may not exist, for the ends may be in the opposite order.
