@@ -28,7 +28,7 @@ from pwscont.system.system import PiecewiseSystem
 
 #: How far beside a point derivatives are compared, in typical magnitudes.
 DISTANCE_TO_POINT = 0.01
-#: Lengths of steps, the first of which nearly always confirms the derivative.
+#: Lengths of steps; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
 #: A derivative that is off by more than the part WRONG_SLOPE of its terms is wrong; quotients that
 #: differ by at most the part EQUAL_QUOTIENTS of the terms agree.

@@ -52,7 +52,7 @@ class SmoothBranchPoints(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
-        assert isinstance(segment, CurvedSegment)  # straight curves of one selection do not cross
+        assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         found = _locate(segment, bracket, before := 1 if index == 0 else -1)
         if isinstance(found, Failure):
             return found
@@ -60,9 +60,9 @@ class SmoothBranchPoints(TransitionDetector):
         return State(found.x, own, found.error, before)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Go on along the same curve, and both ways along the other."""
+        """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
-        if isinstance(found, Failure):  # not after it has been located
+        if isinstance(found, Failure):  # not after the point has been located
             return SpecialPointFound(
                 Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),)
             )

@@ -212,8 +212,8 @@ class TransitionDetector(ABC):
     def border(self, curve: Curve, index: int) -> Border | None:
         """Return function ``index`` of a point with its gradient, x -> (value, gradient).
 
-        With it a step may end where the function vanishes, instead of beyond. None, the default,
-        where there is no gradient.
+        With a gradient, a step may end where the function vanishes, instead of beyond. None, the
+        default, where there is no gradient.
         """
         return None
 

@@ -82,7 +82,7 @@ class IntervalEnds(TransitionDetector):
         if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
             return fold
         if isinstance(state, State):
-            state.x[-1] = end  # equal but for the rounding of the solve
+            state.x[-1] = end  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
