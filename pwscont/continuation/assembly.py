@@ -1,12 +1,13 @@
 """From discovered nodes and pieces to the branch graph.
 
-So no event changes a step, a piece or what is found: the graph is the one without events, and has
-the events besides.
+Events are marked after everything has been found. No event changes a step or a piece: the graph is
+the graph without events, plus the events.
 
 Failure modes and answers
 -------------------------
-- Two points of a piece mean a straight one: a part of a curved piece has a third point.
-- At an end of a piece, as at a corner, the tangent may not be known: the chord stands for it.
+- A piece with two points is taken as straight: a part of a curved piece has a third point.
+- At an end of a piece, as at a corner, the tangent may not be known: the chord replaces the
+  tangent.
 - An event where tracing began: the point is the event.
 """
 
@@ -59,7 +60,7 @@ def mark(
 
 
 def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
-    """Divide the pieces of a discovery at the events on them, which become nodes."""
+    """Divide the pieces of a discovery at the events, which become nodes."""
     numbers = count(1 + max(discovery.nodes, default=-1))
     edges, discovery.edges = discovery.edges, []
     for edge in edges:
@@ -74,7 +75,7 @@ def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, event
 @final
 @dataclass(frozen=True, slots=True)
 class _EdgeWithEvents:
-    """A piece, which of its ends are branch points, its curve, and the events on it in order."""
+    """A piece, which of its ends are branch points, the curve of the piece, and events in order."""
 
     edge: Edge
     crossed: tuple[bool, bool]
@@ -91,7 +92,7 @@ class _EdgeWithEvents:
         metric: Metric,
         events: Events,
     ) -> _EdgeWithEvents:
-        """Return a piece with the events on it."""
+        """Return a piece with all events on this piece."""
         curve = edge.followed.curve(system, metric)
         segments, points = list(_segments(curve, edge.track, crossed)), edge.track.points
         start, end = edge.track.start, edge.track.end
@@ -121,7 +122,7 @@ class _EdgeWithEvents:
             yield Edge(start, end, self.edge.followed, part, begun_at)
 
     def _inner(self, inner: Array, start: Place, end: Place) -> Array:
-        """Return the points inside a part; of a curved one there is one at least."""
+        """Return the points inside a part; a curved part has at least one inner point."""
         if len(inner) or len(self.edge.track.inner) == 0:
             return inner
         track = self.edge.track
@@ -133,7 +134,7 @@ class _EdgeWithEvents:
         return inner if middle is None else middle[np.newaxis]
 
     def _begun(self) -> int | None:
-        """Return the part in which tracing began, None where it is at an event."""
+        """Return the part in which tracing began, None where tracing began at an event."""
         begun, metric = self.edge.begun_at, self.curve.metric
         if begun is None or any(
             metric.norm(begun.x - mark.state.x) <= metric.slack(begun.x, CONVERGED)
@@ -209,7 +210,7 @@ def assemble(
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery, in the unknowns that a user sees.
 
-    Pieces are directed and numbered along the positive orientation of their component. Unknowns
+    Pieces are directed and numbered along the positive orientation of the component. Unknowns
     and signs that a reduction left out are put back, and unknowns that the system hides are left
     out. Special points get the names of the events there. The metric is that of the system.
     """
@@ -295,7 +296,7 @@ def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
 
 
 def _in_order(edges: list[Edge]) -> Iterator[Edge]:
-    """Yield directed edges so that each component is walked through, from its sources on."""
+    """Yield directed edges so that each component is walked through, from the sources on."""
     leaving: dict[int, deque[Edge]] = defaultdict(deque)
     entered = {edge.end for edge in edges}
     for edge in edges:
