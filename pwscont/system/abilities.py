@@ -21,9 +21,10 @@ from pwscont.system.system import PiecewiseSystem
 
 
 class Compact(ABC):
-    """A system of whose special points only the essential components are stored.
+    """A system that knows which components of a solution determine the others.
 
-    Every other component is a multiple of one essential component, plus a constant.
+    Every other component is a multiple of one essential component, plus a constant. pwscont does
+    not ask for these components any more: graphs hold every point whole.
     """
 
     __slots__ = ()

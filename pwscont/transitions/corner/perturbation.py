@@ -63,7 +63,7 @@ def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Directi
     ----------
     corner : Corner
     back : Direction, optional
-        The ray along which the corner was reached; it is returned too, if it is a ray to rounding.
+        The ray along which the corner was reached, returned as well if verified.
     """
     paths, found = Paths(corner), list[Direction]()
     if back is None or not _add(paths, found, (back[1][0], back[0])):
