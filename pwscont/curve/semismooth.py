@@ -145,7 +145,8 @@ def _linearised(
 ) -> _Linearised | None:
     """Return the Jacobian at a point, factorised; None where the Jacobian is not finite."""
     jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
-    rows: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
+    with np.errstate(invalid="ignore"):  # an infinite entry times zero, for alpha
+        rows: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
     rows[rows == 0.0] = 1.0
     if not are_finite(rows):
         return None
