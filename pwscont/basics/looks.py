@@ -17,7 +17,7 @@ MOST_LETTERS = 72
 UNNAMED = ("z[0]",)
 #: Significant digits of numbers as users read them, and of the difference of the ends of a narrow
 #: interval.
-DIGITS, DIGITS_OF_DIFFERENCE = 8, 3
+DIGITS_SHOWN, DIGITS_OF_DIFFERENCE = 8, 3
 
 
 def counted(count: int | float, noun: str) -> str:
@@ -37,7 +37,7 @@ def short(words: str) -> str:
 
 
 def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
-    """Return words with at most so many letters; an ellipsis stands for the words in the middle."""
+    """Return words cut to ``most`` letters; an ellipsis stands for the middle."""
     if len(words) <= most:
         return words
     half = (most - 7) // 2
@@ -50,7 +50,7 @@ def apart(lo: float, hi: float) -> tuple[str, str]:
     """Return the ends of an interval in at least eight digits, in more where eight are equal."""
     part = (hi - lo) / max(abs(lo), abs(hi), 1e-300)
     needed = DIGITS_OF_DIFFERENCE - log10(part) if part > 0.0 else 0.0
-    digits = min(max(DIGITS, ceil(needed)), 17)
+    digits = min(max(DIGITS_SHOWN, ceil(needed)), 17)
     return f"{lo:.{digits}g}", f"{hi:.{digits}g}"
 
 

@@ -1,8 +1,9 @@
 """Correctors: from a prediction back onto the curve.
 
-Newton is content with a point that is off the curve by a little more than rounding, where the
-tangent is another one: the point is corrected once more. A Jacobian of central differences has ten
-digits: its tangent is found again with twelve, see :mod:`pwscont.curve.curve`.
+Newton accepts a point that is off the curve by a little more than rounding, where the tangent
+differs from that of the curve: :func:`polished` corrects the point again. A Jacobian of central
+differences has ten digits: a tangent with twelve digits is computed again, see
+:mod:`pwscont.curve.curve`.
 
 Failure modes and answers
 -------------------------
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer
+from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer_tangent
 from pwscont.curve.newton import (
     MOST_CHORDS,
     Border,
@@ -187,8 +188,8 @@ def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
 def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     """Return the root once its corrections are rounding, and its uncertainty.
 
-    Rounding is all that is left of nearly every root after a few corrections more with the
-    factorisation that it has; another one is made where these do not shrink.
+    For nearly every root a few corrections with the factorisation of the root leave only rounding.
+    Where these corrections do not shrink, Newton's method begins again with a new factorisation.
     """
     settled = again(curve, border, root)
     unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])
@@ -207,29 +208,21 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     return root, np.vstack([uncertainty(root, unseen), root.error])
 
 
-class Polished(NamedTuple):
-    """A state, and what its tangent, of length one, may be off by."""
+def polished(curve: Curve, state: State) -> tuple[State, float]:
+    """Return a state after another correction, and the error of the unit tangent.
 
-    state: State
-    off: float
-
-
-def polished(curve: Curve, state: State) -> Polished:
-    """Return a state after one correction more, with a tangent to nearly all digits."""
+    The tangent has nearly all digits where Jacobians are exact. Elsewhere the tangent by
+    differences of fourth order is taken if that tangent is better.
+    """
     found = BorderedNewton().correct(curve, state.x, state.tangent)
-    corrected = state if isinstance(found, Failure) else found.state
+    state = state if isinstance(found, Failure) else found.state
     if curve.selection.system.knows_jacobian:
-        return Polished(corrected, GUARD * EPS)
-    return _by_differences(curve, corrected)
-
-
-def _by_differences(curve: Curve, state: State) -> Polished:
-    """Return a state with the better one of two tangents."""
-    found = finer(curve.selection, curve.metric, state.x, state.tangent)
-    if found is None:
-        return Polished(state, CENTRAL)
-    apart = curve.metric.norm(found.tangent - state.tangent)
+        return state, GUARD * EPS
+    finer = finer_tangent(curve.selection, curve.metric, state.x, state.tangent)
+    if finer is None:
+        return state, CENTRAL
+    tangent, _ = finer
+    apart = curve.metric.norm(tangent - state.tangent)
     if RATIO * apart >= 1.0:
-        return Polished(state, max(CENTRAL, apart))
-    better = State(state.x, found.tangent, state.error, state.orientation)
-    return Polished(better, max(FINE, RATIO * apart**2))
+        return state, max(CENTRAL, apart)
+    return State(state.x, tangent, state.error, state.orientation), max(FINE, RATIO * apart**2)

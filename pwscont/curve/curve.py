@@ -5,14 +5,14 @@ Failure modes and answers
 - A function changes within the longer steps of fourth order: with errors d of second order, those
   of fourth order are RATIO d^2, and are taken only where that is less.
 - Along a vertical piece the slope of alpha is nothing but the errors of differences, and its signs
-  would be folds. What these errors are depends on the units of alpha and on how long the interval
-  is: they are estimated from the terms of which the derivatives consist.
+  would be folds. These errors depend on the units of alpha and on the length of the interval, and
+  are estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
@@ -31,23 +31,24 @@ CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
 RATIO = (FINE_STEP / STEP) ** 4
 
 
-class Finer(NamedTuple):
-    """A tangent by differences of fourth order.
+def finer_tangent(
+    selection: Selection, metric: Metric, x: Array, tangent: Array
+) -> tuple[Array, Array] | None:
+    """Return the tangent by differences of fourth order, and samples of its rounding error.
 
-    Attributes
+    Parameters
     ----------
+    selection : Selection
+    metric : Metric
+    x : ndarray, shape (n + 1,)
     tangent : ndarray, shape (n + 1,)
-        Of length one in the metric.
-    rounding : ndarray, shape (k, n + 1)
-        Samples of what rounding of the differences makes of it.
+        The tangent by differences of second order.
+
+    Returns
+    -------
+    tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
+        None where the bordered matrix is singular.
     """
-
-    tangent: Array
-    rounding: Array
-
-
-def finer(selection: Selection, metric: Metric, x: Array, tangent: Array) -> Finer | None:
-    """Return the tangent next to one by differences of second order, None where there is none."""
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)
     factor = bordered(jacobian, metric.covector(tangent), metric.binary)
@@ -56,16 +57,18 @@ def finer(selection: Selection, metric: Metric, x: Array, tangent: Array) -> Fin
     terms = np.abs(jacobian).dot(np.abs(x) + metric.scale)
     rounding = FINE * samples(len(x)) * joined(terms, 0.0)
     along, *errors = factor.solve_all(np.vstack([last_unit(len(x)), rounding]))
-    return Finer(metric.normalised(along), np.array(errors))
+    return metric.normalised(along), np.array(errors)
 
 
 def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -> float:
-    """Return d alpha / d arc length of a tangent by differences, zero where it may be zero."""
-    slope, found = float(tangent[-1]) / metric.width, finer(selection, metric, x, tangent)
+    """Return d alpha / d arc length of a tangent by differences, zero where zero is possible."""
+    slope = float(tangent[-1]) / metric.width
+    found = finer_tangent(selection, metric, x, tangent)
     if found is None:
         return slope
-    fine = float(found.tangent[-1]) / metric.width
-    rounding = float(np.linalg.norm(found.rounding[:, -1])) / metric.width
+    finer, errors = found
+    fine = float(finer[-1]) / metric.width
+    rounding = float(np.linalg.norm(errors[:, -1])) / metric.width
     relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
     off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
     return fine if abs(fine) > off else 0.0
@@ -93,7 +96,7 @@ class Curve:
     def slope(self, state: State) -> float:
         """Return d alpha / d arc length, exactly zero where it is zero to rounding.
 
-        It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
+        The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
         slope = float(state.tangent[-1]) / self.metric.width
         if abs(slope) > LEAN:
@@ -122,9 +125,6 @@ class State:
     located_by : Factor, optional
         Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
         points of the curve close by. A reversed state has none.
-    behind : State, optional
-        Where the step that led here began, and ``arc``, the length of the curve from there, in the
-        metric; what predictors extrapolate. No more than two states back are kept.
     """
 
     x: Array
@@ -133,14 +133,6 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
-    behind: State | None = field(default=None, repr=False)
-    arc: float = field(default=0.0, repr=False)
-
-    def comes_from(self, behind: State, arc: float) -> None:
-        """Remember the step that led here; what was two steps before it is let go."""
-        self.behind, self.arc = behind, arc
-        if behind.behind is not None:
-            behind.behind.behind = None
 
     @property
     def size(self) -> Array:

@@ -10,7 +10,7 @@ Failure modes and answers
 - At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
   steps are taken undamped, and the rule holds again from where they lead.
 - A stationary point of the merit function that is no solution: the failure says so.
-- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
+- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
 - Divergence: so far out that rounding hides the residual, no step reduces it. A point whose error
   is as large as the point itself is no solution.

@@ -9,9 +9,9 @@ direction. Jacobians that are neither small nor at hand are asked for by audits 
 
 Failure modes and answers
 -------------------------
-- Rounding adds up from cell to cell: the residual of the system itself is asked for at every
-  transition; where it is more than the stated error covers the point is corrected, and all is
-  audited if that was not done of late.
+- Rounding adds up from cell to cell: the residual of the system is asked for at every transition.
+  A residual larger than the stated error covers corrects the point, and asks for an audit if the
+  last audit was long ago.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
   matrices in one array that it writes to, or c: an audit compares the direction with the new
   Jacobian, and the residual of the next point is more than rounding.
@@ -21,6 +21,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, final
 
 import numpy as np
@@ -30,7 +31,6 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
-from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import column, inner
@@ -40,19 +40,21 @@ from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
-#: Systems of fewer unknowns are audited at every transition, others after so many at the latest:
-#: true errors of random bodies are at most 1.6 of those stated then, and 2.8 after 64.
-TINY, AUDIT = 16, 24
-#: After so many a residual that is more than rounding asks for an audit: directions have drifted.
-DRIFTED = 8
-#: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
-#: more.
-SMALL = 64
+#: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
+#: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
+#: times after 64 transitions.
+ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
+#: After this many transitions a residual above rounding asks for an audit: directions have drifted.
+DRIFTED_AFTER = 8
+#: Systems of fewer unknowns are asked for Jacobians at every transition: two residuals cost more.
+ASKED_FOR_JACOBIANS = 64
 #: A residual is corrected from this part of the terms of its row on: three quarters of what the
 #: stated error of the point covers.
 UNSEEN = 0.75 * CONFIDENCE * EPS
 #: Errors are estimated afresh where an unknown is larger than this times all of its kind were.
 GROWN = 2.0
+#: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
+FAR_AWAY = 2.0**20
 #: A direction is on its selection where its residual is below this part of its terms.
 ASTRAY = EPS**0.5
 
@@ -111,12 +113,12 @@ class StraightCell:
         self.along: Array = self._lines[0]
         self._wide = np.zeros(len(along))
         self._slopes = np.empty(0)  # of the last test crossed, along all of these
-        self._terms = np.empty(0)  # of the rows of H, as large as they were at the last audit
-        self._most, self._since = np.empty(0), AUDIT
+        self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
+        self._most, self._since = np.empty(0), AUDIT_AFTER
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
-        """Return the cell of a curve, factorised; None where it is next to singular."""
+        """Return the factorised cell of a curve; None where the Jacobian is next to singular."""
         jacobian, core = _factorised(curve, x)
         if core is None:
             return None
@@ -161,7 +163,7 @@ class StraightCell:
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._is_due(sizes)
         is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
-        if is_due or (is_off and self._since >= DRIFTED):
+        if is_due or (is_off and self._since >= DRIFTED_AFTER):
             aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
@@ -172,7 +174,7 @@ class StraightCell:
 
     def _is_due(self, sizes: Array) -> bool:
         """Tell whether an audit is due at a point with unknowns as large as these."""
-        if self._since >= AUDIT or len(sizes) <= TINY:
+        if self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED:
             return True
         return is_anywhere(sizes > self._most)
 
@@ -228,9 +230,9 @@ class StraightCell:
         if self._is_told:
             return other.selection.kink(before.selection, test)
         if jacobian is None:
-            return by_residuals(before, other, x, gradient)
+            return kink_by_residuals(before, other, x, gradient)
         self._jacobian = other.selection.jacobian(x)
-        return by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
+        return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""
@@ -252,7 +254,7 @@ class StraightCell:
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
-        self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
+        self._most = sizes if n < ALWAYS_AUDITED else GROWN * _largest_alike(sizes, metric)
         self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
         typical = product(magnitudes, metric.scale)
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
@@ -285,9 +287,9 @@ def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
-    """Tell whether c is read off Jacobians: where they cost little, or residuals mean nothing."""
+    """Tell whether c is read off Jacobians: these cost little, or far residuals mean nothing."""
     is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
-    is_small = jacobian.shape[0] < SMALL
+    is_small = jacobian.shape[0] < ASKED_FOR_JACOBIANS
     return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
 
 
@@ -301,3 +303,50 @@ def _largest_alike(sizes: Array, metric: Metric) -> Array:
     np.maximum.at(largest, metric.kinds, sizes)
     alike: Array = largest[metric.kinds]
     return alike
+
+
+def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> Array:
+    """Return c of J' - J = c g^T (F1), shape (n,), from the Jacobians, shape (n, n + 1).
+
+    The column of the unknown along which the test changes most is compared, so that c is no small
+    difference of large numbers.
+
+    Parameters
+    ----------
+    before, after : ndarray, sparse matrix or StructuredJacobian
+    gradient : ndarray, shape (n + 1,)
+        g, of the test that vanishes on the interface.
+    scale : ndarray, shape (n + 1,)
+        Typical magnitudes of the unknowns.
+    """
+    steepest = int(np.abs(gradient * scale).argmax())
+    jump: Array = (column(after, steepest) - column(before, steepest)) / gradient[steepest]
+    return jump
+
+
+def kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
+    """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
+
+    The residuals on both sides are compared far away along the unknown along which the test changes
+    most. That unknown is so large there that the rounding of all other terms is less than the
+    rounding of its column. Systems whose unknowns have bounds are not asked for such residuals.
+
+    Parameters
+    ----------
+    before, after : Curve
+        Of the selections on both sides, affine in z.
+    x : ndarray, shape (n + 1,)
+        A point of the interface, up to rounding.
+    gradient : ndarray, shape (n + 1,)
+        g, of the test that vanishes on the interface.
+    """
+    scale = after.metric.scale
+    weights = np.abs(gradient * scale)[:-1]
+    steepest = int(weights.argmax())
+    far = x.copy()
+    far[steepest] += FAR_AWAY * max(1.0, after.metric.norm(x)) * scale[steepest]
+    test = gradient[steepest] * (far[steepest] - x[steepest])
+    if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
+        return None
+    jump: Array = (after.selection.residual(far) - before.selection.residual(far)) / test
+    return jump

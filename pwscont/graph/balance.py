@@ -1,34 +1,42 @@
 """The balance of signs, and the verdict on what may be missing.
 
-The ends that a vertical piece joins count as one.
+The ends that a vertical piece joins count as a single end.
 
 The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
-where the sum is wrong on a stretch of alpha, the ends around it tell why: a piece was stopped, or
-the model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
+where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
+stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
+there twice.
 
 Failure modes and answers
 -------------------------
-- A branch that ends on purpose takes its sign out of the sum: the sums on both sides of such an end
+- A branch that ends on purpose takes a sign out of the sum: the sums on both sides of such an end
   are compared without that sign.
-- A solution that stands twice is told from two that are close by their errors.
+- A solution that stands twice is told from two close solutions by the estimated errors.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
 from itertools import combinations, pairwise
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.errors import PwscontError
 from pwscont.basics.looks import apart
 from pwscont.basics.outcome import ACCUMULATE, FILL, ON_BOUND, FailureReason, Guarantee, Kind
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph.exports import DamagedError
-from pwscont.graph.queries import Queries
+from pwscont.graph.queries import (
+    check_inside,
+    index_at,
+    is_beside_infinite,
+    is_infinite,
+    nodes_at,
+    pieces_over,
+    pieces_through,
+    solutions_at,
+)
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.graph.structure import Structure, connected
 
@@ -64,7 +72,7 @@ def check_places(
         raise DamagedError("pieces have different numbers of signs")
 
 
-#: Kinds of points at which a branch may end because the system or the user ends it.
+#: Kinds of points at which a branch may end because the system or the user ends branches.
 ON_PURPOSE = ("end", "event")
 
 
@@ -91,18 +99,18 @@ def _jumps(graph: Structure) -> dict[int, int]:
 
 
 def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield sets of nodes: those joined by vertical pieces together, the others alone."""
+    """Yield sets of nodes: nodes joined by vertical pieces together, every other node alone."""
     yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
 
 
 def _suspicion(point: SpecialPoint) -> int:
-    """Return a key that sorts points: ends on purpose, then stops, then the others."""
+    """Return a key that sorts points: ends on purpose, then stops, then other kinds."""
     order = (*ON_PURPOSE, Kind.STOPPED)
     return order.index(point.kind) if point.kind in order else len(order)
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether branches end at a point because the system or the user ends them."""
+    """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
     return point.kind == Kind.END or ends or ON_BOUND in point.message
 
@@ -111,91 +119,71 @@ def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
 TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLAT)
 
 
-def leaves_upright(graph: Queries, point: SpecialPoint) -> bool:
+def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
     runs = any(reason.value in point.message for reason in TO_INFINITY)
-    return runs and graph.is_beside_infinite(point.alpha)
+    return runs and is_beside_infinite(graph, point.alpha)
 
 
-class Balance(Queries):
-    """The balance of a branch graph; see :class:`pwscont.BranchGraph`."""
+def _may_end(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a branch ends at a point on purpose, or runs to infinity at one alpha."""
+    return is_on_purpose(graph, point) or leaves_upright(graph, point)
 
-    def balance(self, alpha: float) -> int:
-        """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
 
-        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
-        branch is missing. The converse does not hold: a missed pair cancels.
-        """
-        self._inside(alpha)
-        nodes = sum(self._index(node) for node in self._nodes_at(alpha))
-        return nodes + sum(piece.det_sign for piece in self._through(alpha))
+def balance_at(graph: Structure, alpha: float) -> int:
+    """Return the sum of signs at an alpha, see :meth:`pwscont.BranchGraph.balance`."""
+    check_inside(graph, alpha)
+    nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
+    return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
 
-    def balances(self) -> list[int]:
-        """Return the balance within each interval between successive special points."""
-        middles = [0.5 * (a + b) for a, b in pairwise(self.breaks())]
-        return [sum(piece.det_sign for piece in self._over(alpha)) for alpha in middles]
 
-    def balance_values(self) -> list[int]:
-        """Return the different values of the balance, ascending; one where nothing is missing.
+def balances(graph: Structure) -> list[int]:
+    """Return the balance within each interval between successive special points."""
+    middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
+    return [sum(piece.det_sign for piece in pieces_over(graph, alpha)) for alpha in middles]
 
-        A stretch of alpha that is no longer than the uncertainty of the special points around it
-        does not count: it may not exist, and its ends may be in the other order.
-        """
-        return sorted({value for value, _ in self._judged()})
 
-    def _judged(self) -> list[tuple[int, tuple[float, float]]]:
-        """Return balance and ends of the stretches that are longer than their ends are uncertain.
+def balance_values(graph: Structure) -> list[int]:
+    """Return the different sums of signs, see :meth:`pwscont.BranchGraph.balance_values`."""
+    return sorted({value for value, _ in _judged(graph)})
 
-        If there is no such stretch, return all of them; none where solutions are infinitely many,
-        for the signs of the pieces around them say nothing.
-        """
-        pairs = zip(self.balances(), pairwise(self.breaks()), strict=True)
-        everything = [row for row in pairs if not self._is_infinite(0.5 * sum(row[1]))]
-        return [row for row in everything if not self._is_blurred(*row[1])] or everything
 
-    def _is_blurred(self, lo: float, hi: float) -> bool:
-        """Tell whether the errors of the special points around a stretch overlap within it."""
-        left = self._alphas < 0.5 * (lo + hi)
-        blur = CONFIDENCE * self._alpha_errors
-        first = (self._alphas + blur)[left].max(initial=lo)
-        last = (self._alphas - blur)[~left].min(initial=hi)
-        return bool(first >= last)
+def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
+    """Return balance and ends of the stretches that are longer than their ends are uncertain.
 
-    def is_balanced(self) -> bool:
-        """Tell whether the balance is the same at every regular alpha of the interval.
+    If no stretch is longer, return all stretches. Stretches with infinitely many solutions are left
+    out: the signs of the pieces around such a stretch say nothing.
+    """
+    pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
+    everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
+    return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
 
-        Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
-        Stretches too short to be judged do not count, see :meth:`balance_values`.
-        """
-        return not self.unbalanced()
 
-    def unbalanced(self) -> list[tuple[float, float]]:
-        """Return the stretches in which the balance is not what it must be.
+def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
+    """Tell whether the errors of the special points around a stretch overlap within it."""
+    left = graph.alphas < 0.5 * (lo + hi)
+    blur = CONFIDENCE * graph.alpha_errors
+    first = (graph.alphas + blur)[left].max(initial=lo)
+    last = (graph.alphas - blur)[~left].min(initial=hi)
+    return bool(first >= last)
 
-        Without a known degree: the stretches whose balance differs from the most frequent one, each
-        without the signs of branches that end on purpose, or run to infinity at one alpha.
-        """
-        judged = self._judged()
-        degree = self.system.degree if self.system else None
-        if degree is None:
-            ends = [(p, n) for p, n in loose_ends(self).items() if self._may_end(p)]
-            judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
-            values = [value for value, _ in judged]
-            degree = max(values, key=values.count, default=None)
-        merged: list[tuple[float, float]] = []
-        for lo, hi in (gap for value, gap in judged if value != degree):
-            if merged and merged[-1][1] == lo:
-                merged[-1] = (merged[-1][0], hi)
-            else:
-                merged.append((lo, hi))
-        return merged
 
-    def _may_end(self, point: SpecialPoint) -> bool:
-        return is_on_purpose(self, point) or leaves_upright(self, point)
-
-    @cached_property
-    def _alpha_errors(self) -> Array:
-        return np.array([point.error[-1] if len(point.error) else 0.0 for point in self._points])
+def unbalanced(graph: Structure) -> list[tuple[float, float]]:
+    """Return where the sum of signs is wrong, see :meth:`pwscont.BranchGraph.unbalanced`."""
+    judged = _judged(graph)
+    degree = graph.system.degree if graph.system else None
+    if degree is None:
+        ends = [(p, n) for p, n in loose_ends(graph).items() if _may_end(graph, p)]
+        judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
+        values = [value for value, _ in judged]
+        degree = max(values, key=values.count, default=None)
+    merged: list[tuple[float, float]] = []
+    for lo, hi in (gap for value, gap in judged if value != degree):
+        if merged and merged[-1][1] == lo:
+            merged[-1] = (merged[-1][0], hi)
+        else:
+            merged.append((lo, hi))
+    return merged
 
 
 def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
@@ -203,11 +191,12 @@ def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> in
     return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
 
 
-#: A special point known to fewer digits may hide others: no promise of a search is kept then.
+#: A special point known to fewer digits may hide another special point: then no search keeps a
+#: promise.
 TOO_FEW_DIGITS = 2.0
 #: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
-#: Most places of one kind that are listed; more are counted.
+#: At most this many places of a kind are listed; further places are counted.
 MOST_PLACES = 3
 #: What is said of corners at which only some ways on are known.
 IN_PART = "a corner was searched in part (one way on, possibly of several)"
@@ -220,12 +209,12 @@ WORDS = {
 Gap = tuple[float, float]
 
 
-def verdict(graph: Balance) -> str:
+def verdict(graph: Structure) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
     if graph.searched.spent:
         return _unfinished(graph)
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
-    if gaps := graph.unbalanced():
+    if gaps := unbalanced(graph):
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
@@ -238,7 +227,7 @@ def verdict(graph: Balance) -> str:
 # -- why the sum of signs is wrong ----------------------------------------------------------------
 
 
-def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
+def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
@@ -256,12 +245,12 @@ def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
 
-def _searched_in_part(graph: Balance) -> list[SpecialPoint]:
+def _searched_in_part(graph: Structure) -> list[SpecialPoint]:
     """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
     return graph.special_points(Kind.PARTIAL_CORNER)
 
 
-def _touches(graph: Balance, gap: Gap, point: SpecialPoint) -> bool:
+def _touches(graph: Structure, gap: Gap, point: SpecialPoint) -> bool:
     """Tell whether a stretch begins or ends at a point."""
     return any(bool(graph.same(point.alpha, end)) for end in gap)
 
@@ -270,11 +259,11 @@ def _listed(gaps: Iterable[Gap]) -> str:
     return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
 
 
-def _stands_twice(graph: Balance, gap: Gap) -> bool:
-    """Tell whether two solutions in the middle of a stretch agree within their errors."""
+def _stands_twice(graph: Structure, gap: Gap) -> bool:
+    """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
     try:
-        found = graph.solutions(0.5 * (gap[0] + gap[1]))
-    except PwscontError:  # the graph was loaded without its system, or is damaged here
+        found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
+    except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
     return any(_is_one(a, b) for a, b in combinations(found, 2))
 
@@ -285,11 +274,11 @@ def _is_one(a: Solution, b: Solution) -> bool:
     return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
 
 
-# -- doubts, and where they arise ----------------------------------------------------------------
+# -- doubts, and where doubts arise ----------------------------------------------------------------
 
 
-def _doubts(graph: Balance) -> Iterator[str]:
-    """Yield why a search cannot keep its promise, because of what was found at special points."""
+def _doubts(graph: Structure) -> Iterator[str]:
+    """Yield what was found at special points and prevents a search from keeping a promise."""
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
@@ -302,19 +291,19 @@ def _doubts(graph: Balance) -> Iterator[str]:
         for point in points
         if FILL in point.message
         and _leaves_its_alpha(graph, point)
-        and not graph.is_beside_infinite(point.alpha)
+        and not is_beside_infinite(graph, point.alpha)
     ]
     yield from _places("solutions fill more than curves", graph, filled)
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
 
 
-def _leaves_its_alpha(graph: Balance, point: SpecialPoint) -> bool:
+def _leaves_its_alpha(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether a piece that is not vertical leaves from a special point."""
     return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
 
 
-def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
+def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:
     """Yield where pieces were stopped, and why: in the numbers, or at the end of the model."""
     groups: dict[str, list[SpecialPoint]] = {}
     for point in points:
@@ -323,7 +312,7 @@ def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
         yield from _places(what, graph, some, _reason)
 
 
-def _what_happened(graph: Balance, point: SpecialPoint) -> str:
+def _what_happened(graph: Structure, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
@@ -354,7 +343,7 @@ def _accumulation(point: SpecialPoint) -> str:
 
 def _places(
     what: str,
-    graph: Balance,
+    graph: Structure,
     points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
@@ -368,7 +357,7 @@ def _places(
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
 
 
-def _unfinished(graph: Balance) -> str:
+def _unfinished(graph: Structure) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]

@@ -1,10 +1,9 @@
-"""Queries: solutions and counts at any alpha, refined between stored points."""
+"""Functions of a graph: solutions and counts at any alpha, refined between stored points."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cached_property
 from itertools import pairwise
 from numbers import Real
 
@@ -31,7 +30,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.location import locate_zero
 
-#: Steps are halved so often where the cubic is too far from the curve to say which sheet it is on.
+#: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS = 8
 
 
@@ -82,8 +81,8 @@ def solve_between(
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
-        The solution and an estimate of its error; where Newton fails, or another sheet is so
-        close that it may lead there, a point of the cubic, and an error as large as the chord.
+        The solution and the estimated error. Where Newton fails, or might lead to another sheet
+        close by: a point of the cubic, and an error as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
@@ -101,7 +100,7 @@ def solve_between(
 def _located(
     curve: Curve, a: Array, b: Array, alpha: float
 ) -> tuple[CurvedSegment, float, tuple[Array, Array] | None]:
-    """Return the cubic between two points, where it has an alpha, and the solution beside it."""
+    """Return the cubic between two points, the position of an alpha, and the solution there."""
     for start, end in _tangents(curve, a, b):
         first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
         segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
@@ -129,7 +128,7 @@ def _is_sure(segment: CurvedSegment, s: float, alpha: float) -> bool:
 
 
 def _middle(segment: CurvedSegment) -> Array | None:
-    """Return the point of the curve in the middle of a segment, None where it is not sure."""
+    """Return the point of the curve in the middle of a segment, None where Newton is not sure."""
     x = segment.near(0.5 * segment.length)
     found = BorderedNewton().correct(segment.curve, x, segment.chord)
     if isinstance(found, Failure) or found.contraction > SLOWEST:
@@ -142,7 +141,7 @@ def fine_points(
 ) -> Array:
     """Return points along a piece, from start to end: those of the cubics between stored points.
 
-    A step was taken only where its cubic solves the selection to a tolerance (docs/theory, F14).
+    A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
 
     Parameters
     ----------
@@ -172,8 +171,9 @@ def fine_points(
 def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
     """Yield pairs of directions of the curve at two points, the second and later ones as guesses.
 
-    At a point where two curves cross the Jacobian gives no direction. The guesses for it are that
-    of the parabola through both points with the other point's direction, and that of the chord.
+    At a point where two curves cross the Jacobian gives no direction. Guesses for the
+    direction are the parabola through the two points with the known direction at the second point,
+    and the chord.
     """
     chord = curve.metric.normalised(b - a)
     if curve.selection.is_straight:
@@ -210,7 +210,7 @@ def _where(segment: CurvedSegment, alpha: float) -> float:
 
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:
-    """Return the two neighbouring points with alpha between them."""
+    """Return the two neighbouring points around an alpha."""
     rising = points[-1, -1] > points[0, -1]
     ordered = points if rising else points[::-1]
     i = int(np.searchsorted(ordered[:, -1], alpha))
@@ -241,7 +241,8 @@ def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ..
     ----------
     parts : iterable of Filled
     known : sequence of float
-        Values of alpha, of which an end takes one that rounding does not tell from it; or zero.
+        Values of alpha. An end that rounding does not tell from a known value, or from zero, takes
+        that value.
     """
     ends = [*known, 0.0]
     rows = sorted(
@@ -280,14 +281,14 @@ def _touch(a: Stretch, b: Stretch) -> bool:
 
 
 def _both(a: Stretch, b: Stretch) -> Stretch:
-    """Return two stretches that touch, the first of which begins first, as one."""
+    """Return the union of two stretches that touch; ``a`` begins first."""
     hi = max(a[1], b[1])
     hi_closed = (a.hi_closed and a[1] == hi) or (b.hi_closed and b[1] == hi)
     return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 
 def rows_of(stretches: Iterable[Stretch]) -> list[list[float | bool]]:
-    """Return stretches as a file holds them: both ends, and whether they are closed."""
+    """Return stretches as rows for a file: two ends, and whether each end is closed."""
     return [[*row[:2], row.lo_closed, row.hi_closed] for row in stretches]
 
 
@@ -307,159 +308,144 @@ def _read(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
         yield Stretch(lo, hi, math.inf, *row[2:])
 
 
-class Queries(Structure):
-    """The queries of a branch graph; see :class:`pwscont.BranchGraph`."""
+def count_at(graph: Structure, alpha: float) -> int | float:
+    """Return the number of solutions at an alpha, see :meth:`pwscont.BranchGraph.count`."""
+    check_inside(graph, alpha)
+    if is_infinite(graph, alpha):
+        return math.inf
+    return len(pieces_through(graph, alpha)) + len(nodes_at(graph, alpha))
 
-    def count(self, alpha: float) -> int | float:
-        """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
 
-        A solution at which two pieces meet counts once.
-        """
-        self._inside(alpha)
-        if self._is_infinite(alpha):
-            return math.inf
-        return len(self._through(alpha)) + len(self._nodes_at(alpha))
+def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
+    """Return all solutions at an alpha, see :meth:`pwscont.BranchGraph.solutions`."""
+    check_inside(graph, alpha)
+    at_nodes = [solution_at(graph, node) for node in nodes_at(graph, alpha)]
+    between = [
+        refine(graph.system, piece, alpha, graph.interval, graph.quantities)
+        for piece in pieces_through(graph, alpha)
+    ]
+    return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
-    def solutions(self, alpha: float) -> list[Solution]:
-        """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
 
-        Of infinitely many, as on a vertical piece, these are the ends of segments that are pieces.
+def solution_at(graph: Structure, node: int) -> Solution:
+    """Return a special point as a solution at the alpha of the point."""
+    point, pieces = graph.point(node), graph.pieces_at(node)
+    if not pieces:
+        return _isolated(graph, point)
+    piece, index = pieces[0], index_at(graph, node)
+    return Solution(
+        z=point.z,
+        alpha=point.alpha,
+        character=piece.character,
+        label=piece.label,
+        det_sign=index,
+        piece=piece.id,
+        kind=point.kind,
+        error=point.error,
+        digits=point.digits,
+        quantities=point.quantities,
+    )
 
-        Raises
-        ------
-        InvalidInputError
-            If alpha lies outside the interval.
-        SystemNeededError
-            If a curved piece must be corrected and the graph was loaded without its system.
-        """
-        self._inside(alpha)
-        at_nodes = [self.solution_at(node) for node in self._nodes_at(alpha)]
-        between = [
-            refine(self.system, piece, alpha, self.interval, self.quantities)
-            for piece in self._through(alpha)
-        ]
-        return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
-    def solution_at(self, node: int) -> Solution:
-        """Return a special point as one of the solutions at its alpha."""
-        point, pieces = self.point(node), self.pieces_at(node)
-        if not pieces:
-            return self._isolated(point)
-        piece, index = pieces[0], self._index(node)
-        return Solution(
-            z=point.z,
-            alpha=point.alpha,
-            character=piece.character,
-            label=piece.label,
-            det_sign=index,
-            piece=piece.id,
-            kind=point.kind,
-            error=point.error,
-            digits=point.digits,
-            quantities=point.quantities,
-        )
+def _isolated(graph: Structure, point: SpecialPoint) -> Solution:
+    """Return a solution from which no piece leaves, in the cell of the point itself."""
+    character, label = Character(()), "unknown"
+    if graph.system is not None:
+        z = completed(graph.system, point.z, point.alpha)
+        character = graph.system.character(z, point.alpha)
+        label = graph.system.label(character)
+    known = (point.kind, point.error, point.digits, point.quantities)
+    return Solution(point.z, point.alpha, character, label, 0, -1, *known)
 
-    def _isolated(self, point: SpecialPoint) -> Solution:
-        """Return a solution from which no piece leaves, in the cell of the point itself."""
-        character, label = Character(()), "unknown"
-        if self.system is not None:
-            z = completed(self.system, point.z, point.alpha)
-            character = self.system.character(z, point.alpha)
-            label = self.system.label(character)
-        known = (point.kind, point.error, point.digits, point.quantities)
-        return Solution(point.z, point.alpha, character, label, 0, -1, *known)
 
-    def multiplicity(self) -> list[Stretch]:
-        """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+def multiplicity(graph: Structure) -> list[Stretch]:
+    """Return the numbers of solutions, see :meth:`pwscont.BranchGraph.multiplicity`."""
+    breaks = graph.breaks()
+    counts = [count_at(graph, alpha) for alpha in breaks]
+    return list(_merged([*_between(graph, breaks, counts)], counts))
 
-        The number holds at every alpha of the stretch; each entry says whether it holds at its ends
-        as well (``lo_closed``, ``hi_closed``). A single value of alpha with infinitely many
-        solutions is an entry of its own; those with another number, such as folds, are found by
-        :meth:`with_count` and :meth:`count`.
-        """
-        breaks = self.breaks()
-        counts = [self.count(alpha) for alpha in breaks]
-        return list(_merged([*self._between(breaks, counts)], counts))
 
-    def _between(self, breaks: list[float], counts: list[int | float]) -> Iterator[Stretch]:
-        """Yield the stretches between successive breaks, at which there are so many solutions."""
-        for (lo, at_lo), (hi, at_hi) in pairwise(zip(breaks, counts, strict=True)):
-            middle = 0.5 * (lo + hi)
-            count = math.inf if self._is_infinite(middle) else len(self._over(middle))
-            yield Stretch(lo, hi, count, at_lo == count, at_hi == count)
+def _between(graph: Structure, breaks: list[float], counts: list[int | float]) -> Iterator[Stretch]:
+    """Yield the stretches between successive breaks, at which there are so many solutions."""
+    for (lo, at_lo), (hi, at_hi) in pairwise(zip(breaks, counts, strict=True)):
+        middle = 0.5 * (lo + hi)
+        count = math.inf if is_infinite(graph, middle) else len(pieces_over(graph, middle))
+        yield Stretch(lo, hi, count, at_lo == count, at_hi == count)
 
-    def _is_infinite(self, alpha: float) -> bool:
-        """Tell whether there are infinitely many solutions at ``alpha``."""
-        if any(self.same(piece.interval[0], alpha) for piece in self.verticals):
-            return True
-        return any(self._has(stretch, alpha) for stretch in self.infinite)
 
-    def is_beside_infinite(self, alpha: float) -> bool:
-        """Tell whether there are infinitely many solutions at ``alpha`` or next to it."""
-        ends = (end for stretch in self.infinite for end in stretch[:2])
-        return self._is_infinite(alpha) or any(bool(self.same(end, alpha)) for end in ends)
+def is_infinite(graph: Structure, alpha: float) -> bool:
+    """Tell whether there are infinitely many solutions at ``alpha``."""
+    if any(graph.same(piece.interval[0], alpha) for piece in graph.verticals):
+        return True
+    return any(_has(graph, stretch, alpha) for stretch in graph.infinite)
 
-    def _has(self, stretch: Stretch, alpha: float) -> bool:
-        """Tell whether alpha lies in a stretch, whose ends are known to rounding."""
-        lo, hi = stretch[:2]
-        at_lo, at_hi = bool(self.same(lo, alpha)), bool(self.same(hi, alpha))
-        if at_lo or at_hi:
-            return (at_lo and stretch.lo_closed) or (at_hi and stretch.hi_closed)
-        return lo < alpha < hi
 
-    def with_count(self, count: int | float) -> list[Stretch]:
-        """Return all stretches and single values of alpha with exactly ``count`` solutions."""
-        stretches = [stretch for stretch in self.multiplicity() if stretch[2] == count]
-        covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
-        single = [
-            Stretch(alpha, alpha, count, True, True)
-            for alpha in self.breaks()
-            if self.count(alpha) == count
-            and alpha not in covered
-            and not any(lo < alpha < hi for lo, hi, _ in stretches)
-        ]
-        return sorted([*stretches, *single])
+def is_beside_infinite(graph: Structure, alpha: float) -> bool:
+    """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
+    ends = (end for stretch in graph.infinite for end in stretch[:2])
+    return is_infinite(graph, alpha) or any(bool(graph.same(end, alpha)) for end in ends)
 
-    def _index(self, node: int) -> int:
-        """Return the index of the solution at a node: the sum of the signs of pieces to its right.
 
-        At the right end of the interval the pieces to its left count; elsewhere both sums agree.
-        """
-        alpha, pieces = self.point(node).alpha, self.pieces_at(node)
-        right = [p for p in pieces if not p.is_vertical and self.same(p.interval[0], alpha)]
-        left = [p for p in pieces if not p.is_vertical and self.same(p.interval[1], alpha)]
-        at_hi = bool(self.same(alpha, self.interval[1]))
-        return sum(piece.det_sign for piece in (left if at_hi else right))
+def _has(graph: Structure, stretch: Stretch, alpha: float) -> bool:
+    """Tell whether alpha lies in a stretch, whose ends are known to rounding."""
+    lo, hi = stretch[:2]
+    at_lo, at_hi = bool(graph.same(lo, alpha)), bool(graph.same(hi, alpha))
+    if at_lo or at_hi:
+        return (at_lo and stretch.lo_closed) or (at_hi and stretch.hi_closed)
+    return lo < alpha < hi
 
-    def _inside(self, alpha: float) -> None:
-        lo, hi = self.interval
-        if np.ndim(alpha) or not isinstance(np.asarray(alpha).item(), Real):
-            raise InvalidInputError(f"alpha must be a number, got {alpha!r}")
-        if not lo <= alpha <= hi:
-            raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
 
-    @cached_property
-    def _extent(self) -> Array:
-        """Smallest and largest alpha of each piece, shape (number of pieces, 2)."""
-        return np.array([piece.interval for piece in self.pieces]).reshape(-1, 2)
+def with_count(graph: Structure, count: int | float) -> list[Stretch]:
+    """Return all stretches and single values of alpha with exactly ``count`` solutions."""
+    stretches = [stretch for stretch in multiplicity(graph) if stretch[2] == count]
+    covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
+    single = [
+        Stretch(alpha, alpha, count, True, True)
+        for alpha in graph.breaks()
+        if count_at(graph, alpha) == count
+        and alpha not in covered
+        and not any(lo < alpha < hi for lo, hi, _ in stretches)
+    ]
+    return sorted([*stretches, *single])
 
-    def _over(self, alpha: float) -> list[Piece]:
-        """Return the pieces that pass over an alpha at which there is no node."""
-        lo, hi = self._extent.T
-        return [self.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
 
-    def _through(self, alpha: float) -> list[Piece]:
-        """Return the pieces that have ``alpha`` strictly inside."""
-        lo, hi = self._extent.T
-        inside = (lo < alpha) & (alpha < hi) & ~self.same(lo, alpha) & ~self.same(hi, alpha)
-        return [self.pieces[i] for i in np.flatnonzero(inside)]
+def index_at(graph: Structure, node: int) -> int:
+    """Return the index of the solution at a node: the sum of the signs of the pieces on the right.
 
-    @cached_property
-    def _alphas(self) -> Array:
-        return np.array([point.alpha for point in self._points])
+    At the right end of the interval the pieces on the left count; elsewhere the two sums agree.
+    """
+    alpha, pieces = graph.point(node).alpha, graph.pieces_at(node)
+    right = [p for p in pieces if not p.is_vertical and graph.same(p.interval[0], alpha)]
+    left = [p for p in pieces if not p.is_vertical and graph.same(p.interval[1], alpha)]
+    at_hi = bool(graph.same(alpha, graph.interval[1]))
+    return sum(piece.det_sign for piece in (left if at_hi else right))
 
-    def _nodes_at(self, alpha: float) -> list[int]:
-        return [self._points[i].id for i in np.flatnonzero(self.same(self._alphas, alpha))]
+
+def check_inside(graph: Structure, alpha: float) -> None:
+    """Refuse an alpha that is no number or lies outside the interval of the graph."""
+    lo, hi = graph.interval
+    if np.ndim(alpha) or not isinstance(np.asarray(alpha).item(), Real):
+        raise InvalidInputError(f"alpha must be a number, got {alpha!r}")
+    if not lo <= alpha <= hi:
+        raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
+
+
+def pieces_over(graph: Structure, alpha: float) -> list[Piece]:
+    """Return the pieces that pass over an alpha at which there is no node."""
+    lo, hi = graph.extent.T
+    return [graph.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
+
+
+def pieces_through(graph: Structure, alpha: float) -> list[Piece]:
+    """Return the pieces that have ``alpha`` strictly inside."""
+    lo, hi = graph.extent.T
+    inside = (lo < alpha) & (alpha < hi) & ~graph.same(lo, alpha) & ~graph.same(hi, alpha)
+    return [graph.pieces[i] for i in np.flatnonzero(inside)]
+
+
+def nodes_at(graph: Structure, alpha: float) -> list[int]:
+    """Return the ids of the special points at an alpha."""
+    return [graph.nodes[i].id for i in np.flatnonzero(graph.same(graph.alphas, alpha))]
 
 
 def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -17,114 +17,52 @@ from pwscont.basics.outcome import Kind
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.place import Place, Track
-from pwscont.system.system import PiecewiseSystem
 
+#: A message for the positive orientation and one for the negative orientation.
+Words: TypeAlias = tuple[str, str]
 #: Significant digits where the error is rounding.
 ALL_DIGITS = 16.0
 
 
 def significant(error: Array, values: Array, scale: Array) -> float:
-    """Return how many decimal digits of ``values`` are significant, by their estimated error.
+    """Return how many decimal digits of ``values`` are significant, by the estimated error.
 
-    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
-    the number does not depend on units; 16 where the error is rounding.
+    The error of each value is compared with the size of the value or, where larger, with the
+    typical magnitude: so the number does not depend on units. The number is 16 where the error is
+    rounding.
     """
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class Accuracy:
-    """Tells how many digits of a place are significant, by its error when it is asked for.
+class Messages:
+    """The messages of a special point in the two orientations.
 
-    Attributes
+    Words for thousands of points take long to make, and few words are ever read: a function may be
+    given instead, which is called when the words are first asked for.
+
+    Parameters
     ----------
-    scale : ndarray, shape (n + 1,), or None
-        Typical magnitudes of (z, alpha).
-    known : float
-        The number where there are no magnitudes.
+    words : tuple of two str, or callable
+        The messages for the positive and for the negative orientation, or a function without
+        arguments that returns this tuple.
     """
 
-    scale: Array | None = None
-    known: float = ALL_DIGITS
+    __slots__ = ("_words",)
 
-    def digits(self, place: Place) -> float:
-        """Return the number of significant decimal digits."""
-        return self.known if self.scale is None else significant(place.error, place.x, self.scale)
+    def __init__(self, words: Words | Callable[[], Words]) -> None:
+        self._words = words
 
+    @property
+    def words(self) -> Words:
+        """The messages for the positive and for the negative orientation."""
+        if callable(self._words):
+            self._words = self._words()
+        return self._words
 
-ROUNDING = Accuracy()
-
-
-#: Orientation, +1 or -1 -> message.
-Passage = Callable[[int], str]
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Said:
-    """Two messages, or one for both orientations."""
-
-    forward: str
-    backward: str | None = None
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message for an orientation."""
-        return self.forward if orientation > 0 or self.backward is None else self.backward
-
-
-@final
-@dataclass(slots=True, eq=False)
-class Begun:
-    """That tracing began inside a cell, put into words when it is asked for.
-
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        Has the words.
-    character : Character
-    """
-
-    system: PiecewiseSystem
-    character: Character
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message."""
-        return f"start in {self.system.label(self.character)}"
-
-    def __reduce__(self) -> tuple[type[Said], tuple[str]]:
-        return Said, (self(1),)  # copies, also in other processes, have no system
-
-
-@final
-@dataclass(slots=True, eq=False)
-class Change:
-    """What changes from one cell to another, put into words when it is asked for.
-
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        Has the words.
-    before, after : Character
-        The cells in the order of the positive orientation.
-    note : str
-        What else is known.
-    """
-
-    system: PiecewiseSystem
-    before: Character
-    after: Character
-    note: str = ""
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message for an orientation."""
-        cells = (self.before, self.after) if orientation > 0 else (self.after, self.before)
-        change = self.system.describe_transition(*cells)
-        return f"{change}; {self.note}" if self.note else change
-
-    def __reduce__(self) -> tuple[type[Said], tuple[str, str]]:
-        return Said, (self(1), self(-1))  # copies, also in other processes, have no system
+    def __reduce__(self) -> tuple[type[Messages], tuple[Words]]:
+        return Messages, (self.words,)  # a copy, perhaps in another process, has no system
 
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -136,12 +74,12 @@ def _no_error() -> Array:
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
-    """Return an unknown by the system's name for it, or a recorded quantity.
+    """Return an unknown by the name that the system gives, or a recorded quantity.
 
     Raises
     ------
     UnknownNameError
-        If there is no such name; the message names close ones.
+        If there is no such name; the message lists similar names.
     InvalidInputError
         If the function of a recorded quantity fails, or returns no finite float.
     """
@@ -153,23 +91,23 @@ def _value_of(state: SpecialPoint | Solution, name: str) -> float:
 class SpecialPoint:
     """A node of the branch graph.
 
-    ``point["u_t"]`` is an unknown by its name, or a recorded quantity.
+    ``point["u_t"]`` is an unknown by name, or a recorded quantity.
 
     Attributes
     ----------
     id : int
         The id of the node in ``graph.nx``; -1 for a start within a piece, which is no node.
     kind : str
-        A :class:`~pwscont.basics.outcome.Kind`, equal to its plain word, such as ``"transition"``
+        A :class:`~pwscont.basics.outcome.Kind`, equal to a plain word, such as ``"transition"``
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
-        The point (z, alpha) and the estimate of its error.
-    passed : callable
-        Returns the message for an orientation, +1 or -1.
+        The point (z, alpha) and the estimated error.
+    messages : Messages
+        What happens at the point, in the two orientations.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
-    accuracy : Accuracy
-        Tells how many digits are known.
+    digits : float
+        Number of significant decimal digits, by the estimate of the error.
     lost : int
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
@@ -182,9 +120,9 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    passed: Passage
+    messages: Messages
     piece: int | None = None
-    accuracy: Accuracy = ROUNDING
+    digits: float = ALL_DIGITS
     lost: int = 0
     quantities: Quantities = NAMELESS
     events: str = ""
@@ -207,27 +145,21 @@ class SpecialPoint:
         return self.place.error
 
     @property
-    def digits(self) -> float:
-        """Number of significant decimal digits, by the estimate of the error."""
-        return self.accuracy.digits(self.place)
-
-    @property
     def message(self) -> str:
         """What happens there when passed in positive orientation.
 
         For example ``"contact-slip → contact-stick"``.
         """
-        return self.passed(1)
+        return self.messages.words[0]
 
     @property
     def backward(self) -> str:
         """The message when passed in negative orientation."""
-        return self.passed(-1)
+        return self.messages.words[1]
 
-    def asking(self, quantities: Quantities) -> SpecialPoint:
-        """Return the same point, whose state is asked by these names."""
-        what = self.id, self.kind, self.place, self.passed, self.piece, self.accuracy, self.lost
-        return SpecialPoint(*what, quantities, self.events)
+    def passed(self, orientation: int) -> str:
+        """Return the message for an orientation, +1 or -1."""
+        return self.message if orientation > 0 else self.backward
 
     @property
     def name(self) -> str:
@@ -263,7 +195,7 @@ class Piece:
     id : int
         Key of the edge in ``graph.nx``.
     start, end : int
-        Nodes at both ends, in the direction of positive orientation.
+        Nodes at the two ends, in the direction of positive orientation.
     character : Character
         The frozen character of the selection that the piece solves.
     naming : callable
@@ -271,9 +203,9 @@ class Piece:
     track : Track
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
-        Sign of det(dH/dz) inside the piece, 0 where it is vertical. Along interfaces the index:
-        the sum of the signs of the solutions into which a small change of H splits it, so 0 where
-        two solutions of opposite signs coincide.
+        Sign of det(dH/dz) inside the piece, 0 on a vertical piece. Along interfaces the index: the
+        sum of the signs of the solutions into which a small change of H splits the piece, so 0
+        where two solutions of opposite signs coincide.
     """
 
     id: int
@@ -312,7 +244,7 @@ class Piece:
 
     @property
     def is_vertical(self) -> bool:
-        """Whether all its points have one alpha, so that there are infinitely many solutions."""
+        """Whether all points have one alpha, so that there are infinitely many solutions."""
         lo, hi = self.interval
         return self.det_sign == 0 and hi - lo <= SAME_ALPHA * max(abs(lo), abs(hi), 1e-300)
 
@@ -336,7 +268,7 @@ class Piece:
 class Solution:
     """One solution at a given alpha.
 
-    ``solution["u_t"]`` is an unknown by its name, or a recorded quantity.
+    ``solution["u_t"]`` is an unknown by name, or a recorded quantity.
 
     Attributes
     ----------
@@ -348,8 +280,8 @@ class Solution:
     det_sign : int
         Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
     piece : int
-        The id of the piece that the solution lies on (at a node: of one of several); -1 without a
-        graph.
+        The id of the piece on which the solution lies (at a node: the first of the pieces there);
+        -1 without a graph.
     kind : str or None
         The kind of special point, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
@@ -386,7 +318,7 @@ class Solution:
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
-    """Return all recorded quantities of a state; for one that fails, a text that says why."""
+    """Return all recorded quantities of a state; a text says why a quantity fails."""
     if not state.quantities.record:  # the state itself may have to be computed
         return {}
     return state.quantities.attempted(state.z, state.alpha)
@@ -396,7 +328,7 @@ def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
 class Stretch(tuple[float, float, int | float]):
     """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).
 
-    It may be a single value of alpha, and the number may be infinite.
+    A stretch may be a single value of alpha, and the number may be infinite.
 
     Attributes
     ----------
@@ -411,7 +343,7 @@ class Stretch(tuple[float, float, int | float]):
     def __new__(
         cls, lo: float, hi: float, count: int | float, lo_closed: bool, hi_closed: bool
     ) -> Stretch:
-        """Return the tuple (lo, hi, count) that knows its ends."""
+        """Return the tuple (lo, hi, count) with the ends marked as closed or open."""
         stretch = super().__new__(cls, (lo, hi, count))
         stretch.lo_closed, stretch.hi_closed = lo_closed, hi_closed
         return stretch

@@ -1,12 +1,12 @@
-"""The file of a branch graph.
+"""The file of a branch graph: written and read, with the scene that made the graph.
 
-Readers that do not know the member ignore it.
+Readers that do not know the member of the scene ignore this member.
 
 Failure modes and answers
 -------------------------
-- The file is cut off or bytes of it have changed: a zip holds a checksum of every entry.
-- It was edited by hand: every entry is checked for its type, every array for its shape, and every
-  reference for what it refers to, before a graph is made.
+- The file is cut off or bytes have changed: a zip holds a checksum of every entry.
+- The file was edited by hand: the type of every entry, the shape of every array and the target of
+  every reference are checked before a graph is made.
 - The disk is full, or the program is interrupted: the file appears whole or not at all.
 """
 
@@ -15,14 +15,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 from zipfile import ZipFile
 
 import numpy as np
-import numpy.typing as npt
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
@@ -31,9 +30,9 @@ from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.graph.balance import check_places, check_references
 from pwscont.graph.exports import DamagedError, Fields
-from pwscont.graph.place import Stored, Track, WorkedOut, first_digits, from_first_digits
+from pwscont.graph.place import Place, Track, first_digits, from_first_digits
 from pwscont.graph.queries import read_stretches, rows_of
-from pwscont.graph.records import Accuracy, Piece, Said, SpecialPoint, Stretch, attempted
+from pwscont.graph.records import Messages, Piece, SpecialPoint, Stretch, attempted
 
 MEMBER = "scene.json"
 
@@ -55,7 +54,7 @@ def write_origin(path: Path, origin: Origin) -> None:
 
 
 def read_origin(path: Path) -> Origin | None:
-    """Return the scene that a file of a graph names, None where it names none.
+    """Return the scene that a file of a graph names, None where the file names no scene.
 
     Raises
     ------
@@ -78,7 +77,7 @@ FORMAT = "pwscont branch graph"
 VERSION = 2
 #: No number of special points, pieces or signs is larger.
 MOST = 2**31
-#: Squares of larger numbers overflow: no run ends with them.
+#: Squares of larger numbers overflow: no run returns numbers above this bound.
 LARGEST = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
@@ -104,48 +103,28 @@ def write(path: str | Path, contents: Contents) -> None:
     Raises
     ------
     GraphFileError
-        If it cannot be written.
+        If the file cannot be written.
     """
-    nodes, starts = _SpecialPoints(contents.points), _SpecialPoints(contents.starts)
+    points, starts = contents.points, contents.starts
     arrays = {
-        "nodes": _stack(nodes.states),
-        "starts": _stack(starts.states),
-        "errors": _stack([*nodes.errors, *starts.errors]).astype(np.uint16),
+        "nodes": _stack([point.z for point in points]),
+        "starts": _stack([start.z for start in starts]),
+        "errors": first_digits(_stack([point.error for point in (*points, *starts)])),
         "points": _stack([piece.points for piece in contents.pieces]),
     }
-    header = _header(contents) | {"nodes": nodes.headers, "starts": starts.headers}
+    header = _header(contents)
     content = BytesIO()
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
         _replace(Path(path), content.getbuffer())
-    except OSError as error:
-        raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
-
-
-@final
-class _SpecialPoints:
-    """What a file holds of special points; each place is worked out once.
-
-    Attributes
-    ----------
-    states, errors : list of ndarray, each of shape (n,) and (n + 1,)
-    headers : list of dict
-    """
-
-    def __init__(self, points: Sequence[SpecialPoint]) -> None:
-        self.states: list[Array] = []
-        self.errors: list[npt.NDArray[np.uint16]] = []
-        self.headers: list[dict[str, Any]] = []
-        for packed in points:
-            point = replace(packed, place=WorkedOut(packed.place))
-            self.states.append(point.z)
-            self.errors.append(first_digits(point.error))
-            self.headers.append(_node_header(point))
+    except (OSError, TypeError, ValueError) as error:  # the last two: it is no path of a file
+        why = getattr(error, "strerror", None) or error
+        raise GraphFileError(f"cannot write {path}: {why}") from error
 
 
 def _header(contents: Contents) -> dict[str, Any]:
-    """Return all of the header but special points."""
+    """Return the header: all of a graph that is not an array of numbers."""
     searched = contents.searched
     header = {
         "format": FORMAT,
@@ -154,6 +133,8 @@ def _header(contents: Contents) -> dict[str, Any]:
         "parameter": contents.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
+        "nodes": [_node_header(point) for point in contents.points],
+        "starts": [_node_header(start) for start in contents.starts],
         "pieces": [_piece_header(piece) for piece in contents.pieces],
         "infinite": rows_of(contents.infinite),
     }
@@ -212,7 +193,7 @@ def read(path: str | Path) -> Contents:
         If the file cannot be read, is damaged, or is something else.
     """
     try:
-        # opened here, since numpy leaves a file open that it cannot read
+        # opened here: numpy would leave an unreadable file open
         with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in ("header", *ARRAYS)}
         header = json.loads(str(arrays["header"]))
@@ -295,7 +276,7 @@ class _StoredRows:
     def each(
         self, name: str, headers: list[Fields], errors: Iterator[Array]
     ) -> list[tuple[Fields, Array, Array]]:
-        """Return each header with its state and the next error."""
+        """Return each header with the state and the next error."""
         rows = getattr(self, name)
         if len(rows) != len(headers):
             raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
@@ -303,7 +284,7 @@ class _StoredRows:
 
 
 def _table(name: str, values: Any) -> Array:
-    if not isinstance(values, np.ndarray):  # numpy returns a member that is no array as it is
+    if not isinstance(values, np.ndarray):  # numpy returns bytes for a member that is no array
         raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
@@ -318,10 +299,10 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
     return SpecialPoint(
         id=header.integer("id", -1),
         kind=kind_of(header.word("kind")),
-        place=Stored(np.append(z, header.finite("alpha")), error),
-        passed=Said(header.text("message"), header.text("backward")),
+        place=Place(np.append(z, header.finite("alpha")), error),
+        messages=Messages((header.text("message"), header.text("backward"))),
         piece=None if piece is None else header.integer("piece", 0),
-        accuracy=Accuracy(known=header.number("digits")),
+        digits=header.number("digits"),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
         events=header.text("events") if header.has("events") else "",  # not in files at first
@@ -337,7 +318,7 @@ def _recorded(header: Fields) -> dict[str, Kept]:
 
 
 def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
-    """Return the pieces, each with the rows that follow those of the one before."""
+    """Return the pieces, each with the next rows of the points."""
     counts = [header.integer("count", 2) for header in headers]
     if sum(counts) != len(rows.points):
         raise DamagedError(f"pieces have {sum(counts)} points, there are {len(rows.points)}")
@@ -356,7 +337,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         character=Character.read(signs),
         naming=_Name(header.text("label")),
         track=Track.of(points),
-        det_sign=header.integer("det_sign", -MOST),  # along an interface it may be any
+        det_sign=header.integer("det_sign", -MOST),  # any number along an interface
     )
 
 

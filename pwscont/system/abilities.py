@@ -1,4 +1,4 @@
-"""What a system can do besides: a class for each ability, and one way to ask for it.
+"""What a system can do besides: a class for each ability, and a single way to ask for an ability.
 
 A system has an ability if the system derives from the ability's class, and every room asks by
 ``isinstance``. Where a system without the ability has a natural answer, the function beside the
@@ -21,9 +21,10 @@ from pwscont.system.system import PiecewiseSystem
 
 
 class Compact(ABC):
-    """A system of whose special points only the essential components are stored.
+    """A system that knows which components of a solution determine the others.
 
-    Every other component is a multiple of one essential component, plus a constant.
+    Every other component is a multiple of one essential component, plus a constant. pwscont does
+    not ask for these components any more: graphs hold every point whole.
     """
 
     __slots__ = ()
@@ -130,7 +131,7 @@ class BringsSearches(ABC):
 
 
 class Reducible(ABC):
-    """A system that may know a smaller one with the same solutions."""
+    """A system that may know a smaller system with the same solutions."""
 
     __slots__ = ()
 
@@ -192,7 +193,7 @@ class Reduction:
 
 
 ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
-#: The methods of all of them.
+#: The methods of all abilities.
 METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 
 

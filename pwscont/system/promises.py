@@ -8,7 +8,7 @@ Failure modes and answers
 - All terms of a row cancel in one cell and leave rounding: other cells show how large the terms
   are.
 - H jumps at an interface: the residuals of both selections differ there by more than rounding of
-  their terms, and by more than the error of the point can change the residuals.
+  the terms, and by more than the error of the point can change the residuals.
 - Selections agree at one point of an interface, and not at other points: the direction promised
   beyond the interface is no direction of the selection there.
 - H is not finite wherever solutions are looked for: nothing is found, which is no answer.

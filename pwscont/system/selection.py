@@ -31,7 +31,7 @@ MOST_KEPT_ENTRIES = 4096
 class Selection:
     """The selection H_chi of a system together with the tests that bound its cell.
 
-    Test values are signed so that they are positive inside the cell.
+    Test values are signed so that the values are positive inside the cell.
 
     Parameters
     ----------
@@ -161,8 +161,8 @@ def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Sig
     return tests, character.array[tests]
 
 
-#: Most cells that are tried.
-MOST_CELLS = 4096
+#: Most cells of a system that are tried for solutions.
+MOST_CELLS_TO_TRY = 4096
 #: A test that is smaller than this part of its terms has no certain sign.
 UNCERTAIN = EPS**0.5
 
@@ -174,7 +174,7 @@ def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int]
     interface that its cell is not certain.
     """
     blocks = system.blocks()
-    if number_of_cells(blocks) > MOST_CELLS:
+    if number_of_cells(blocks) > MOST_CELLS_TO_TRY:
         return None
     signs = []
     tests = 1 + max((max(block.tests, default=-1) for block in blocks), default=-1)

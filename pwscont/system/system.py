@@ -75,7 +75,7 @@ class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells; each
-    cell has a name, its :class:`~pwscont.Character`. On a cell, H equals one smooth *selection*.
+    cell has a name, its :class:`~pwscont.Character`. On a cell, H equals a smooth *selection*.
     Selections of neighbouring cells must agree on the interface between the cells, and each
     selection must stay evaluable a little beyond its own cell: Newton freezes the character.
 
@@ -310,7 +310,7 @@ class PiecewiseSystem(Undefined, ABC):
 
     @property
     def somewhere(self) -> float:
-        """A value of alpha for which the system is defined: in a run, one in its interval."""
+        """A value of alpha for which the system is defined: in a run, a value in its interval."""
         anywhere = Differences(np.ones(1), *self.domain)
         return (self._differences if self._is_fitted else anywhere).base
 
@@ -321,8 +321,8 @@ class PiecewiseSystem(Undefined, ABC):
     def cell(self, character: Character) -> bytes:
         """Return the signs that matter: characters with equal cells name the same selection.
 
-        One byte per test function: 0 for a test that does not bound the cell, else the sign of the
-        test.
+        A byte for each test function: 0 for a test that does not bound the cell, else the sign of
+        the test.
         """
         return character.among(indices(self.bounding_tests(character)))
 

@@ -162,12 +162,10 @@ class BoundingTests(TransitionDetector):
         rows = selection.unsigned_gradients(state.x)
         values, slopes = selection.tests(state.x), selection.side * rows.dot(state.tangent)
         scale = curve.metric.scale
-        riding = _next_to_zero(values, _terms(rows, state.x, scale))
-        if len(riding):
-            riding = riding[
-                is_zero_along(rows[riding], values[riding], slopes[riding], state, scale)
-            ]
-            values[riding], slopes[riding] = 1.0, 0.0
+        idle = _next_to_zero(values, _terms(rows, state.x, scale))
+        if len(idle):
+            idle = idle[is_zero_along(rows[idle], values[idle], slopes[idle], state, scale)]
+            values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
     def needs_shorter_step(
@@ -180,7 +178,7 @@ class BoundingTests(TransitionDetector):
         selection = segment.curve.selection
         if selection.is_straight or not len(start.values):
             return None
-        if start.least < 0.0 and _is_outside(segment, start, end):
+        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
         for x in _looked_at(segment):
             values = selection.tests(x)
@@ -281,10 +279,10 @@ def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
     A test that is zero all along, which has no slope at either end, does not count.
     """
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
-    rides = (start.slopes == 0.0) & (end.slopes == 0.0)
+    stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
     sizes = np.maximum(np.abs(start.values), np.abs(end.values))
     deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
-    return bool((deep & positive & ~rides).any())
+    return bool((deep & positive & ~stays_zero).any())
 
 
 def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
@@ -308,8 +306,8 @@ def is_zero_along(
     rounding = magnitude_of_values(gradients, state.x, state.error)
     zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
     flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    rides: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
-    return rides
+    stays_zero: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    return stays_zero
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:
@@ -381,7 +379,7 @@ def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozen
 
 
 def turns(back: Ray, forth: Ray) -> bool:
-    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse it."""
+    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 

@@ -117,7 +117,7 @@ class Bounds(TransitionDetector):
 
         state = locate_zero(segment, function, bracket)
         if isinstance(state, State):
-            state.x[which] = limit  # equal but for the rounding of the solve
+            state.x[which] = limit  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:

@@ -50,13 +50,9 @@ class SmoothBranchPoints(TransitionDetector):
         """Return the sign and its negative."""
         return _READINGS[state.orientation]
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that the sign is known at both ends, and is the same."""
-        return segment.start.orientation * segment.end.orientation > 0
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
-        assert isinstance(segment, CurvedSegment)  # straight curves of one selection do not cross
+        assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         found = _locate(segment, bracket, before := 1 if index == 0 else -1)
         if isinstance(found, Failure):
             return found
@@ -64,9 +60,9 @@ class SmoothBranchPoints(TransitionDetector):
         return State(found.x, own, found.error, before)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Go on along the same curve, and both ways along the other."""
+        """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
-        if isinstance(found, Failure):  # not after it has been located
+        if isinstance(found, Failure):  # not after the point has been located
             return SpecialPointFound(
                 Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),)
             )

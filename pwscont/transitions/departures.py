@@ -57,7 +57,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
 
 
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
-    """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
+    """Return J, the unit row e_j that borders J to a regular matrix, and the factorisation.
 
     The row holds one unknown fixed: alpha, except at a fold, where alpha fails. At a branch point
     all fail.

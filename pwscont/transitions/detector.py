@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, smallest
+from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS
@@ -79,14 +79,6 @@ class Reading:
 
     values: Array
     slopes: Array
-    _least: float | None = field(default=None, init=False, repr=False)
-
-    @property
-    def least(self) -> float:
-        """The smallest value, computed once; there must be a value."""
-        if self._least is None:
-            self._least = smallest(self.values)
-        return self._least
 
 
 @final
@@ -220,8 +212,8 @@ class TransitionDetector(ABC):
     def border(self, curve: Curve, index: int) -> Border | None:
         """Return function ``index`` of a point with its gradient, x -> (value, gradient).
 
-        With it a step may end where the function vanishes, instead of beyond. None, the default,
-        where there is no gradient.
+        With a gradient, a step may end where the function vanishes, instead of beyond. None, the
+        default, where there is no gradient.
         """
         return None
 
@@ -243,15 +235,6 @@ class TransitionDetector(ABC):
         State or Failure
             The state's tangent points in the direction of the segment.
         """
-
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell, from both ends of a step alone, that nothing of this detector's is on it.
-
-        True says that no function vanishes on the step, by the signs that :meth:`read` returns at
-        both ends, and that :meth:`needs_shorter_step` returns None: neither is called then. False,
-        the default, has them called.
-        """
-        return False
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading

@@ -43,13 +43,6 @@ class SmoothFolds(TransitionDetector):
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), UNKNOWN)
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that alpha goes the same way at both ends, and does not turn between them."""
-        curve = segment.curve
-        if curve.slope(segment.start) * curve.slope(segment.end) <= 0.0:
-            return False
-        return curve.selection.is_straight or not _turns_twice(segment)
-
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
@@ -74,7 +67,7 @@ class SmoothFolds(TransitionDetector):
             return sign * float(state.tangent[-1])
 
         def exact_slope(state: State) -> float:
-            return slope(polished(segment.curve, state).state)
+            return slope(polished(segment.curve, state)[0])
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)

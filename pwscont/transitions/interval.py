@@ -70,13 +70,6 @@ class IntervalEnds(TransitionDetector):
         distances = (down if down > same else 0.0, up if up > same else 0.0)
         return Reading(np.array(distances), np.array((slope, -slope)))
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that a step ends inside the interval, and alpha does not turn on the step."""
-        alpha, same = segment.end.alpha, SAME_ALPHA * (self.hi - self.lo)
-        if not (alpha - self.lo > same and self.hi - alpha > same):
-            return False
-        return float(segment.start.tangent[-1]) * float(segment.end.tangent[-1]) >= 0.0
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
@@ -89,7 +82,7 @@ class IntervalEnds(TransitionDetector):
         if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
             return fold
         if isinstance(state, State):
-            state.x[-1] = end  # equal but for the rounding of the solve
+            state.x[-1] = end  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:

@@ -96,12 +96,12 @@ class StraightTests(TransitionDetector):
         gradients = self._gradients_of(curve, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * gradients.rows.dot(state.tangent)[selection.bounding]
-        riding = next_to_zero(values, slopes)
-        riding = riding[gradients.are_flat(selection.bounding[riding], slopes[riding])]
-        if len(riding):
-            rows = gradients.rows.some(selection.bounding[riding])
-            riding = riding[is_zero_along(rows, values[riding], slopes[riding], state, scale)]
-            values[riding], slopes[riding] = 1.0, 0.0
+        idle = next_to_zero(values, slopes)
+        idle = idle[gradients.are_flat(selection.bounding[idle], slopes[idle])]
+        if len(idle):
+            rows = gradients.rows.some(selection.bounding[idle])
+            idle = idle[is_zero_along(rows, values[idle], slopes[idle], state, scale)]
+            values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -121,8 +121,8 @@ class StraightTests(TransitionDetector):
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
-        None where that is hard, or if the ray begins at an interface but is not the one beyond the
-        last that was crossed: :meth:`read` and :meth:`locate` serve them all.
+        None where that is hard, or if the ray begins at an interface but is not the ray beyond the
+        last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
         last, state = self._last, ray.state
         if last is None or last.ray.state is not state:
@@ -149,7 +149,7 @@ class StraightTests(TransitionDetector):
     def _at_end(
         self, last: Entered, room: float, interval: tuple[float, float]
     ) -> SpecialPointFound | None:
-        """Return the end of the interval, which a piece reaches at this distance; its cell is left.
+        """Return the end of the interval, which a piece reaches at this distance; leave the cell.
 
         None where that is hard.
         """
@@ -161,7 +161,7 @@ class StraightTests(TransitionDetector):
         found = last.cell.settled(x, last_unit(len(x)), 0.0)
         if found is None:
             return None
-        found.x[-1] = end  # equal but for rounding
+        found.x[-1] = end  # equal up to rounding
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
         return at_end(last.ray.curve, here)
 

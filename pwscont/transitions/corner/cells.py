@@ -103,7 +103,7 @@ class Corner:
         return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
 
     def slopes_along(self, selection: Selection, direction: Array) -> Array:
-        """Return the slopes along d of the vanishing bounding tests; zero if these may be zero."""
+        """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
         vanish = [int(test) in self.zero for test in selection.bounding]
         rows = selection.test_gradients(self.x)[np.flatnonzero(vanish)]
         slopes: Array = rows @ direction

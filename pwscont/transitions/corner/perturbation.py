@@ -34,7 +34,7 @@ from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.rank_one import by_columns
+from pwscont.curve.straight import kink_by_columns
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
@@ -63,7 +63,7 @@ def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Directi
     ----------
     corner : Corner
     back : Direction, optional
-        The ray along which the corner was reached; it is returned too, if it is a ray to rounding.
+        The ray along which the corner was reached, returned as well if verified.
     """
     paths, found = Paths(corner), list[Direction]()
     if back is None or not _add(paths, found, (back[1][0], back[0])):
@@ -244,7 +244,7 @@ class _PathInCell:
         before, ahead = self._jacobian, float(gradient.dot(self.tangent))
         self.selection = Selection(self._corner.system, character)
         self._jacobian = self.selection.jacobian(self._corner.x)
-        jump = by_columns(before, self._jacobian, gradient, self._corner.metric.scale)
+        jump = kink_by_columns(before, self._jacobian, gradient, self._corner.metric.scale)
         if not (self._update(jump, gradient) or self._factorise()):
             return False
         self.head(ahead * gradient)
