@@ -1,18 +1,18 @@
 """All types in the signatures of the base classes by which users extend pwscont.
 
 A *detector* (:class:`TransitionDetector`) reads functions along a piece and makes special points
-where they fall to zero; ``detectors=`` of :func:`pwscont.trace` and :func:`pwscont.explore` adds it
-to the default ones. A *stepper* (:class:`Stepper`) owns one step along the curve of one selection.
-A *search* (:class:`Search`) yields starts.
+where the functions fall to zero; ``detectors=`` of :func:`pwscont.trace` and
+:func:`pwscont.explore` adds detectors to the default detectors. A *stepper* (:class:`Stepper`) owns
+one step along the curve of one selection. A *search* (:class:`Search`) yields starts.
 
 A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out parts that provably
-stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), store
-solutions in part (:class:`Compact`), hide unknowns (:class:`HidesUnknowns`), bring searches of its
-kind (:class:`BringsSearches`), and return a Jacobian that is factorised in its own way
-(:class:`StructuredJacobian`).
+stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), hide
+unknowns (:class:`HidesUnknowns`), bring searches of its kind (:class:`BringsSearches`), and return
+a Jacobian that is factorised in its own way (:class:`StructuredJacobian`). Nothing asks a
+:class:`Compact` system for its essential unknowns any more.
 
 A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A scene whose
-solutions are states of a body shows them on it by a :class:`BodyPicture`.
+solutions are states of a body draws the states on the body by a :class:`BodyPicture`.
 """
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array

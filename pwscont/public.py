@@ -1,4 +1,4 @@
-"""The public names of pwscont; users import them from ``pwscont`` itself."""
+"""The public names of pwscont; users import these names from ``pwscont`` itself."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -141,7 +141,7 @@ __all__ = [
 ]
 
 
-#: Names whose modules are imported when the name is used: a trace needs none of them.
+#: Names whose modules are imported at first use: a trace needs none of these modules.
 LATER = {
     "AbsNormal": "pwscont.notation.problems",
     "Axes": "pwscont.two_parameters.axes",

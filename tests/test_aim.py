@@ -1,4 +1,4 @@
-"""Steps that end where a test vanishes, and the factorisation that both sides of it share."""
+"""Steps that end where a test vanishes."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,6 @@ from pwscont_coulomb.elastic.scenes import block_body
 
 from pwscont import PiecewiseSystem, PseudoArclength, Stepper, trace
 from pwscont.bench.calls import FACTORISATIONS, counted
-from pwscont.transitions import bounding
-from pwscont.transitions.rays import inward_ray, ray_beyond
 
 FRICTIONS = (0.1, 2.0)
 
@@ -37,29 +35,14 @@ def test_the_same_transitions_as_by_steps_beyond_them(friction):
         assert abs(one.alpha - other.alpha) <= 10.0 * (one.error[-1] + other.error[-1])
 
 
-def test_one_factorisation_for_each_step(friction):
-    """That of a step that ends at a transition locates it, and begins the next piece."""
+def test_one_factorisation_for_each_step_and_each_piece(friction):
+    """The step that ends at a transition locates the transition; a piece begins with another."""
     with counted(friction) as calls:
         graph = along(friction)
     steps = sum(len(piece.alpha) - 1 for piece in graph.pieces)
     assert len(graph.pieces) > 15
-    assert calls[FACTORISATIONS] <= steps + 3  # a start is corrected, and left in two directions
-
-
-def test_rays_beyond_are_those_of_a_new_factorisation(friction, monkeypatch):
-    tried = []
-
-    def both(curve, state, test):
-        ray = ray_beyond(curve, state, test)
-        tried.append((ray, inward_ray(curve, state.x, state.error, test)))
-        return ray
-
-    monkeypatch.setattr(bounding, "ray_beyond", both)
-    along(friction)
-    assert len(tried) > 15
-    for ray, other in tried:
-        assert ray.state.orientation == other.state.orientation
-        np.testing.assert_allclose(ray.state.tangent, other.state.tangent, atol=1e-12)
+    # a start is corrected, and left in two directions
+    assert calls[FACTORISATIONS] <= steps + len(graph.pieces) + 3
 
 
 class Corner(PiecewiseSystem):
@@ -97,7 +80,7 @@ class Disagreeing(PiecewiseSystem):
         return np.array([x - alpha - alpha**3, y if character.signs[0] else -y])
 
 
-def test_selections_that_disagree_along_the_interface_share_no_factorisation():
+def test_selections_that_disagree_along_the_interface_make_a_corner():
     """Their determinants have other signs, so that the point is no plain transition (F2)."""
     graph = trace(Disagreeing(), ([-0.625, 0.0], -0.5), (-0.5, 0.5))
     assert [str(point.kind) for point in graph.special_points()] == ["corner", "start", "end"]

@@ -17,7 +17,7 @@ from pwscont_coulomb.coulomb import Coulomb
 
 import pwscont
 import pwscont.extending
-from pwscont import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem, explore
 
 ROOT = Path(pwscont.__file__).parent
 PROBLEMS = ROOT.parent / "problems"
@@ -47,6 +47,28 @@ FILES = sorted(path for path in ROOT.rglob("*.py"))
 BUILDING = [path for path in FILES if path.parent != ROOT]
 PLUG_INS = sorted(PROBLEMS.rglob("*.py"))
 LONGEST_FILE = 500
+#: Most files and lines of each room, a little above the figures when they were set. When a room
+#: becomes smaller, its budget becomes smaller.
+BUDGET = {
+    "basics": (11, 1250),
+    "system": (16, 2900),
+    "linear": (13, 1950),
+    "notation": (14, 2950),
+    "curve": (17, 3200),
+    "enumeration": (13, 3100),
+    "transitions": (20, 4450),
+    "graph": (12, 3000),
+    "search": (11, 2150),
+    "continuation": (16, 4100),
+    "scenes": (15, 2700),
+    "view": (7, 950),
+    "two_parameters": (16, 3750),
+    "studies": (12, 2350),
+    "bench": (16, 1900),
+    "commands": (12, 1200),
+}
+#: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
+MOST_FILES_MET, MOST_CLASSES_MET = 64, 88
 
 
 def module_of(path):
@@ -137,6 +159,70 @@ def test_no_files_of_plug_ins_import_each_other():
 @pytest.mark.parametrize("path", FILES + PLUG_INS, ids=lambda path: path.stem)
 def test_no_file_needs_a_guide(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_keeps_its_budget(room):
+    files = [path for path in BUILDING if path.relative_to(ROOT).parts[0] == room]
+    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
+    most_files, most_lines = BUDGET[room]
+    assert len(files) <= most_files
+    assert lines <= most_lines
+
+
+class ArchOverStop(PiecewiseSystem):
+    """The README's system."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+        return z * (z - 1.0) * (z - 2.0) + stop - alpha
+
+
+def met_by(call):
+    """Return the files of pwscont that a call runs, and the classes whose methods run or are asked.
+
+    The call runs once before, for imports and caches.
+    """
+    files, met = set(), set()
+
+    def see(frame, event, _):
+        code = frame.f_code
+        if event != "call":
+            return
+        module = sys.modules.get(frame.f_globals.get("__name__"))
+        if is_ours(module) and not code.co_filename.startswith("<"):
+            files.add(code.co_filename)
+            met.add(vars(module).get(code.co_qualname.split(".")[0]))
+        if code.co_varnames[:1] and code.co_varnames[0] in ("self", "cls", "_cls"):
+            first = frame.f_locals.get(code.co_varnames[0])
+            kind = first if isinstance(first, type) else type(first)
+            if is_ours(sys.modules.get(kind.__module__)):
+                met.add(kind)
+
+    call()
+    before = sys.getprofile()
+    sys.setprofile(see)
+    try:
+        call()
+    finally:
+        sys.setprofile(before)
+    return files, {kind for kind in met if isinstance(kind, type)}
+
+
+def is_ours(module):
+    return getattr(module, "__name__", "").split(".")[0] == "pwscont"
+
+
+def test_one_run_meets_few_files_and_classes():
+    """A reader who follows the README's arch meets this much (docs/architecture)."""
+    files, met = met_by(lambda: explore(ArchOverStop(), (-0.5, 1.0)))
+    assert len(files) <= MOST_FILES_MET
+    assert len(met) <= MOST_CLASSES_MET
 
 
 def test_one_class_has_one_name():

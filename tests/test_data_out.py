@@ -31,7 +31,7 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.quantities import Quantities
-from pwscont.graph.records import Said
+from pwscont.graph.records import Messages
 from pwscont.scenes.graph_answer import GraphAnswer
 
 SCENES = [fig7, fig10, example1, example3]
@@ -623,7 +623,7 @@ def test_elastic_bodies_and_their_states():
 
 
 def test_notebooks_escape_what_a_user_wrote(plain):
-    point = replace(plain.point(0), passed=Said("<script>alert(1)</script>"))
+    point = replace(plain.point(0), messages=Messages(("<script>alert(1)</script>",) * 2))
     assert "<script>" not in point._repr_html_()
 
 

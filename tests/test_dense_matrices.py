@@ -6,15 +6,10 @@ import scipy.sparse as sp
 
 from pwscont import PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import EPS
-from pwscont.bench.calls import counted
-from pwscont.curve.curve import Curve, LastHeld
-from pwscont.curve.metric import Metric
-from pwscont.curve.semismooth import semismooth_newton
 from pwscont.linear.factor import power_of_two
-from pwscont.linear.factorise import bordered, factor, inner, last_unit
+from pwscont.linear.factorise import bordered, factor, inner
 from pwscont.linear.updates import TOGETHER, Changes, ProductForm
 from pwscont.linear.vectors import Rows
-from pwscont.system.selection import Selection
 
 SIZES = [1, 2, 5, 31, 32, 33, 120]
 
@@ -45,18 +40,6 @@ def test_the_part_for_z_is_factorised_and_the_jacobian_is_not_written_to(n, orde
     np.testing.assert_array_equal(given, jacobian)
     assert defect(jacobian[:, :-1], core.solve(rhs), rhs) < 1e-13
     assert core.sign == np.linalg.slogdet(jacobian[:, :-1] * scale[:-1])[0]
-
-
-@pytest.mark.parametrize("n", SIZES)
-def test_the_factorisation_with_alpha_held_has_that_of_the_part_for_z(n):
-    jacobian, scale = in_units(n, 1)
-    whole = bordered(jacobian, last_unit(n + 1), scale)
-    part, rhs = whole.without_border(), np.random.default_rng(n).normal(size=(3, n))
-    rhs *= np.abs(jacobian) @ scale
-    assert part.sign == whole.sign == np.linalg.slogdet(jacobian[:, :-1] * scale[:-1])[0]
-    for one, solution in zip(rhs, part.solve_all(rhs), strict=True):
-        assert defect(jacobian[:, :-1], solution, one) < 1e-12
-        np.testing.assert_allclose(solution, part.solve(one), rtol=1e-9)
 
 
 @pytest.mark.parametrize("n", SIZES)
@@ -237,30 +220,3 @@ def test_pieces_from_rough_starts_are_those_of_the_system(n, seed):
     for alpha in (-2.0, -0.7, 0.3, 1.1, 2.0):
         (found,) = graph.solutions(alpha)
         np.testing.assert_allclose(found.z, system.true(alpha), atol=1e-12)
-
-
-def test_a_piece_begins_with_the_jacobian_of_its_start():
-    """The checks ask for a Jacobian; Newton, direction and cell do not."""
-    system = Absolute(40, 1)
-    start, alone = (system.true(0.3), 0.3), (0.3, 0.3 + 1e-6)
-    with counted(system) as calls:
-        graph = trace(system, start, alone)
-    assert len(graph.pieces) == 1
-    assert calls["jacobian"] == 1
-
-
-def test_only_the_cell_of_the_start_is_handed_its_jacobian_and_once():
-    system = Absolute(5, 3)
-    metric, last = Metric.of(system, (-2.0, 2.0)), LastHeld()
-
-    def left():
-        x, _ = semismooth_newton(system, metric, np.zeros(5), 0.3, last=last)
-        return x, system.character(x[:-1], 0.3)
-
-    x, character = left()
-    other = Curve(Selection(system, character.flip(0)), metric)
-    assert last.handed_on(other) is None
-    x, character = left()
-    held = last.handed_on(here := Curve(Selection(system, character), metric))
-    np.testing.assert_array_equal(held.jacobian, system.jacobian(x[:-1], 0.3, character))
-    assert last.handed_on(here) is None

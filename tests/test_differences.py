@@ -18,7 +18,7 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.rounding import EPS
-from pwscont.system.differences import FINE_STEP, FINER, STEP, Differences
+from pwscont.system.differences import FINE_STEP, REFINEMENT, STEP, Differences
 
 UNITS = [1e-12, 1e-9, 1e-5, 1.0, 1e5, 1e12]
 
@@ -394,7 +394,7 @@ def test_finer_steps_see_narrower_functions(at):
     slopes = []
     for _ in range(4):
         slopes.append(float(differences.jacobian(lambda y: np.tanh(y[1:] / width), x)[0, 1]))
-        differences = replace(differences, part=FINER * differences.part)
+        differences = replace(differences, part=REFINEMENT * differences.part)
     errors = np.abs(np.array(slopes) / expected - 1.0)
     assert errors[0] > 0.05
     assert errors[1] < 2e-3

@@ -1,7 +1,9 @@
 """The manual's examples and the README say what is true, and run."""
 
 import contextlib
+import inspect
 import io
+import pkgutil
 import re
 import runpy
 import tomllib
@@ -13,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pwscont
+import pwscont.extending
 from pwscont import BranchGraph, enumerate_solutions
 from pwscont.commands.cli import main
 from pwscont.scenes.registry import scene_names
@@ -22,6 +26,8 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 PNG = b"\x89PNG\r\n"
+#: Parts of factorisations and of curves: the pages of their users explain these seams.
+INNER_SEAMS = {"RowMatrix", "RowSolver", "Updating"}
 
 
 @pytest.fixture(autouse=True)
@@ -377,3 +383,31 @@ def test_page_of_scenes_shows_each_once_and_leads_to_tutorials():
     for name in set(re.findall(r":doc:`(.*?)`", page)):
         source = docs / name.replace("gallery/", "examples/")
         assert source.with_suffix(".py").exists() or source.with_suffix(".rst").exists()
+
+
+# -- the pages about the code ------------------------------------------------------------
+
+
+def resolves(path):
+    """Tell whether a dotted path names a module of pwscont, or what stands in one."""
+    try:
+        return pkgutil.resolve_name(path) is not None
+    except (ImportError, AttributeError):
+        return False
+
+
+@pytest.mark.parametrize("page", ["architecture", "seams"])
+def test_every_module_and_class_on_the_pages_about_the_code_exists(page):
+    text = (ROOT / "docs" / f"{page}.rst").read_text(encoding="utf-8")
+    paths = set(re.findall(r"[`~](pwscont[\w.]*\w)`", text))
+    assert len(paths) > 20
+    assert not [path for path in sorted(paths) if not resolves(path)]
+
+
+def test_every_seam_is_on_its_page():
+    """A class of ``pwscont`` or ``extending`` that is abstract can be derived from."""
+    text = (ROOT / "docs" / "seams.rst").read_text(encoding="utf-8")
+    for module in (pwscont, pwscont.extending):
+        for name in module.__all__:
+            if inspect.isabstract(getattr(module, name)) and name not in INNER_SEAMS:
+                assert re.search(rf"[`~.]{getattr(module, name).__name__}`", text), name

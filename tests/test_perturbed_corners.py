@@ -7,9 +7,9 @@ import pytest
 
 from pwscont import Block, PiecewiseLinearSystem, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner.perturbed import PerturbedCone
-from pwscont.transitions.corner.simple import simple_corner
-from pwscont.transitions.corner.ways import ways
+from pwscont.transitions.corner.cells import Corner
+from pwscont.transitions.corner.enumeration import rays_cell_by_cell
+from pwscont.transitions.corner.perturbation import rays_by_perturbation
 
 
 class Cone(PiecewiseLinearSystem):
@@ -58,12 +58,16 @@ def random_cone(seed, k, strength):
     return Cone(A, B, b)
 
 
+def apex(system):
+    """Return the corner at zero."""
+    x, metric = np.zeros(system.size + 1), Metric(np.ones(system.size + 1))
+    return Corner.at(system, metric, x, x[np.newaxis], frozenset(range(len(system.T))))
+
+
 def found_from(system, back=None):
     """Return the directions that the perturbation finds, of unit length."""
-    n = system.size
-    zero, x, metric = frozenset(range(len(system.T))), np.zeros(n + 1), Metric(np.ones(n + 1))
     along = None if back is None else (back, (system.character(back[:-1], 0.0),))
-    return [d for d, _ in ways(PerturbedCone(system, metric, x, zero), zero, along)]
+    return [d for d, _ in rays_by_perturbation(apex(system), along)]
 
 
 def place(d, among):
@@ -133,14 +137,13 @@ class Switches(Cone):
 
 @pytest.mark.parametrize("k", [2, 3, 4, 5])
 def test_switches_have_the_rays_of_brute_force(k):
-    """By one factorisation for all cells; several rays, and folds, among them."""
+    """Cell by cell; several rays, and folds, among them."""
     several = 0
     for seed in range(40):
         rng = np.random.default_rng([seed, k])
         A, b = rng.normal(size=(k, k)), rng.normal(size=k)
         system = Switches(A, np.diag(rng.normal(size=k) * 2.0), b)
-        rays, metric, x = system.rays(), Metric(np.ones(k + 1)), np.zeros(k + 1)
-        found = simple_corner(system, metric, x, frozenset(range(k)))
+        rays, found = system.rays(), rays_cell_by_cell(apex(system))
         assert found is not None
         assert len(found) == len(rays)
         several += len(rays) > 2

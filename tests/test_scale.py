@@ -16,7 +16,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
-from pwscont.graph.place import Stored, first_digits, from_first_digits
+from pwscont.graph.place import Place, first_digits, from_first_digits
 from pwscont.linear.banded import banded_lu
 from pwscont.linear.dense import DenseLU
 from pwscont.linear.factorise import DenseFactor, bordered, column, factor, power_of_two
@@ -477,17 +477,6 @@ def test_memory_of_a_long_path():
     assert each < 16 * 2 * 200 + 8e3  # two numbers per node, and what does not depend on p
 
 
-def test_places_are_packed_without_loss(long_path):
-    system, graph = long_path
-    for piece in graph.pieces[::40]:
-        middle = piece.points.mean(axis=0)
-        z, alpha = middle[:-1], float(middle[-1])
-        packed = z[system.essential(piece.character)]
-        assert len(packed) == 2 * system.body.p
-        completed = system.completed(packed, alpha, piece.character)
-        np.testing.assert_allclose(completed, z, rtol=1e-10, atol=1e-12 * np.abs(z).max())
-
-
 def test_errors_are_stored_by_their_first_digits():
     error = np.r_[0.0, np.ldexp(np.random.default_rng(0).random(1000), np.arange(-1020, 980, 2))]
     kept = from_first_digits(first_digits(error))
@@ -501,7 +490,7 @@ def test_errors_are_stored_by_their_first_digits():
 @pytest.mark.parametrize("kind", [float, np.longdouble, np.float32])
 def test_places_tell_the_first_digits_of_few_errors_and_of_many(size, kind):
     error = np.random.default_rng(size).uniform(1e-16, 1e-15, size).astype(kind)
-    told = Stored(np.zeros(size), error).error
+    told = Place(np.zeros(size), error).error
     np.testing.assert_array_equal(told, from_first_digits(first_digits(error)))
     assert (told >= error).all()
     assert (told <= 1.0625 * error).all()
@@ -512,14 +501,6 @@ def test_ends_of_pieces_are_their_special_points(long_path):
     for piece in graph.pieces:
         assert piece.track.start is graph.point(piece.start).place
         assert piece.track.end is graph.point(piece.end).place
-
-
-def test_the_characters_of_a_path_take_a_bit_per_sign():
-    system = CoulombLoad(*strip(200), 0.3)
-    graph = trace(system, (np.zeros(system.size), 0.0), (0.0, 0.1))
-    stored = [len(piece.character._stored[0]) for piece in graph.pieces]
-    assert len(stored) > 5
-    assert set(stored) == {600 // 8}
 
 
 @pytest.mark.parametrize("kind", ["tridiagonal", "banded", "sparse", "dense"])
@@ -556,13 +537,10 @@ def test_a_dense_matrix_that_is_not_finite_is_singular(value):
     assert factor(matrix, np.ones(3)).is_singular()
 
 
-@pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("m", [0, 1, 63, 64, 65, 301])
-def test_characters_are_the_signs_they_were_made_of(m, packed):
+def test_characters_are_the_signs_they_were_made_of(m):
     signs = tuple(bool(s) for s in np.random.default_rng(m).integers(0, 2, m))
     character = Character(signs)
-    if packed:
-        character.pack()
     assert character.array.tolist() == list(signs)
     assert not character.array.flags.writeable
     assert bytes(character) == bytes(signs)

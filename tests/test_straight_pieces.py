@@ -14,7 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.curve import straight
 from pwscont.linear.updates import ProductForm
-from pwscont.transitions.detector import FARTHEST, soonest
+from pwscont.transitions.detector import FARTHEST_ZERO, soonest
 
 # -- stated errors ---------------------------------------------------------------------------------
 
@@ -202,9 +202,9 @@ def test_an_audit_is_due_after_twenty_four_transitions(monkeypatch):
     assert many["solve_all"] == few["solve_all"] + 1
 
 
-def test_the_first_cell_has_the_factorisation_of_the_start(monkeypatch):
+def test_one_factorisation_serves_all_cells(monkeypatch):
     (few, _), (many, _) = (work(monkeypatch, last) for last in (104.0, 125.0))
-    assert many["inner"] == few["inner"] == 0
+    assert many["inner"] == few["inner"] == 1
     assert many["jacobian"] == few["jacobian"] + 1  # of an audit
 
 
@@ -239,7 +239,7 @@ def test_the_function_that_falls_to_zero_first(seed):
         ]
         with np.errstate(over="ignore"):  # as in a run
             first, distance = soonest(values, slopes)
-        least = min(distances) if min(distances) <= FARTHEST else np.inf
+        least = min(distances) if min(distances) <= FARTHEST_ZERO else np.inf
         assert distance == pytest.approx(least, rel=1e-15, abs=1e-280)
         assert distance == np.inf or distances[first] == distance
 

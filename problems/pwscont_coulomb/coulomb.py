@@ -34,7 +34,6 @@ from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.extending import (
     Array,
     BringsSearches,
-    Compact,
     Indices,
     Matrix,
     Reducible,
@@ -48,7 +47,6 @@ from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
-from pwscont_coulomb.free_unknowns import FreeUnknowns
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
@@ -71,7 +69,7 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 MANY_NODES = 32
 
 
-class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -111,10 +109,6 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _states(self) -> States:
         kind = SparseStates if self.body.is_sparse else DenseStates
         return kind(self.body, self._kappa1_rows, self._x_rows)
-
-    @cached_property
-    def _free_unknowns(self) -> FreeUnknowns:
-        return FreeUnknowns(self.body)
 
     @cached_property
     def _gradients(self) -> SparseGradients | DenseGradients:
@@ -270,20 +264,6 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, Compact, BringsSearches):
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:
         """Return loads, shape (n, k), whose convex hull holds all loads, None if unknown."""
         return None
-
-    def essential(self, character: Character) -> Indices | None:
-        """Return n unknowns: lam_nu for u_nu in contact, lam_t for u_t in stick, all other u."""
-        if self.algebra is None:
-            return None
-        return self._free_unknowns.of(self.modes(character))
-
-    def completed(self, values: Array, alpha: float, character: Character) -> Array:
-        """Return z from its essential unknowns in this cell."""
-        if self.algebra is None:
-            return values
-        mode = self.modes(character)
-        ratio = -SLIPS[mode] * self.friction_at(alpha)
-        return self._free_unknowns.completed(values, mode, ratio)
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.

@@ -23,7 +23,7 @@ NO_REALS = {"c": "complex numbers", "S": "texts", "U": "texts", "M": "dates", "m
 
 
 def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -> Array:
-    """Return ``values`` as a new float array, or say what is wrong with them.
+    """Return ``values`` as a new float array, or raise an error that names the fault.
 
     Raises
     ------
@@ -64,22 +64,22 @@ def smallest(values: Array) -> float:
 
 
 def is_everywhere(signs: Signs) -> bool:
-    """Tell whether some signs, one at least, are all true, in a fifth of the time of ``all``."""
+    """Tell whether a vector of at least one sign is true everywhere, faster than ``all``."""
     return signs.item(signs.argmin())
 
 
 def is_anywhere(signs: Signs) -> bool:
-    """Tell whether one of some signs, one at least, is true, in a fifth of the time of ``any``."""
+    """Tell whether a vector of at least one sign is true anywhere, faster than ``any``."""
     return signs.item(signs.argmax())
 
 
 def are_finite(values: Array) -> bool:
-    """Tell whether the numbers of a vector, one at least, are all finite."""
+    """Tell whether all numbers of a vector with at least one entry are finite."""
     return isfinite(blas.dasum(values)) or bool(np.isfinite(values).all())  # sums may overflow
 
 
 def joined(vector: Array, value: float) -> Array:
-    """Return a vector with one more entry (numpy.append costs several times as much)."""
+    """Return a vector with ``value`` appended (numpy.append costs several times as much)."""
     both = np.empty(len(vector) + 1)
     both[:-1] = vector
     both[-1] = value
@@ -93,7 +93,7 @@ def product(matrix: Matrix, x: Array) -> Array:
 
 
 def indices(numbers: Sequence[int] | Indices) -> Indices:
-    """Return integers as an array; of a range numpy makes one number by number."""
+    """Return integers as an array, a range without numpy's loop over its numbers."""
     if isinstance(numbers, range):
         return np.arange(numbers.start, numbers.stop, numbers.step, dtype=np.intp)
     return np.asarray(numbers, dtype=np.intp)
@@ -106,12 +106,12 @@ def dense(matrix: Matrix) -> Array:
 
 
 def by_rows(matrix: Matrix) -> Matrix:
-    """Return a matrix of which rows can be taken: a sparse one in any storage stored by rows."""
+    """Return a matrix whose rows can be taken: a sparse matrix is stored by rows."""
     return matrix.tocsr() if hasattr(matrix, "tocsr") else matrix
 
 
 def own_dense(matrix: Matrix) -> Array:
-    """Return any matrix as an array of its own: its owner may use the same one for the next."""
+    """Return a dense copy of any matrix: the owner of the matrix may reuse its memory."""
     return np.array(dense(matrix), dtype=float)
 
 
@@ -119,7 +119,7 @@ def own_dense(matrix: Matrix) -> Array:
 def generic(size: int, shift: float = 0.0) -> Array:
     """Return numbers between -1 and 1, the same in every run; other numbers for each shift.
 
-    They are not to be written to.
+    The array is read-only.
     """
     numbers: Array = np.cos(generic_angles(size, shift))
     numbers.flags.writeable = False

@@ -1,17 +1,17 @@
-"""Limits of a run, and what is left of them.
+"""Limits of a run, and how much of each limit is left.
 
 Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
-method, the loop over steps. The caller does not need to know for which run it works.
+method, the loop over steps. The caller does not need to know which run is going on.
 
 Failure modes and answers
 -------------------------
-- Ctrl-C while the graph is being changed would leave it in pieces: during a run the first Ctrl-C
-  only sets a flag, which the next check sees. A second one, for a residual that hangs, raises at
-  once.
-- A run within a run, such as a homotopy that searches a start: the inner run ends with the outer
-  one, and the outer one is told.
-- Threads other than the main one get no Ctrl-C: no handler is installed there. A handler that the
-  program has installed itself is left alone.
+- Ctrl-C while the graph is being changed would leave the graph in pieces: during a run the first
+  Ctrl-C only sets a flag, which the next check sees. A second Ctrl-C, for a residual that hangs,
+  raises at once.
+- A run within a run, such as a homotopy that searches a start: an interrupt of the inner run ends
+  the outer run, too.
+- Threads other than the main thread get no Ctrl-C: no handler is installed there. A handler that
+  the program has installed itself is left alone.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Limits:
     pieces : int, optional
         The most pieces that the graph may have; default any number.
     seconds : float, optional
-        The time after which the run ends; default as long as it takes. One step of the search or
-        of a piece is finished first, for large systems more than that.
+        The time after which the run ends; default no limit. The run first finishes its current step
+        of the search or of a piece, which takes longer for large systems.
 
     Raises
     ------
@@ -85,7 +85,7 @@ _current: ContextVar[Budget | None] = ContextVar("budget", default=None)
 
 @final
 class OutOfBudget(KeyboardInterrupt):
-    """A limit has run out: the run ends as it does after Ctrl-C."""
+    """A limit has run out: the run ends as after Ctrl-C."""
 
 
 def check_budget() -> None:
@@ -103,7 +103,7 @@ def check_budget() -> None:
 
 @final
 class Budget:
-    """The budget of one run, which lasts as long as the ``with`` block of this object.
+    """The budget of one run, which lasts as long as the ``with`` block of the budget.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class Budget:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the run; if it was interrupted, the run around it ends, too."""
+        """End the run; an interrupted run also ends the run around it."""
         _current.reset(self._token)
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)
@@ -148,7 +148,7 @@ class Budget:
         return self._limits != Limits()
 
     def check(self) -> None:
-        """Raise if the budget is spent, or that of a run around this one."""
+        """Raise if this budget, or the budget of a run around this run, is spent."""
         if self._is_interrupted:
             raise OutOfBudget(INTERRUPTED)
         if self._clock() >= self._deadline:
@@ -157,14 +157,14 @@ class Budget:
             self._outer.check()
 
     def allows(self, pieces: int) -> bool:
-        """Tell whether one more piece may be followed after so many."""
+        """Tell whether a run that has followed ``pieces`` pieces may follow one more."""
         most = self._limits.pieces
         if most is not None and pieces >= most and not self.spent:
             self._reason = f"the limit of {most} piece{'' if most == 1 else 's'} was reached"
         return not self.spent
 
     def end(self, why: KeyboardInterrupt) -> str:
-        """Remember what ended the run, and return it in words."""
+        """Remember what ended the run, and return the reason in words."""
         if isinstance(why, OutOfBudget):
             self._reason = self._reason or str(why)
         else:
@@ -172,10 +172,10 @@ class Budget:
         return self.spent
 
     def _install(self) -> Any:
-        """Handle Ctrl-C where the main thread has Python's own handler; return that one."""
+        """Handle Ctrl-C where the main thread has Python's own handler; return Python's handler."""
         if threading.current_thread() is not threading.main_thread():
             return None
-        before = signal.getsignal(signal.SIGINT)  # None where another language has installed one
+        before = signal.getsignal(signal.SIGINT)  # None: the handler is not from Python
         if before is not signal.default_int_handler:
             return None
         signal.signal(signal.SIGINT, self._on_interrupt)
@@ -188,5 +188,5 @@ class Budget:
 
 
 def current_budget() -> Budget:
-    """Return the budget of the run that is going on; without one, a budget without limits."""
+    """Return the budget of the run that is going on; outside a run, a budget without limits."""
     return _current.get() or Budget(Limits())

@@ -14,10 +14,7 @@ from pwscont.basics.looks import MOST_LETTERS, short
 #: The signs as they are printed.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
-#: No more signs than these are stored as they are.
-FEW = 64
-ONE = np.uint8(1)
-#: The signs as they name a cell that all of them bound.
+#: The signs as :meth:`Character.among` writes them: 1 for negative, 2 for positive.
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
@@ -40,32 +37,18 @@ class Character:
     (True, False)
     """
 
-    __slots__ = ("_array", "_stored")
-    #: One byte per sign, which is compared, hashed and copied as one block of memory, and zero; or
-    #: one bit, and how many signs there are. Replaced at once: an interrupt may come in between.
-    _stored: tuple[bytes, int]
-    #: The signs while they are in use.
-    _array: Signs | None
+    __slots__ = ("_array", "_signs")
+    #: One byte per sign, 0 or 1: one block of memory, which is compared, hashed and copied fast.
+    _signs: bytes
+    #: The same signs as an array of bool.
+    _array: Signs
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        self._store(bytes(map(bool, signs)))
+        self._set(bytes(map(bool, signs)))
 
-    def _store(self, signs: bytes, packed: int = 0) -> None:
-        object.__setattr__(self, "_array", None)
-        object.__setattr__(self, "_stored", (signs, packed))
-
-    @property
-    def _signs(self) -> bytes:
-        stored, packed = self._stored
-        if not packed:
-            return stored
-        return np.unpackbits(np.frombuffer(stored, dtype=np.uint8), count=packed).tobytes()
-
-    def pack(self) -> None:
-        """Store many signs in an eighth of the room, for a character that is kept, not used."""
-        stored, packed = self._stored
-        if not packed and len(stored) > FEW:
-            self._store(np.packbits(self.array).tobytes(), len(stored))
+    def _set(self, signs: bytes) -> None:
+        object.__setattr__(self, "_signs", signs)
+        object.__setattr__(self, "_array", np.frombuffer(signs, np.bool_))
 
     @property
     def signs(self) -> tuple[bool, ...]:
@@ -75,13 +58,7 @@ class Character:
     @property
     def array(self) -> Signs:
         """The signs as an array of bool, shape (m,), not to be written to."""
-        if self._array is not None:
-            return self._array
-        stored, packed = self._stored
-        signs = np.frombuffer(self._signs if packed else stored, np.bool_)
-        if not packed:
-            object.__setattr__(self, "_array", signs)
-        return signs
+        return self._array
 
     @classmethod
     def of(cls, tests: Array) -> Character:
@@ -103,7 +80,7 @@ class Character:
     @classmethod
     def _of_bytes(cls, signs: bytes) -> Character:
         character: Character = object.__new__(cls)
-        character._store(signs)
+        character._set(signs)
         return character
 
     def flip(self, i: int) -> Character:
@@ -129,7 +106,7 @@ class Character:
         if len(tests) == len(signs):
             return self._signs.translate(ONE_OR_TWO)
         some = np.zeros(len(signs), np.uint8)
-        some[tests] = signs[tests] + ONE
+        some[tests] = signs[tests] + np.uint8(1)
         return some.tobytes()
 
     def __bytes__(self) -> bytes:
@@ -140,14 +117,10 @@ class Character:
         raise AttributeError(f"{name}: a Character does not change; use flip or with_sign")
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Character):
-            return False
-        (signs, packed), (others, packed_too) = self._stored, other._stored
-        return signs == others if packed == packed_too else self._signs == other._signs
+        return isinstance(other, Character) and self._signs == other._signs
 
     def __hash__(self) -> int:
-        signs, packed = self._stored
-        return hash(self._signs if packed else signs)
+        return hash(self._signs)
 
     def __repr__(self) -> str:
         size = self.array.size

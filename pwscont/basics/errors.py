@@ -1,7 +1,7 @@
 """The exceptions for faults of a caller, a file, a system or a start.
 
-Failures of a numerical step are not exceptions: they are values, see
-:mod:`pwscont.basics.outcome`.
+A numerical step that fails raises no exception: the step returns a
+:class:`pwscont.basics.outcome.Failure`.
 """
 
 
@@ -20,7 +20,7 @@ class PwscontError(Exception):
 
 
 class InvalidInputError(PwscontError, ValueError):
-    """An argument does not fit; the message names it and says what would.
+    """An argument does not fit; the message names the argument and says what would fit.
 
     Examples
     --------
@@ -48,7 +48,7 @@ class InvalidSystemError(PwscontError, ValueError):
 
 
 class UnknownNameError(PwscontError, KeyError):
-    """A name that nothing has; the message lists the names there are, and close ones.
+    """An unknown name; the message lists known names and suggests similar names.
 
     Examples
     --------
@@ -105,7 +105,7 @@ class GraphFileError(PwscontError, ValueError):
 
 
 class SystemNeededError(PwscontError, RuntimeError):
-    """A graph read from a file was asked for what only its system can tell.
+    """A graph read from a file was asked for what only the graph's system can tell.
 
     Examples
     --------
@@ -116,7 +116,7 @@ class SystemNeededError(PwscontError, RuntimeError):
 
 
 class BrokenSceneError(PwscontError, RuntimeError):
-    """A package offers a scene that cannot be made, or one whose name is taken."""
+    """A package offers a scene that cannot be made, or whose name is taken."""
 
 
 class SceneNotFoundError(PwscontError, LookupError):

@@ -7,7 +7,7 @@ from pwscont.basics.looks import short, with_article
 
 
 def checked_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another kind, such as a class where an object of it is meant."""
+    """Refuse an argument of another kind, such as a class where an instance is meant."""
     if value is not None and not isinstance(value, kind):
         forgotten = isinstance(value, type) and issubclass(value, kind)
         hint = "; call it to make one" if forgotten else ""

@@ -1,4 +1,4 @@
-"""How single records look in a terminal and in a notebook: a few lines, however large they are."""
+"""How single records look in a terminal and in a notebook: a few lines for a record of any size."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ MOST_UNKNOWNS = 6
 MOST_LETTERS = 72
 #: The first of the default names of unknowns.
 UNNAMED = ("z[0]",)
-#: Significant digits of numbers as users read them, and of their difference in a narrow interval.
-DIGITS, DIGITS_OF_DIFFERENCE = 8, 3
+#: Significant digits of numbers as users read them, and of the difference of the ends of a narrow
+#: interval.
+DIGITS_SHOWN, DIGITS_OF_DIFFERENCE = 8, 3
 
 
 def counted(count: int | float, noun: str) -> str:
@@ -36,7 +37,7 @@ def short(words: str) -> str:
 
 
 def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
-    """Return words with at most so many letters; an ellipsis stands for the words in the middle."""
+    """Return words cut to ``most`` letters; an ellipsis stands for the middle."""
     if len(words) <= most:
         return words
     half = (most - 7) // 2
@@ -46,10 +47,10 @@ def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
 
 
 def apart(lo: float, hi: float) -> tuple[str, str]:
-    """Return the ends of an interval in eight digits, or as many more as tell them apart."""
+    """Return the ends of an interval in at least eight digits, in more where eight are equal."""
     part = (hi - lo) / max(abs(lo), abs(hi), 1e-300)
     needed = DIGITS_OF_DIFFERENCE - log10(part) if part > 0.0 else 0.0
-    digits = min(max(DIGITS, ceil(needed)), 17)
+    digits = min(max(DIGITS_SHOWN, ceil(needed)), 17)
     return f"{lo:.{digits}g}", f"{hi:.{digits}g}"
 
 
@@ -64,7 +65,7 @@ def at(x: Array) -> str:
 
 
 def state(names: Sequence[str], z: Array) -> str:
-    """Return the first unknowns, by name if they have one, and how many there are."""
+    """Return the first unknowns with their names, and the number of unknowns."""
     values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
     dots = ["..."] if len(z) > MOST_UNKNOWNS else []
     rest = f" {len(z)} unknowns" if dots else ""

@@ -27,7 +27,7 @@ class Kind(StrEnum):
 
 
 def kind_of(word: str) -> Kind | str:
-    """Return the kind with this word, or the word itself where a detector of a user made it."""
+    """Return the kind with this word, or the word itself if a user's detector made the word."""
     return Kind(word) if word in set(Kind) else word
 
 
@@ -101,7 +101,7 @@ class Failure:
     Attributes
     ----------
     trouble : FailureReason or str
-        What a user reads: one of the reasons known here, or the words of a user's own stepper.
+        What a user reads: a :class:`FailureReason`, or the words of a user's own stepper.
     """
 
     trouble: FailureReason | str
@@ -114,7 +114,7 @@ class Failure:
 class Guarantee(IntEnum):
     """How much of the zero set a search finds; larger is more.
 
-    UNIQUE is the system's own promise: at every alpha one solution at most.
+    UNIQUE is the system's own promise: at every alpha at most one solution.
     """
 
     NOTHING = 0
@@ -126,7 +126,7 @@ class Guarantee(IntEnum):
 @final
 @dataclass(frozen=True, slots=True)
 class SearchScope:
-    """The searches of a run, and the promise that they make.
+    """The searches of a run, and the promise of these searches.
 
     Attributes
     ----------
@@ -134,10 +134,11 @@ class SearchScope:
         The searches, in words.
     promise : Guarantee
     spent : str
-        Why the run ended before it was finished, in words; empty where it was finished.
+        Why the run ended early, in words; empty if the run was finished.
     gap : float
         Distance along a curve within which two smooth folds may be passed over, where alpha is
-        measured by the interval and each unknown by its typical magnitude; zero where none may.
+        measured by the interval and each unknown by its typical magnitude; zero if no fold is
+        passed over.
     """
 
     what: str

@@ -1,4 +1,4 @@
-"""Quantities of a state by name: its unknowns, and those that a user records."""
+"""Quantities of a state by name: the state's unknowns, and what a user records."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
 
 
 def spelled(name: str) -> str:
-    """Return a name with its Greek letters in words, such as ``lambda_t`` for ``λ_t``."""
+    """Return a name with Greek letters in words, such as ``lambda_t`` for ``λ_t``."""
     return "".join(_letter(letter) for letter in name)
 
 
@@ -67,7 +67,7 @@ def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Funct
     Raises
     ------
     InvalidInputError
-        If it is no mapping, a name is no text, empty or has another meaning, or a function
+        If ``record`` is no mapping, a name is no text, empty or has another meaning, or a function
         cannot be called.
     """
     if record is None:
@@ -90,7 +90,7 @@ def _check_entry(name: Any, function: Any, taken: frozenset[str]) -> None:
 
 
 def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
-    """Return the names of all unknowns, or say what is wrong with them.
+    """Return the names of all unknowns, or raise an error that names the fault.
 
     Raises
     ------
@@ -112,11 +112,12 @@ class Quantities:
     Parameters
     ----------
     naming : callable or sequence of str, optional
-        A name for each unknown, or a function that returns the names, called when one is needed.
+        A name for each unknown, or a function that returns the names, called at first use.
     record : mapping of str to callable
         Functions of (z, alpha) that return a finite float.
     elsewhere : iterable of str
-        Names of quantities that a file has at special points only, without their functions.
+        Names of quantities that a file has at special points only, without the functions of these
+        quantities.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class Quantities:
         record: Mapping[str, Function] = MappingProxyType({}),
         elsewhere: Iterable[str] = (),
     ) -> None:
-        #: The names of the unknowns or the function that returns them; None for default names.
+        #: The names of the unknowns or the function that returns the names; None for default names.
         self.naming = naming
         self.record = dict(record)
         self._elsewhere = frozenset(elsewhere)
@@ -146,11 +147,11 @@ class Quantities:
 
     @property
     def is_named(self) -> bool:
-        """Whether the unknowns have names of their own."""
+        """Whether the system names its unknowns."""
         return self.naming is not None
 
     def names(self, size: int) -> tuple[str, ...]:
-        """Return the names of the unknowns of a state, ``z[0]``, ``z[1]``, ... if it has none.
+        """Return the names of the unknowns of a state; by default ``z[0]``, ``z[1]``, ...
 
         Raises
         ------
@@ -191,7 +192,7 @@ class Quantities:
         return {name: self.value(name, z, alpha) for name in self.record}
 
     def attempted(self, z: Array, alpha: float) -> dict[str, float | str]:
-        """Return all recorded quantities at a state; for one that fails, why."""
+        """Return all recorded quantities at a state, or the reason for each that fails."""
         return dict(self._attempts(z, alpha))
 
     def _attempts(self, z: Array, alpha: float) -> Iterator[tuple[str, float | str]]:

@@ -12,11 +12,12 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import count, pairwise
-from typing import NamedTuple, final
+from typing import NamedTuple, TypeAlias, final
 
 import numpy as np
 
@@ -32,46 +33,16 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.place import Lifted, Place, Stored, Track, WithoutHidden
-from pwscont.graph.place import place as place_of
-from pwscont.graph.records import Accuracy, Begun, Change, Passage, Said, Stretch
+from pwscont.graph.place import Place, Track
+from pwscont.graph.records import Messages, Stretch, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
-from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector
 from pwscont.transitions.events import EventMark, Events
 
-
-def named_by_events(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], metric: Metric, events: Events
-) -> list[SpecialPoint]:
-    """Return special points with the names of the events that are zero there."""
-    beyond: dict[int, list[Array]] = defaultdict(list)
-    for piece in pieces:
-        first, last = _inside(piece)
-        beyond[piece.start].append(first)
-        beyond[piece.end].append(last)
-    return [
-        point if point.kind == Kind.EVENT else _named(point, beyond[point.id], metric, events)
-        for point in points
-    ]
-
-
-def _inside(piece: Piece) -> tuple[Array, Array]:
-    """Return the points of a piece next to its ends; of a straight one both are its middle."""
-    points = piece.points
-    if len(points) == 2:
-        middle: Array = 0.5 * (points[0] + points[1])
-        return middle, middle
-    return points[1], points[-2]
-
-
-def _named(
-    point: SpecialPoint, beyond: Sequence[Array], metric: Metric, events: Events
-) -> SpecialPoint:
-    names = events.names_at(metric, point.place.x, point.error, beyond)
-    return replace(point, events=", ".join(filter(None, [point.events, names])))
+#: Puts the unknowns that a user sees into points (..., z, alpha) of the followed system, or errors.
+Show: TypeAlias = Callable[[Array], Array]
 
 
 def mark(
@@ -121,8 +92,7 @@ class _EdgeWithEvents:
         events: Events,
     ) -> _EdgeWithEvents:
         """Return a piece with the events on it."""
-        first, *beside = edge.followed.selection
-        curve = Curve(Selection(system, first, tuple(beside)), metric)
+        curve = edge.followed.curve(system, metric)
         segments, points = list(_segments(curve, edge.track, crossed)), edge.track.points
         start, end = edge.track.start, edge.track.end
         along = events.along(curve, start.x, start.error)
@@ -132,10 +102,8 @@ class _EdgeWithEvents:
 
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes that the events make."""
-        system, character = self.curve.selection.system, self.curve.selection.character
         for mark in self.marks:
-            place = place_of(system, character, mark.state.x, mark.state.size)
-            yield Node(Kind.EVENT, place, mark.names)
+            yield Node(Kind.EVENT, Place(mark.state.x, mark.state.size), mark.names)
 
     def parts(self, nodes: Mapping[int, Node]) -> Iterator[Edge]:
         """Yield the parts of the piece between these nodes."""
@@ -224,7 +192,7 @@ def _state(curve: Curve, x: Array, way: Array, error: Array) -> State:
     return State(x, tangent, error[np.newaxis], 1)
 
 
-#: Kinds of special points of which the change says everything.
+#: Kinds of special points that the change of the cell describes completely.
 CROSSED = frozenset({Kind.TRANSITION, Kind.NONSMOOTH_FOLD})
 
 
@@ -239,30 +207,38 @@ def assemble(
     events: Events | None = None,
     infinite: Sequence[Stretch] = (),
 ) -> BranchGraph:
-    """Return the branch graph of a finished discovery.
+    """Return the branch graph of a finished discovery, in the unknowns that a user sees.
 
     Pieces are directed and numbered along the positive orientation of their component. Unknowns
-    and signs that a reduction left out are put back. Special points have the names of the events
-    there. The metric is that of the system.
+    and signs that a reduction left out are put back, and unknowns that the system hides are left
+    out. Special points get the names of the events there. The metric is that of the system.
     """
-    interval = metric.interval
-    width = interval[1] - interval[0]
-    accuracy = Accuracy(shown_points(system, metric.scale))
-    lift = Lift(system, reduction, metric, accuracy, isinstance(system, HidesUnknowns))
-    edges = [_Directed(edge, width, lift) for edge in discovery.edges]
-    order = list(_in_order(edges))
-    numbers = _numbers(order, discovery)
+    show = partial(_shown, system, reduction)
+    whole = reduction.character if reduction else _unchanged
+    places = _shown_places(discovery, show)
+    edges = list(_in_order([_directed(edge, places, show) for edge in discovery.edges]))
+    numbers = _numbers(edges, discovery)
+    lo, hi = metric.interval
+    pieces = [_piece(edge, i, numbers, whole, system, hi - lo) for i, edge in enumerate(edges)]
+    shown = _shown_metric(system, metric)
+    meetings: dict[int, _Meeting] = {node: _Meeting([], []) for node in numbers}
+    for edge, piece in zip(edges, pieces, strict=True):
+        meetings[edge.start].after.append((edge, piece))
+        meetings[edge.end].before.append((edge, piece))
     points = [
-        _special_point(number, discovery.nodes[node], meeting, lift)
-        for (node, number), meeting in zip(numbers.items(), _meetings(order, numbers), strict=True)
+        _special_point(i, discovery.nodes[node], meetings[node], system, places, shown, events)
+        for node, i in numbers.items()
     ]
-    pieces = [edge.piece(i, numbers) for i, edge in enumerate(order)]
-    starts = [_inner_start(edge, i, lift) for i, edge in enumerate(order)]
+    starts = [
+        _inner_start(edge.begun_at, piece, shown)
+        for edge, piece in zip(edges, pieces, strict=True)
+        if edge.begun_at is not None
+    ]
     return BranchGraph(
-        named_by_events(points, pieces, _shown(system, metric), events) if events else points,
+        points,
         pieces,
-        interval,
-        starts=filter(None, starts),
+        metric.interval,
+        starts=starts,
         system=system,
         parameter=parameter,
         searched=searched,
@@ -271,45 +247,20 @@ def assemble(
     )
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Lift:
-    """The way from what the followed system knows to what a user sees.
-
-    Unknowns that a reduction left out are put back, unknowns that a system hides are left out.
-    """
-
-    system: PiecewiseSystem
-    reduction: Reduction | None
-    metric: Metric
-    accuracy: Accuracy
-    hides: bool
-
-    def place(self, place: Place) -> Place:
-        """Return a place with the user's unknowns."""
-        whole = Lifted(place, self.reduction, self.system.size) if self.reduction else place
-        return WithoutHidden(whole, self.system) if self.hides else whole
-
-    def track(self, track: Track) -> Track:
-        """Return the points of a piece with the user's unknowns."""
-        if self.reduction is None and not self.hides:
-            return track
-        inner = track.inner
-        if self.reduction is not None:
-            inner = self.reduction.points(inner, self.system.size)
-        inner = shown_points(self.system, inner)
-        return Track(self.place(track.start), inner, self.place(track.end))
-
-    def character(self, character: Character) -> Character:
-        """Return the character with all signs."""
-        if self.reduction is None:
-            return character
-        whole = self.reduction.character(character)
-        whole.pack()
-        return whole
+# -- from the followed system to the unknowns that a user sees ------------------------------------
 
 
-def _shown(system: PiecewiseSystem, metric: Metric) -> Metric:
+def _shown(system: PiecewiseSystem, reduction: Reduction | None, points: Array) -> Array:
+    """Return points (..., z, alpha) of the followed system, or errors, with the user's unknowns."""
+    whole = points if reduction is None else reduction.points(points, system.size)
+    return shown_points(system, whole)
+
+
+def _unchanged(character: Character) -> Character:
+    return character
+
+
+def _shown_metric(system: PiecewiseSystem, metric: Metric) -> Metric:
     """Return the metric of the unknowns that a user sees."""
     if not isinstance(system, HidesUnknowns):
         return metric
@@ -317,75 +268,35 @@ def _shown(system: PiecewiseSystem, metric: Metric) -> Metric:
     return Metric(shown_points(system, metric.scale), metric.interval, period)
 
 
-class _Directed:
-    """An edge, turned into the direction of the positive orientation."""
-
-    def __init__(self, edge: Edge, width: float, lift: Lift) -> None:
-        self.edge, followed = edge, edge.followed
-        forward = followed.orientation > 0
-        self.start, self.end = (edge.start, edge.end) if forward else (edge.end, edge.start)
-        followed_track = edge.track if forward else edge.track.reversed()
-        #: Where it begins and ends, in the followed system.
-        self.places = followed_track.start, followed_track.end
-        self.track = lift.track(followed_track)
-        self.character = lift.character(followed.character)
-        self.naming = lift.system.label
-        rise = self.track.end.alpha - self.track.start.alpha
-        is_level = abs(rise) <= SAME_ALPHA * width
-        rises = 0 if is_level else 1 if rise > 0.0 else -1
-        self.det_sign = followed.index if followed.along_interface else self._direction(rises)
-        if is_level and not self.det_sign:
-            self.track = _vertical(self.track)
-
-    def _direction(self, rises: int) -> int:
-        """Return the direction of alpha: on the positive orientation, the sign of det(dH/dz)."""
-        if rises:
-            return rises
-        followed = self.edge.followed
-        return int(np.sign(followed.slope)) * followed.orientation
-
-    def piece(self, number: int, numbers: dict[int, int]) -> Piece:
-        return Piece(
-            id=number,
-            start=numbers[self.start],
-            end=numbers[self.end],
-            character=self.character,
-            naming=self.naming,
-            track=self.track,
-            det_sign=self.det_sign,
-        )
+def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
+    """Return each place of a discovery with the user's unknowns, by the place itself."""
+    nodes, edges = discovery.nodes.values(), discovery.edges
+    known = [place for edge in edges for place in (edge.track.start, edge.track.end, edge.begun_at)]
+    known += [place for node in nodes for place in (node.place, *(key.place for key in node.keys))]
+    places = list(dict.fromkeys(place for place in known if place is not None))
+    if not places or show(places[0].x) is places[0].x:  # no unknown is left out or put back
+        return {place: place for place in places}
+    points = show(np.array([place.x for place in places]))
+    errors = show(np.array([place.error for place in places]))
+    return dict(zip(places, map(Place, points, errors), strict=True))
 
 
-def _vertical(track: Track) -> Track:
-    """Return the track with one alpha, as its ends differ by rounding only."""
-    points = track.points
-    points[:, -1] = track.start.alpha
-    return Track.of(points)
+def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
+    """Return an edge with the user's unknowns, in the direction of the positive orientation."""
+    start, end, followed, track, begun = edge
+    shown = Track(places[track.start], show(track.inner), places[track.end])
+    begun = None if begun is None else places[begun]
+    if followed.orientation > 0:
+        return Edge(start, end, followed, shown, begun)
+    return Edge(end, start, followed, shown.reversed(), begun)
 
 
-class _Meeting(NamedTuple):
-    """The edges that end and that begin at a node."""
-
-    before: list[_Directed]
-    after: list[_Directed]
-
-    def places(self) -> list[Place]:
-        """Return where they end and begin, in the followed system."""
-        return [edge.places[1] for edge in self.before] + [edge.places[0] for edge in self.after]
+# -- pieces ---------------------------------------------------------------------------------------
 
 
-def _meetings(edges: list[_Directed], nodes: Iterable[int]) -> Iterable[_Meeting]:
-    """Return which edges meet at each node, in the order of the nodes."""
-    meetings = {node: _Meeting([], []) for node in nodes}
-    for edge in edges:
-        meetings[edge.start].after.append(edge)
-        meetings[edge.end].before.append(edge)
-    return meetings.values()
-
-
-def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
-    """Yield the edges so that each component is walked through, sources first."""
-    leaving: dict[int, list[_Directed]] = defaultdict(list)
+def _in_order(edges: list[Edge]) -> Iterator[Edge]:
+    """Yield directed edges so that each component is walked through, from its sources on."""
+    leaving: dict[int, deque[Edge]] = defaultdict(deque)
     entered = {edge.end for edge in edges}
     for edge in edges:
         leaving[edge.start].append(edge)
@@ -393,69 +304,157 @@ def _in_order(edges: list[_Directed]) -> Iterator[_Directed]:
     for source in [*sources, *(edge.start for edge in edges)]:
         node = source
         while leaving[node]:
-            edge = leaving[node].pop(0)
+            edge = leaving[node].popleft()
             yield edge
             node = edge.end
 
 
-def _numbers(order: list[_Directed], discovery: Discovery) -> dict[int, int]:
-    """Return a number for each node: first for those of the pieces in order, then isolated ones."""
-    ends = [node for edge in order for node in (edge.start, edge.end)]
+def _numbers(edges: list[Edge], discovery: Discovery) -> dict[int, int]:
+    """Return a number for each node: first the nodes of the edges in order, then isolated nodes."""
+    ends = [node for edge in edges for node in (edge.start, edge.end)]
     return {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
 
 
-def _special_point(number: int, node: Node, meeting: _Meeting, lift: Lift) -> SpecialPoint:
-    place = lift.place(_covering(node, meeting.places(), lift))
-    said, kind = _passage(lift.system, node, meeting), _kind(node, meeting)
-    also = ", ".join(node.also)
-    return SpecialPoint(
-        number, kind, place, said, accuracy=lift.accuracy, lost=node.lost, events=also
+def _piece(
+    edge: Edge,
+    number: int,
+    numbers: Mapping[int, int],
+    whole: Callable[[Character], Character],
+    system: PiecewiseSystem,
+    width: float,
+) -> Piece:
+    """Return the piece of a directed edge; ``width`` is the length of the interval."""
+    track, followed = edge.track, edge.followed
+    rise = track.end.alpha - track.start.alpha
+    is_level = abs(rise) <= SAME_ALPHA * width
+    is_known = is_level or followed.along_interface
+    # on the positive orientation alpha rises where det(dH/dz) > 0
+    det_sign = followed.det_sign if is_known else 1 if rise > 0.0 else -1
+    return Piece(
+        id=number,
+        start=numbers[edge.start],
+        end=numbers[edge.end],
+        character=whole(followed.selection[0]),
+        naming=system.label,
+        track=_vertical(track) if is_level and not det_sign else track,
+        det_sign=det_sign,
     )
 
 
+def _vertical(track: Track) -> Track:
+    """Return the track with one alpha, for a track with ends that differ by rounding only."""
+    points = track.points
+    points[:, -1] = track.start.alpha
+    return Track.of(points)
+
+
+# -- special points -------------------------------------------------------------------------------
+
+
+class _Meeting(NamedTuple):
+    """The directed edges, with their pieces, that end at a node and that begin at the node."""
+
+    before: list[tuple[Edge, Piece]]
+    after: list[tuple[Edge, Piece]]
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether one piece ends and one piece begins."""
+        return len(self.before) == len(self.after) == 1
+
+
+def _special_point(
+    number: int,
+    node: Node,
+    meeting: _Meeting,
+    system: PiecewiseSystem,
+    places: Mapping[Place, Place],
+    metric: Metric,
+    events: Events | None,
+) -> SpecialPoint:
+    """Return the special point of a node; the metric is that of the user's unknowns."""
+    ends = [edge.track.end for edge, _ in meeting.before]
+    ends += [edge.track.start for edge, _ in meeting.after]
+    rays = [places[key.place] for key in node.keys]
+    place = _covering(places[node.place], [*ends, *rays], metric)
+    also = list(node.also)
+    if events is not None and node.kind != Kind.EVENT:
+        inside = [_next_to_ends(piece)[1] for _, piece in meeting.before]
+        inside += [_next_to_ends(piece)[0] for _, piece in meeting.after]
+        also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
+    return SpecialPoint(
+        id=number,
+        kind=_kind(node, meeting),
+        place=place,
+        messages=_messages(system, node, meeting),
+        digits=significant(place.error, place.x, metric.scale),
+        lost=node.lost,
+        events=", ".join(also),
+    )
+
+
+def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
+    """Return a place with an error that covers the other places of the same node."""
+    apart = [place for place in others if place is not here]
+    if not apart:
+        return here  # nearly always
+    errors = [
+        np.maximum(place.error, np.abs(metric.difference(place.x, here.x))) for place in apart
+    ]
+    return Place(here.x, np.max([here.error, *errors], axis=0))
+
+
+def _next_to_ends(piece: Piece) -> tuple[Array, Array]:
+    """Return the points of a piece next to its two ends: the middle, twice, for a straight one."""
+    points = piece.points
+    if len(points) == 2:
+        middle: Array = 0.5 * (points[0] + points[1])
+        return middle, middle
+    return points[1], points[-2]
+
+
 def _kind(node: Node, meeting: _Meeting) -> Kind | str:
-    """Return the kind of a node; where one cell is left for another alpha tells whether it turns.
+    """Return the kind of a node; where one cell is left for another, alpha may turn or go on.
 
     Slopes at the node itself may be zero to rounding: a smooth fold may lie on the interface.
     """
-    edges = [*meeting.before, *meeting.after]
-    if node.kind not in CROSSED or len(meeting.before) != 1 or len(meeting.after) != 1:
+    if node.kind not in CROSSED or not meeting.is_passed:
         return node.kind
-    if any(directed.edge.followed.along_interface for directed in edges):
-        return node.kind  # their signs are those of several solutions close by
-    signs = edges[0].det_sign * edges[1].det_sign
+    (first, before), (second, after) = meeting.before[0], meeting.after[0]
+    if first.followed.along_interface or second.followed.along_interface:
+        return node.kind  # a sign along an interface is that of several solutions close by
+    signs = before.det_sign * after.det_sign
     turns = Kind.NONSMOOTH_FOLD if signs < 0 else Kind.TRANSITION
     return turns if signs else node.kind
 
 
-def _covering(node: Node, ends: list[Place], lift: Lift) -> Place:
-    """Return the place of a node, with an error that covers all ends and rays joined in it."""
-    here = node.place
-    others = [one for one in (*ends, *[key.place for key in node.keys]) if one is not here]
-    if not others:
-        return here  # nearly always
-    errors = [
-        np.maximum(one.error, np.abs(lift.metric.difference(one.x, here.x))) for one in others
-    ]
-    return Stored(here.x, np.max([here.error, *errors], axis=0))
-
-
-def _inner_start(directed: _Directed, piece: int, lift: Lift) -> SpecialPoint | None:
-    """Return the point in the middle of a piece where tracing began, if it did."""
-    edge = directed.edge
-    if edge.begun_at is None:
-        return None
-    place = lift.place(edge.begun_at)
-    begun = Begun(lift.system, directed.character)
-    return SpecialPoint(-1, Kind.START, place, begun, piece, lift.accuracy)
-
-
-def _passage(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Passage:
-    """Return what is said at a node: what changes, and what else is known."""
-    if len(meeting.before) != 1 or len(meeting.after) != 1:
-        return Said(node.message)
-    before, after = meeting.before[0].character, meeting.after[0].character
+def _messages(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Messages:
+    """Return the messages of a node: what changes there, and what else is known."""
+    said = node.message
+    if not meeting.is_passed:
+        return Messages((said, said))
+    before, after = meeting.before[0][1].character, meeting.after[0][1].character
     if before == after or (node.kind == Kind.END and isinstance(system, Ending)):
-        return Said(node.message)
-    note = "" if node.kind in CROSSED else node.message
-    return Change(system, before, after, note)
+        return Messages((said, said))
+    return Messages(partial(_change, system, before, after, "" if node.kind in CROSSED else said))
+
+
+def _change(
+    system: PiecewiseSystem, before: Character, after: Character, note: str
+) -> tuple[str, str]:
+    """Return what changes from one cell to another, and what changes in the other direction."""
+    ways = system.describe_transition(before, after), system.describe_transition(after, before)
+    forward, backward = (f"{change}; {note}" if note else change for change in ways)
+    return forward, backward
+
+
+def _inner_start(place: Place, piece: Piece, metric: Metric) -> SpecialPoint:
+    """Return the point in the middle of a piece at which tracing began."""
+    digits = significant(place.error, place.x, metric.scale)
+    messages = Messages(partial(_begun, piece))
+    return SpecialPoint(-1, Kind.START, place, messages, piece.id, digits)
+
+
+def _begun(piece: Piece) -> tuple[str, str]:
+    said = f"start in {piece.label}"
+    return said, said

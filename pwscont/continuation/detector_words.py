@@ -11,7 +11,6 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.continuation.discovery import Discovery
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector
 
@@ -24,8 +23,7 @@ def keep_words(
 ) -> None:
     """Add to nodes of other kinds the words of the detectors that would have marked them."""
     for edge in discovery.edges:
-        first, *beside = edge.followed.selection
-        curve, points = Curve(Selection(system, first, tuple(beside)), metric), edge.track.points
+        curve, points = edge.followed.curve(system, metric), edge.track.points
         for number, place, inner in (
             (edge.start, edge.track.start, points[1]),
             (edge.end, edge.track.end, points[-2]),

@@ -31,8 +31,7 @@ from pwscont.continuation.ray_keys import (
     names,
 )
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.place import Place, Stored, Track
-from pwscont.graph.place import place as place_of
+from pwscont.graph.place import Place, Track
 from pwscont.system.abilities import Ending
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.corner.cone import opposite
@@ -100,17 +99,13 @@ def ends_on_purpose(arrival: SpecialPointFound) -> bool:
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
-    """Return the place of an arrival, with the error of its least certain ray.
-
-    The place is stored as a solution of the selection of the piece that arrived.
-    """
+    """Return the place of an arrival, with the error of its least certain ray."""
     x = arrival.x
     if not arrival.rays:
-        return Stored(x, magnitude(x, np.zeros((1, len(x)))))
-    selection = arrival.rays[0].curve.selection
+        return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     error = reduce(np.maximum, [size for size in others if size is not first], first)
-    return place_of(selection.system, selection.character, x, error)
+    return Place(x, error)
 
 
 def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
@@ -377,9 +372,15 @@ class Discovery:
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
         cells, interval = set(names(ray)), self._follower.interval
+        system = ray.curve.selection.system
         return any(
             not cells.isdisjoint(edge.followed.names)
-            and lies_on(edge.followed.curve(ray.curve), edge.track.points, ray.state, interval)
+            and lies_on(
+                edge.followed.curve(system, ray.curve.metric),
+                edge.track.points,
+                ray.state,
+                interval,
+            )
             for edge in self.edges
         )
 

@@ -40,8 +40,8 @@ from pwscont.linear.threads import few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
-from pwscont.system.abilities import check_abilities, completed, shown_size
-from pwscont.system.contract import check_contract, check_names, checked_size
+from pwscont.system.abilities import completed, shown_size
+from pwscont.system.contract import check_contract, check_declaration
 from pwscont.system.promises import check_promises, refuse_undefined
 from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -75,7 +75,6 @@ def checked_start(
     lo, hi = interval
     if not lo <= alpha <= hi:
         raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
-    checked_size(system)
     return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
 
 
@@ -101,7 +100,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
         If there is no solution nearby, or it lies outside the bounds.
     """
     z, alpha = start
-    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha, last=plan.last)
+    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
@@ -143,9 +142,7 @@ def prepared(
         called.
     """
     z, alpha = start
-    checked_size(system)
-    check_names(system)
-    check_abilities(system)
+    check_declaration(system)
     plan = Plan.of(system, interval, stepper, detectors)
     sample = check_contract(plan.system, z, alpha)
     terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
@@ -155,8 +152,6 @@ def prepared(
         with np.errstate(all="ignore"):
             refuse_wrong_jacobian(plan.system, sample.character, sample.x)
             refuse_wrong_gradients(plan.system, sample.x)
-    if plan.followed is plan.system:
-        plan.last.begin(sample)
     return plan
 
 
@@ -216,9 +211,7 @@ def _with(plan: Plan, magnitudes: Array) -> Plan:
     sizes = rounded_to_one(magnitudes)
     if (sizes == plan.metric.scale[:-1]).all():
         return plan
-    other = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
-    is_straight = isinstance(plan.system, PiecewiseLinearSystem)  # elsewhere differences change
-    return replace(other, last=plan.last) if is_straight else other
+    return Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
 
 
 def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
@@ -422,7 +415,7 @@ def explore(
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
-        guess = np.zeros(checked_size(system))
+        guess = np.zeros(system.size)
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
         chosen = search or default_search(plan.followed, (lo, hi), around)

@@ -25,7 +25,7 @@ from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.continuation.magnitudes import Gauge, MisjudgedError
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
-from pwscont.system.differences import FINER, FINEST
+from pwscont.system.differences import FINEST_PART, REFINEMENT
 from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
@@ -47,11 +47,11 @@ def refined(curve: Curve, x: Array) -> bool:
         Where derivatives are compared.
     """
     part = part_of(curve)
-    if part * FINER < FINEST:
+    if part * REFINEMENT < FINEST_PART:
         return False
-    usual, finer, finest = (_derivatives(curve, x, part * FINER**k) for k in range(3))
+    usual, finer, finest = (_derivatives(curve, x, part * REFINEMENT**k) for k in range(3))
     is_better = _apart(usual, finer) > _apart(finer, finest)
-    curve.selection.system.refine_differences(part * FINER if is_better else part)
+    curve.selection.system.refine_differences(part * REFINEMENT if is_better else part)
     return is_better
 
 

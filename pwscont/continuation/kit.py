@@ -127,7 +127,6 @@ def check_detector(detector: TransitionDetector) -> Report:
 
     - ``read`` returns as many finite values and slopes at every point of a piece.
     - Slopes that are not zero agree with differences along the curve.
-    - ``is_quiet`` is not true of a step on which a function vanishes,
     - ``border``, where it returns something, gives the values of ``read``, and gradients that agree
       with its slopes.
     - Where a function falls to zero, on a step or on a ray, ``locate`` returns a point of the
@@ -208,8 +207,6 @@ def _wrong_locations(
         if _wrong_reading(first, None) or _wrong_reading(last, len(first.values)):
             return  # said already
         fallen = (np.asarray(first.values) > 0.0) & (np.asarray(last.values) <= 0.0)
-        if fallen.any() and detector.is_quiet(step):
-            yield defect("is_quiet() must not be true where a function vanishes", step.end.x)
         for index in np.flatnonzero(fallen):
             size = float(np.abs([first.values[index], last.values[index]]).max())
             bracket = (0.0, step.length)

@@ -41,17 +41,15 @@ from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
-import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense, joined
+from pwscont.basics.arrays import Array, Matrix, joined
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import SHORTEST, Metric
-from pwscont.linear.factorise import bordered, last_unit, power_of_two
+from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.selection import knows_jacobian
 from pwscont.system.system import PiecewiseSystem
 
 #: A magnitude that is wrong by more than this factor, too small or too large.
@@ -149,14 +147,14 @@ PLACES = (0.0, 0.381966, 1.0)
 MANY = 32
 #: Unknowns that change by less than this part of their size over the interval do not move.
 STILL = EPS**0.5
-#: An unknown smaller than this part of the largest is not measured by its own size.
-TAIL = 1e-30
+#: Of many unknowns one that is smaller than this part of the largest, in units in which columns of
+#: the Jacobian are balanced, is not measured by its own size.
+TAIL = 1e-3
 
 
 def rounded_to_one(sizes: Array) -> Array:
     """Return magnitudes, one where they are close to one."""
-    close = (sizes >= LEAST) & (sizes <= MOST)
-    return np.where(close, 1.0, np.maximum(sizes, TAIL * sizes.max()))
+    return np.where((sizes >= LEAST) & (sizes <= MOST), 1.0, sizes)
 
 
 def are_alike(sizes: Array, others: Array) -> bool:
@@ -178,7 +176,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     interval : tuple of float
     z : ndarray, shape (n,)
     """
-    if system.size > MANY and knows_jacobian(system):
+    if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
     box, (lo, hi) = Box.of(system), interval
     z = box.inside(z)
@@ -265,30 +263,18 @@ def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array)
     steps = np.zeros(system.size)
     for alpha in interval:
         jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-        factor = bordered(jacobian, last_unit(system.size + 1), _column_sizes(jacobian))
+        factor = bordered(jacobian, last_unit(system.size + 1), balanced_columns(jacobian))
         if not factor.is_singular():
             step = factor.solve(joined(_residual(system, z, alpha), 0.0))
             steps = np.maximum(steps, _finite(np.abs(step[:-1])))
-    return np.where(steps > 0.0, steps, steps.max() or 1.0)
+            steps = _without_tails(steps, jacobian)
+    return np.where(steps > 0.0, steps, 1.0)
 
 
-def _column_sizes(jacobian: Matrix) -> Array:
-    """Return sizes of unknowns for which the columns of a matrix are balanced, powers of two."""
-    rows = _entries(jacobian)[:, :-1]
-    largest = _largest(rows, 1)
-    columns = _largest(rows / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis], 0)
-    return power_of_two(joined(1.0 / np.where(columns > 0.0, columns, 1.0), 1.0))
-
-
-def _entries(jacobian: Matrix) -> Matrix:
-    """Return the magnitudes of the entries, dense or in sparse rows."""
-    return abs(sp.csr_array(jacobian)) if sp.issparse(jacobian) else np.abs(dense(jacobian))
-
-
-def _largest(matrix: Matrix, axis: int) -> Array:
-    """Return the largest entries along an axis."""
-    found = matrix.max(axis=axis)
-    return dense(found).ravel() if sp.issparse(matrix) else found
+def _without_tails(sizes: Array, jacobian: Matrix) -> Array:
+    """Return sizes of many unknowns, none tiny beside the largest where columns are balanced."""
+    balanced = balanced_columns(jacobian)[:-1]
+    return np.maximum(sizes, _finite(TAIL * balanced * float((sizes / balanced).max())))
 
 
 # -- from solutions ----------------------------------------------------------------------------
@@ -316,6 +302,8 @@ def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found
             slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
         sizes = np.maximum(sizes, np.where(slope > STILL * own, own, 0.0))
         slopes = np.where(slope > STILL * own, np.minimum(slopes, slope), slopes)
-    rough = _finite(slopes) if system.size > MANY else metric.scale[:-1]
-    sizes = np.maximum(sizes, rough)
+    if system.size > MANY:
+        sizes = _without_tails(np.maximum(sizes, _finite(slopes)), jacobian)
+    else:
+        sizes = np.maximum(sizes, metric.scale[:-1])
     return np.where(sizes > 0.0, sizes, metric.scale[:-1])

@@ -31,7 +31,6 @@ from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.magnitudes import Gauge
 from pwscont.continuation.reentry import Beyond, reentries
-from pwscont.curve.curve import LastHeld
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.metric import Metric
@@ -256,8 +255,6 @@ class Plan:
     stepper : Stepper
     added : tuple of TransitionDetector
         The detectors that a user gave, beside the default ones.
-    last : LastHeld
-        What corrected a start leaves for its first piece.
     gauge : Gauge, optional
         Judges the typical magnitudes by the path.
     branches : FollowedBranches
@@ -272,7 +269,6 @@ class Plan:
     box: Box
     stepper: Stepper
     added: tuple[TransitionDetector | Events, ...]
-    last: LastHeld = field(default_factory=LastHeld)
     gauge: Gauge | None = None
     branches: FollowedBranches = field(default_factory=FollowedBranches)
 
@@ -394,7 +390,6 @@ class Plan:
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
             standing = Standing.of(self.followed, self.metric, x, error)
-            standing.curve.held = self.last.handed_on(standing.curve)
             if not discovery.has(standing):
                 discovery.add(self._begun(standing.departures()))
             if budget.spent or (self.system.unique and discovery.spans(*self.interval)):

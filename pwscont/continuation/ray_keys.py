@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import NamedTuple, final
 
@@ -29,6 +28,7 @@ from pwscont.curve.metric import Metric
 from pwscont.graph.place import Place
 from pwscont.graph.queries import solve_between
 from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.rays import Ray
 
 #: Names of cells with more bytes than this are replaced by a digest of so many.
@@ -97,54 +97,44 @@ def name_of(cell: bytes) -> bytes:
     return cell if len(cell) <= LONG else blake2b(cell, digest_size=DIGEST).digest()
 
 
-@final
-@dataclass(slots=True, eq=False)
-class FollowedRay:
+class FollowedRay(NamedTuple):
     """The data of a followed ray that its edge keeps.
 
     Attributes
     ----------
     selection : tuple of Character
-        The frozen character, and for a ray along an interface those of all its cells.
+        The frozen character, and for a ray along an interface the characters of all its cells.
     names : tuple of bytes
         Names of the cells in which the ray may be met again.
-    along_interface : bool
-        Whether the ray runs along an interface.
-    index, orientation, slope
-        Of the ray and its state.
+    orientation : int
+        The orientation, +1 or -1, in which the ray was followed.
+    det_sign : int
+        Sign of det(dH/dz) where the ray begins; along an interface the index of the ray.
     """
 
     selection: tuple[Character, ...]
     names: tuple[bytes, ...]
-    along_interface: bool
-    index: int
     orientation: int
-    slope: float
+    det_sign: int
 
     @classmethod
     def of(cls, ray: Ray, key: RayKey) -> FollowedRay:
         """Return what to remember of a ray with this key."""
-        selection = (ray.curve.selection.character, *ray.interface_cells)
-        for character in selection:
-            character.pack()
-        return cls(
-            selection,
-            key.names,
-            bool(ray.interface_cells),
-            ray.index,
-            ray.state.orientation,
-            ray.curve.slope(ray.state),
-        )
+        selection, orientation = ray.curve.selection, ray.state.orientation
+        rises = int(np.sign(ray.curve.slope(ray.state)))
+        det_sign = ray.index if ray.interface_cells else rises * orientation
+        cells = (selection.character, *ray.interface_cells)
+        return cls(cells, key.names, orientation, det_sign)
 
     @property
-    def character(self) -> Character:
-        """The frozen character of the piece."""
-        return self.selection[0]
+    def along_interface(self) -> bool:
+        """Whether the ray runs along an interface."""
+        return len(self.selection) > 1
 
-    def curve(self, like: Curve) -> Curve:
-        """Return the curve of the piece, in the system and metric of another."""
-        first, *beside = self.selection
-        return Curve(Selection(like.selection.system, first, tuple(beside)), like.metric)
+    def curve(self, system: PiecewiseSystem, metric: Metric) -> Curve:
+        """Return the curve of the piece."""
+        first, *adjacent = self.selection
+        return Curve(Selection(system, first, tuple(adjacent)), metric)
 
 
 class KnownRay(NamedTuple):

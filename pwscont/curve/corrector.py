@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer
+from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer_tangent
 from pwscont.curve.newton import (
     MOST_CHORDS,
     Border,
@@ -207,29 +207,21 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     return root, np.vstack([uncertainty(root, unseen), root.error])
 
 
-class Polished(NamedTuple):
-    """A state, and what its tangent, of length one, may be off by."""
+def polished(curve: Curve, state: State) -> tuple[State, float]:
+    """Return a state after another correction, and the error of the unit tangent.
 
-    state: State
-    off: float
-
-
-def polished(curve: Curve, state: State) -> Polished:
-    """Return a state after one correction more, with a tangent to nearly all digits."""
+    The tangent has nearly all digits where Jacobians are exact. Elsewhere the tangent by
+    differences of fourth order is taken if that tangent is better.
+    """
     found = BorderedNewton().correct(curve, state.x, state.tangent)
-    corrected = state if isinstance(found, Failure) else found.state
-    if curve.selection.knows_jacobian:
-        return Polished(corrected, GUARD * EPS)
-    return _by_differences(curve, corrected)
-
-
-def _by_differences(curve: Curve, state: State) -> Polished:
-    """Return a state with the better one of two tangents."""
-    found = finer(curve.selection, curve.metric, state.x, state.tangent)
-    if found is None:
-        return Polished(state, CENTRAL)
-    apart = curve.metric.norm(found.tangent - state.tangent)
+    state = state if isinstance(found, Failure) else found.state
+    if curve.selection.system.knows_jacobian:
+        return state, GUARD * EPS
+    finer = finer_tangent(curve.selection, curve.metric, state.x, state.tangent)
+    if finer is None:
+        return state, CENTRAL
+    tangent, _ = finer
+    apart = curve.metric.norm(tangent - state.tangent)
     if RATIO * apart >= 1.0:
-        return Polished(state, max(CENTRAL, apart))
-    better = State(state.x, found.tangent, state.error, state.orientation)
-    return Polished(better, max(FINE, RATIO * apart**2))
+        return state, max(CENTRAL, apart)
+    return State(state.x, tangent, state.error, state.orientation), max(FINE, RATIO * apart**2)

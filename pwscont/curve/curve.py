@@ -12,18 +12,16 @@ Failure modes and answers
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, is_everywhere, joined
-from pwscont.basics.character import Character
+from pwscont.basics.arrays import Array, joined
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import Factor, bordered, last_unit
-from pwscont.system.contract import Sample
 from pwscont.system.differences import FINE_STEP, STEP
 from pwscont.system.selection import Selection
 
@@ -33,23 +31,24 @@ CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
 RATIO = (FINE_STEP / STEP) ** 4
 
 
-class Finer(NamedTuple):
-    """A tangent by differences of fourth order.
+def finer_tangent(
+    selection: Selection, metric: Metric, x: Array, tangent: Array
+) -> tuple[Array, Array] | None:
+    """Return the tangent by differences of fourth order, and samples of its rounding error.
 
-    Attributes
+    Parameters
     ----------
+    selection : Selection
+    metric : Metric
+    x : ndarray, shape (n + 1,)
     tangent : ndarray, shape (n + 1,)
-        Of length one in the metric.
-    rounding : ndarray, shape (k, n + 1)
-        Samples of what rounding of the differences makes of it.
+        The tangent by differences of second order.
+
+    Returns
+    -------
+    tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
+        None where the bordered matrix is singular.
     """
-
-    tangent: Array
-    rounding: Array
-
-
-def finer(selection: Selection, metric: Metric, x: Array, tangent: Array) -> Finer | None:
-    """Return the tangent next to one by differences of second order, None where there is none."""
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)
     factor = bordered(jacobian, metric.covector(tangent), metric.binary)
@@ -58,16 +57,18 @@ def finer(selection: Selection, metric: Metric, x: Array, tangent: Array) -> Fin
     terms = np.abs(jacobian).dot(np.abs(x) + metric.scale)
     rounding = FINE * samples(len(x)) * joined(terms, 0.0)
     along, *errors = factor.solve_all(np.vstack([last_unit(len(x)), rounding]))
-    return Finer(metric.normalised(along), np.array(errors))
+    return metric.normalised(along), np.array(errors)
 
 
 def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -> float:
-    """Return d alpha / d arc length of a tangent by differences, zero where it may be zero."""
-    slope, found = float(tangent[-1]) / metric.width, finer(selection, metric, x, tangent)
+    """Return d alpha / d arc length of a tangent by differences, zero where zero is possible."""
+    slope = float(tangent[-1]) / metric.width
+    found = finer_tangent(selection, metric, x, tangent)
     if found is None:
         return slope
-    fine = float(found.tangent[-1]) / metric.width
-    rounding = float(np.linalg.norm(found.rounding[:, -1])) / metric.width
+    finer, errors = found
+    fine = float(finer[-1]) / metric.width
+    rounding = float(np.linalg.norm(errors[:, -1])) / metric.width
     relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
     off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
     return fine if abs(fine) > off else 0.0
@@ -76,14 +77,6 @@ def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -
 #: Along a direction in which alpha changes by less than this part of the interval it may not change
 #: at all: neither differences nor a factorisation from next to the point tell.
 LEAN = GUARD * CONVERGED
-
-
-class Held(NamedTuple):
-    """A Jacobian, the unit row that borders it to a regular matrix, and the factorisation."""
-
-    jacobian: Matrix
-    row: Array
-    factor: Factor
 
 
 @final
@@ -95,18 +88,10 @@ class Curve:
     ----------
     selection : Selection
     metric : Metric
-    held : Held, optional
-        The Jacobian where the curve was entered, for the piece that begins there.
     """
 
     selection: Selection
     metric: Metric
-    held: Held | None = field(default=None, repr=False)
-
-    def handed_on(self) -> Held | None:
-        """Return the Jacobian where the curve was entered, and let go of it."""
-        held, self.held = self.held, None
-        return held
 
     def slope(self, state: State) -> float:
         """Return d alpha / d arc length, exactly zero where it is zero to rounding.
@@ -116,40 +101,9 @@ class Curve:
         slope = float(state.tangent[-1]) / self.metric.width
         if abs(slope) > LEAN:
             return slope  # nearly always
-        if not self.selection.knows_jacobian:
+        if not self.selection.system.knows_jacobian:
             slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
         return slope if abs(slope) > GUARD * EPS else 0.0
-
-
-@final
-class LastHeld:
-    """The last Jacobian of a straight cell that Newton's method factorised, with alpha held.
-
-    The piece through the solution that was found begins with it. Newton's method itself begins with
-    what the system returned when it was checked, if that was at the start.
-    """
-
-    def __init__(self) -> None:
-        self._last: tuple[Character, Held] | None = None
-        self._sample: Sample | None = None
-
-    def begin(self, sample: Sample) -> None:
-        """Remember what the system returned when it was checked."""
-        self._sample = sample
-
-    def begun(self, x: Array) -> Sample | None:
-        """Return what it returned, if that was at this point, and forget it."""
-        sample, self._sample = self._sample, None
-        return sample if sample and is_everywhere(sample.x == x) else None
-
-    def keep(self, character: Character, held: Held) -> None:
-        """Remember what belongs to a cell, and nothing else."""
-        self._last = character, held
-
-    def handed_on(self, curve: Curve) -> Held | None:
-        """Return what is remembered, if it belongs to the cell of a curve, and forget it."""
-        last, self._last = self._last, None
-        return last[1] if last and last[0] == curve.selection.character else None
 
 
 @final
@@ -169,11 +123,8 @@ class State:
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     located_by : Factor, optional
-        Where a function vanishes: a factorisation of [J; its gradient], which has nearly
-        everything that the piece beyond begins with. It is not kept with the way back.
-    behind : State, optional
-        Where the step that led here began, and ``arc``, the length of the curve from there, in the
-        metric; what predictors extrapolate. No more than two states back are kept.
+        Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
+        points of the curve close by. A reversed state has none.
     """
 
     x: Array
@@ -182,14 +133,6 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
-    behind: State | None = field(default=None, repr=False)
-    arc: float = field(default=0.0, repr=False)
-
-    def comes_from(self, behind: State, arc: float) -> None:
-        """Remember the step that led here; what was two steps before it is let go."""
-        self.behind, self.arc = behind, arc
-        if behind.behind is not None:
-            behind.behind.behind = None
 
     @property
     def size(self) -> Array:

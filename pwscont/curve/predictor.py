@@ -1,14 +1,13 @@
-"""Predictors: where the next point of a curve is looked for.
+"""Predictors: from the last points of a curve to a guess for the next point.
 
 Failure modes and answers
 -------------------------
-- Extrapolation far beyond the step before it goes wrong: the stepper halves its step, with which
+- Extrapolation far beyond the previous step goes wrong: the stepper halves the step, with which
   every predictor tends to the tangent.
-- The step before is so short that its chord is rounding: it is left out.
-- Tangents by differences may be off by a percent where a function changes within their steps, and
-  the quintic takes such errors dozens of times: there the cubic is as far as it goes.
-- A polynomial of the chord, along tangents of length one, is of fourth order whatever its degree:
-  it is one of arc length, which the angle between the tangents tells well enough.
+- The previous step is so short that the chord of the step is rounding: the prediction is along the
+  tangent.
+- Tangents of length one belong to a polynomial of arc length, which is longer than the chord: the
+  angle between the tangents gives arc length well enough.
 """
 
 from __future__ import annotations
@@ -20,11 +19,7 @@ from typing import final
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.curve import Curve, State
-from pwscont.linear.vectors import plus
-
-#: Three points are used where neither of the steps between them is more than this times the other:
-#: of a short one the polynomial sees rounding, of a long one what the curve did long ago.
-ALIKE = 4.0
+from pwscont.linear.vectors import dot, plus
 
 
 class Predictor(ABC):
@@ -36,7 +31,7 @@ class Predictor(ABC):
     ) -> tuple[Array, Array]:
         """Return a point about ``length`` beyond ``state`` and a direction of length one.
 
-        ``previous`` is the state before on the same piece, None on its first step.
+        ``previous`` is the state before on the same piece, None on the first step of the piece.
         """
 
 
@@ -62,7 +57,7 @@ class Tangent(Predictor):
 @final
 @dataclass(frozen=True, slots=True)
 class Secant(Predictor):
-    """Through the last two points; along the tangent where there is only one.
+    """Through the last two points; along the tangent on the first step of a piece.
 
     Examples
     --------
@@ -74,7 +69,7 @@ class Secant(Predictor):
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
-        """Return a point of the line through the previous point and this one."""
+        """Return a point of the line through the points of the two states."""
         direction = state.tangent
         if previous is not None:
             direction = curve.metric.normalised(state.x - previous.x)
@@ -84,12 +79,10 @@ class Secant(Predictor):
 @final
 @dataclass(frozen=True, slots=True)
 class Hermite(Predictor):
-    """Along the quintic through the last three points and their tangents: of sixth order.
+    """Along the cubic through the last two points and their tangents: of fourth order.
 
-    Along the cubic, of fourth order, where there are two points only, the two steps before differ
-    too much, or Jacobians are differences. What Newton has left to do is often rounding after one
-    Jacobian (higher order predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore
-    1991).
+    Newton often needs a single Jacobian from there (higher order predictors: Allgower and Georg
+    1990, section 6.3; Lundberg and Poore 1991).
 
     Examples
     --------
@@ -101,62 +94,29 @@ class Hermite(Predictor):
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
-        """Return a point of the polynomial; of the tangent on the first step."""
+        """Return a point of the cubic; of the tangent on the first step and on a straight curve."""
+        on_tangent = plus(state.x.copy(), length, state.tangent), state.tangent
         if previous is None or curve.selection.is_straight:
-            return _straight_on(state, length), state.tangent
-        s = _arc_between(curve, previous, state)
-        if s < CONVERGED:
-            return _straight_on(state, length), state.tangent
-        earlier, r = previous.behind, previous.arc
-        is_exact = curve.selection.knows_jacobian
-        if earlier is None or not (is_exact and s <= ALIKE * r <= ALIKE**2 * s):
-            return _cubic(state, previous, s, length), state.tangent
-        return _quintic(state, (previous, s), (earlier, s + r), length), state.tangent
+            return on_tangent
+        chord = curve.metric.norm(state.x - previous.x)
+        if chord < CONVERGED:
+            return on_tangent
+        cosine = dot(curve.metric.covector(previous.tangent), state.tangent)
+        behind = arc_length(chord, cosine)
+        return _cubic(state, previous, behind, length), state.tangent
 
 
-def arc(chord: float, cosine: float) -> float:
-    """Return the length of a curve from its chord and the angle between its tangents.
+def arc_length(chord: float, cosine: float) -> float:
+    """Return the length of a curve from the chord and the cosine of the angle between tangents.
 
-    But for a part of fourth order in that angle, which the quintic does not see either.
+    The relative error is of fourth order in the angle.
     """
     return chord * (1.0 + (1.0 - cosine) / 12.0)
 
 
-def _arc_between(curve: Curve, previous: State, state: State) -> float:
-    """Return the length of the curve between two states, which most states know."""
-    if state.behind is previous:
-        return state.arc
-    metric = curve.metric
-    cosine = float(metric.covector(previous.tangent).dot(state.tangent))
-    return arc(metric.norm(state.x - previous.x), cosine)
-
-
-def _straight_on(state: State, u: float) -> Array:
-    return plus(state.x.copy(), u, state.tangent)
-
-
 def _cubic(state: State, previous: State, s: float, u: float) -> Array:
-    """Return Hermite's cubic at ``u``, with a state at 0 and the one before at ``-s``."""
+    """Return Hermite's cubic at ``u``, with a state at 0 and the previous state at ``-s``."""
     here, there = ((u + s) / s) ** 2, (u / s) ** 2
     point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
     point = plus(point, u * here, state.tangent)
     return plus(point, (u + s) * there, previous.tangent)
-
-
-def _quintic(
-    state: State, previous: tuple[State, float], earlier: tuple[State, float], u: float
-) -> Array:
-    """Return Hermite's quintic at ``u``, with a state at 0 and two before at these distances.
-
-    It is made of the squares of Lagrange's polynomials, which are one at one of three states and
-    zero at both others.
-    """
-    (one, s), (two, t) = previous, earlier
-    v, w, r = u + s, u + t, t - s
-    first, second, third = v * w / (s * t), u * w / (s * r), u * v / (t * r)
-    here, there, before = first * first, second * second, third * third
-    point = plus(state.x.copy(), (1.0 + 2.0 * v * (1.0 / s - 1.0 / r)) * there, one.x - state.x)
-    point = plus(point, (1.0 + 2.0 * w * (1.0 / t + 1.0 / r)) * before, two.x - state.x)
-    point = plus(point, u * here, state.tangent)
-    point = plus(point, v * there, one.tangent)
-    return plus(point, w * before, two.tangent)

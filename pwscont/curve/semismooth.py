@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,11 +32,10 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
-from pwscont.curve.curve import Held, LastHeld
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, is_rounding, uncertainty
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
@@ -50,13 +49,37 @@ ARMIJO = 1e-4
 MOST_LEAPS = 3
 
 
+#: A point (z, alpha), the character of the cell there, and the residual.
+_Evaluated: TypeAlias = tuple[Array, Character, Array]
+
+
+class _Linearised(NamedTuple):
+    """The Jacobian J at a point.
+
+    Attributes
+    ----------
+    character : Character
+    jacobian : ndarray or sparse matrix, shape (n, n + 1)
+    rows : ndarray, shape (n,)
+        The largest coefficient of z in each row, for unknowns in typical magnitudes.
+    factor : Factor
+        Of [J; e_alpha], whose last row holds alpha.
+    is_singular : bool
+    """
+
+    character: Character
+    jacobian: Matrix
+    rows: Array
+    factor: Factor
+    is_singular: bool
+
+
 def semismooth_newton(
     system: PiecewiseSystem,
     metric: Metric,
     z: Array,
     alpha: float,
     known: Sequence[Array] = (),
-    last: LastHeld | None = None,
 ) -> tuple[Array, Array] | Failure:
     """Solve H(z, alpha) = 0 for z from a rough start.
 
@@ -68,133 +91,96 @@ def semismooth_newton(
     alpha : float
     known : sequence of ndarray, shape (n + 1,)
         Solutions (z, alpha) to keep away from: H is multiplied by 1 + 1 / distance^2 for each.
-    last : LastHeld, optional
-        Where the Jacobian at the solution is left, if it is that of a straight cell.
 
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
-        of its error where that is all conditioning allows; or a Failure.
+        of the error where conditioning allows no smaller correction; or a Failure.
     """
-    place, linear, leaps = _Place.first(system, joined(z, alpha), last), None, 0
+    point, linear, leaps = _evaluated(system, joined(z, alpha)), None, 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
-        if linear is None or not linear.holds_at(system, place):
-            linear = _Linear.of(system, metric, place)
-        if linear is None or not are_finite(place.residual):
+        x, character, residual = point
+        if linear is None or not _is_same_cell(system, linear.character, character):
+            linear = _linearised(system, metric, x, character)
+        if linear is None or not are_finite(residual):
             return Failure(FailureReason.NOT_FINITE)
-        step, x = _direction(linear, place.residual, metric), place.x
+        step = _direction(linear, residual, metric)
         if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
-            flat = linear.is_flat(metric)
-            if not _is_solved(place.residual / linear.rows, x / metric.scale, flat):
+            if not _is_solved(linear, metric, x, residual) or _misses(linear, metric, x, residual):
                 return Failure(FailureReason.NO_DESCENT)
-            if last and isinstance(system, PiecewiseLinearSystem):
-                linear.leave(last, place.character)
             return x + step, np.abs(step)[np.newaxis]
-        damped = _line_search(_Merit(system, metric, linear.rows, known), place, step)
-        if damped is None:
+        reduced = _line_search(system, metric, linear.rows, known, point, step)
+        if reduced is None:
             parts = linear.jacobian, last_unit(len(x)), linear.factor, metric.scale, iteration
             found = _as_good_as_it_gets(Root(x, np.abs(step), *parts), metric, known)
             leaps += 1
             if known or leaps > MOST_LEAPS or not isinstance(found, Failure):
                 return found
-            damped = _Place.at(system, x + step)
-        place = damped
+            reduced = _evaluated(system, x + step)
+        point = reduced
     return Failure(FailureReason.NO_DESCENT)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Place:
-    """A point (z, alpha), the character of its cell, the residual and, if known, the Jacobian."""
-
-    x: Array
-    character: Character
-    residual: Array
-    jacobian: Matrix | None = None
-
-    @classmethod
-    def first(cls, system: PiecewiseSystem, x: Array, last: LastHeld | None) -> _Place:
-        """Return the same of a start, of what the system returned when it was checked there."""
-        known = last.begun(x) if last else None
-        return (
-            cls(x, known.character, known.residual, known.jacobian) if known else cls.at(system, x)
-        )
-
-    @classmethod
-    def at(cls, system: PiecewiseSystem, x: Array) -> _Place:
-        """Return what a system says at a point."""
-        z, alpha = x[:-1], float(x[-1])
-        character = system.character(z, alpha)
-        return cls(x, character, residual_at(system, z, alpha, character))
+def _evaluated(system: PiecewiseSystem, x: Array) -> _Evaluated:
+    """Return a point with the character and the residual that a system has there."""
+    z, alpha = x[:-1], float(x[-1])
+    character = system.character(z, alpha)
+    return x, character, residual_at(system, z, alpha, character)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Linear:
-    """The Jacobian at a point, and what is made of it.
+def _is_same_cell(system: PiecewiseSystem, one: Character, other: Character) -> bool:
+    """Tell whether two characters are known to have the same Jacobian, as in a straight cell."""
+    if not isinstance(system, PiecewiseLinearSystem):
+        return False
+    return one == other or system.cell(one) == system.cell(other)
 
-    Attributes
-    ----------
-    character : Character
-    jacobian : ndarray or sparse matrix, shape (n, n + 1)
-    rows : ndarray, shape (n,)
-        The largest scaled coefficient of z in each row.
-    factor : Factor
-        Of the Jacobian and a last row that holds alpha.
-    is_singular : bool
+
+def _linearised(
+    system: PiecewiseSystem, metric: Metric, x: Array, character: Character
+) -> _Linearised | None:
+    """Return the Jacobian at a point, factorised; None where the Jacobian is not finite."""
+    jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
+    rows: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
+    rows[rows == 0.0] = 1.0
+    if not are_finite(rows):
+        return None
+    factor = bordered(jacobian, last_unit(len(x)), metric.binary)
+    return _Linearised(character, jacobian, rows, factor, factor.is_singular())
+
+
+def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
+    """Tell whether a residual, divided by coefficients, fits a correction that is rounding.
+
+    Where J is singular the regularised step may vanish although the residual does not. A row is
+    flat where the coefficients of z are rounding of the coefficient of alpha, as far outside where
+    a start has run away: rounding of the point is no part of the residual of a flat row.
     """
+    by_z = product(abs(linear.jacobian), joined(metric.scale[:-1], 0.0))
+    by_alpha = product(abs(linear.jacobian), joined(np.zeros(len(residual)), metric.width))
+    rounding = CONVERGED * float(np.add.reduce(np.abs(x / metric.scale)))
+    allowed = math.sqrt(CONVERGED) + np.where(by_z <= EPS * by_alpha, 0.0, rounding)
+    return bool((np.abs(residual / linear.rows) <= allowed).all())
 
-    character: Character
-    jacobian: Matrix
-    rows: Array
-    factor: Factor
-    is_singular: bool
 
-    @classmethod
-    def of(cls, system: PiecewiseSystem, metric: Metric, place: _Place) -> _Linear | None:
-        """Return the Jacobian at a place, factorised; None where it is not finite."""
-        x, character, jacobian = place.x, place.character, place.jacobian
-        if jacobian is None:
-            jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
-        rows = _row_scale(jacobian, metric)
-        if not are_finite(rows):
-            return None
-        factor = bordered(jacobian, last_unit(len(x)), metric.binary)
-        return cls(character, jacobian, rows, factor, factor.is_singular())
+def _misses(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
+    """Tell whether a regularised step is tiny where the Newton step is not.
 
-    def is_flat(self, metric: Metric) -> Array:
-        """Tell which rows do not see z: H hardly changes where a start has run away."""
-        by_z = product(abs(self.jacobian), joined(metric.scale[:-1], 0.0))
-        by_alpha = product(abs(self.jacobian), joined(np.zeros(len(self.rows)), metric.width))
-        return np.asarray(by_z <= EPS * by_alpha)
-
-    def leave(self, last: LastHeld, character: Character) -> None:
-        """Leave the Jacobian, if it is regular, where the piece that begins here finds it."""
-        if not self.is_singular:
-            row = last_unit(len(self.rows) + 1)
-            last.keep(character, Held(self.jacobian, row, self.factor))
-
-    def holds_at(self, system: PiecewiseSystem, place: _Place) -> bool:
-        """Tell whether the Jacobian is known to be the same at another place."""
-        if not isinstance(system, PiecewiseLinearSystem):
+    A Jacobian that is singular in the units of the metric may be regular in units of its own, as
+    where an exponential in every row hides what tells the rows apart.
+    """
+    if not linear.is_singular:
+        return False
+    with np.errstate(all="ignore"):
+        factor = bordered(linear.jacobian, last_unit(len(x)), balanced_columns(linear.jacobian))
+        if factor.is_singular():
             return False
-        here, there = self.character, place.character
-        return here == there or system.cell(here) == system.cell(there)
-
-
-def _is_solved(scaled: Array, size: Array, flat: Array) -> bool:
-    """Tell whether a residual, divided by its coefficients, fits a correction that is rounding.
-
-    Where the Jacobian is singular the regularised step may vanish where the residual does not. What
-    rounding of the point makes of a row is none of it where the row does not see the point.
-    """
-    rounding = CONVERGED * float(np.add.reduce(np.abs(size)))
-    return bool((np.abs(scaled) <= math.sqrt(CONVERGED) + np.where(flat, 0.0, rounding)).all())
+        step = factor.solve(joined(residual, 0.0))
+    return not metric.relative(step, x) <= math.sqrt(CONVERGED)
 
 
 def _as_good_as_it_gets(
@@ -212,14 +198,7 @@ def _as_good_as_it_gets(
     return (root.x, error) if certain else Failure(FailureReason.NO_DIGITS)
 
 
-def _row_scale(jacobian: Matrix, metric: Metric) -> Array:
-    """Return the largest scaled coefficient of z in each row."""
-    scaled: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
-    scaled[scaled == 0.0] = 1.0  # what is not finite stays so
-    return scaled
-
-
-def _direction(linear: _Linear, residual: Array, metric: Metric) -> Array:
+def _direction(linear: _Linearised, residual: Array, metric: Metric) -> Array:
     """Return the Newton step (with a zero for alpha), regularised where J is singular."""
     if not linear.is_singular:
         return -linear.factor.solve(joined(residual, 0.0))
@@ -235,31 +214,30 @@ def _direction(linear: _Linear, residual: Array, metric: Metric) -> Array:
     return np.append(step * metric.scale[:-1], 0.0)
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _Merit:
-    """The squared residual, deflated, with rows scaled alike."""
+def _line_search(
+    system: PiecewiseSystem,
+    metric: Metric,
+    rows: Array,
+    known: Sequence[Array],
+    start: _Evaluated,
+    step: Array,
+) -> _Evaluated | None:
+    """Return the first of x + step, x + step / 2, ... that reduces the merit enough.
 
-    system: PiecewiseSystem
-    metric: Metric
-    rows: Array
-    known: Sequence[Array]
+    The merit is the square of the deflated residual, with every row divided by the entry of
+    ``rows``.
+    """
 
-    def of(self, place: _Place) -> float:
-        """Return the merit of a place."""
-        scaled = place.residual / self.rows
-        deflation = _deflation(self.metric, self.known, place.x)
+    def merit(point: _Evaluated) -> float:
+        scaled, deflation = point[2] / rows, _deflation(metric, known, point[0])
         return float(scaled.dot(scaled)) * deflation * deflation  # a power would raise an error
 
-
-def _line_search(merit: _Merit, place: _Place, step: Array) -> _Place | None:
-    """Return the first of x + step, x + step / 2, ... that reduces the merit enough."""
     length = 1.0
     with np.errstate(over="ignore"):  # the merit is infinite far away, where H is an exponential
-        before = merit.of(place)
-        for _ in range(MOST_HALVINGS_DEFLATED if merit.known else MOST_HALVINGS):
-            trial = _Place.at(merit.system, place.x + length * step)
-            if merit.of(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
+        before = merit(start)
+        for _ in range(MOST_HALVINGS_DEFLATED if known else MOST_HALVINGS):
+            trial = _evaluated(system, start[0] + length * step)
+            if merit(trial) <= (1.0 - 2.0 * ARMIJO * length) * before:
                 return trial
             length *= 0.5
     return None

@@ -21,6 +21,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, final
 
 import numpy as np
@@ -30,9 +31,7 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.metric import Metric
-from pwscont.curve.rank_one import by_columns, by_residuals
 from pwscont.linear.bordered import GROWTH
-from pwscont.linear.dense import DenseFactor
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import column, inner
 from pwscont.linear.jacobian import StructuredJacobian
@@ -54,6 +53,8 @@ SMALL = 64
 UNSEEN = 0.75 * CONFIDENCE * EPS
 #: Errors are estimated afresh where an unknown is larger than this times all of its kind were.
 GROWN = 2.0
+#: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
+FAR_AWAY = 2.0**20
 #: A direction is on its selection where its residual is below this part of its terms.
 ASTRAY = EPS**0.5
 
@@ -229,9 +230,9 @@ class StraightCell:
         if self._is_told:
             return other.selection.kink(before.selection, test)
         if jacobian is None:
-            return by_residuals(before, other, x, gradient)
+            return kink_by_residuals(before, other, x, gradient)
         self._jacobian = other.selection.jacobian(x)
-        return by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
+        return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
         """Tell whether a correction is no more than rounding of unknowns as large as these are."""
@@ -280,13 +281,7 @@ class StraightCell:
 
 
 def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
-    """Return the Jacobian of a curve and the factorisation of its part for z, where there is one.
-
-    A dense one that was factorised with alpha held, where the piece begins, serves as it is.
-    """
-    held = curve.handed_on()
-    if held and held.row[-1] and isinstance(held.factor, DenseFactor):
-        return held.jacobian, held.factor.without_border()
+    """Return the Jacobian of a curve and the factorisation of the part for z, if regular."""
     jacobian = curve.selection.jacobian(x)
     return jacobian, inner(jacobian, curve.metric.binary)
 
@@ -308,3 +303,50 @@ def _largest_alike(sizes: Array, metric: Metric) -> Array:
     np.maximum.at(largest, metric.kinds, sizes)
     alike: Array = largest[metric.kinds]
     return alike
+
+
+def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> Array:
+    """Return c of J' - J = c g^T (F1), shape (n,), from the Jacobians, shape (n, n + 1).
+
+    The column of the unknown along which the test changes most is compared, so that c is no small
+    difference of large numbers.
+
+    Parameters
+    ----------
+    before, after : ndarray, sparse matrix or StructuredJacobian
+    gradient : ndarray, shape (n + 1,)
+        g, of the test that vanishes on the interface.
+    scale : ndarray, shape (n + 1,)
+        Typical magnitudes of the unknowns.
+    """
+    steepest = int(np.abs(gradient * scale).argmax())
+    jump: Array = (column(after, steepest) - column(before, steepest)) / gradient[steepest]
+    return jump
+
+
+def kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
+    """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
+
+    The residuals on both sides are compared far away along the unknown along which the test changes
+    most. That unknown is so large there that the rounding of all other terms is less than the
+    rounding of its column. Systems whose unknowns have bounds are not asked for such residuals.
+
+    Parameters
+    ----------
+    before, after : Curve
+        Of the selections on both sides, affine in z.
+    x : ndarray, shape (n + 1,)
+        A point of the interface, up to rounding.
+    gradient : ndarray, shape (n + 1,)
+        g, of the test that vanishes on the interface.
+    """
+    scale = after.metric.scale
+    weights = np.abs(gradient * scale)[:-1]
+    steepest = int(weights.argmax())
+    far = x.copy()
+    far[steepest] += FAR_AWAY * max(1.0, after.metric.norm(x)) * scale[steepest]
+    test = gradient[steepest] * (far[steepest] - x[steepest])
+    if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
+        return None
+    jump: Array = (after.selection.residual(far) - before.selection.residual(far)) / test
+    return jump

@@ -1,17 +1,19 @@
-"""Many small linear systems at once.
+"""Small linear systems without a search: parts with one unknown, and blocks in batches.
 
-The same decisions as :mod:`pwscont.enumeration.slices` makes for larger parts, without matrices.
+A part with one unknown is solved mode by mode, by a division. In a chain of such parts magnitudes
+may fall from part to part until no typical magnitude can be told; a division needs none.
 
-One batch of small factorisations for each block, shared by all the choices of the blocks after it:
-the way for few cells, and where no choice can be cut off because a point lies in all of them.
+Blocks are decided in batches, one block after the other: each block has one batch of small
+factorisations, which all the choices of later blocks share. Batches serve if the cells are few, and
+if no choice can be cut off because a point lies in the cells of all choices.
 
 Failure modes and answers
 -------------------------
-- Equations that depend on those decided before: found by the factorisation of each block's own
-  equations on the subspace left to them, whose basis is orthonormal; such a choice leaves the
-  batch. A cell without a unique point is handed on as a subspace, not solved.
-- A pivot that is rounding, but has grown above what is negligible: where it is that small, exact
-  elimination of the equations themselves decides.
+- Equations of a block depend on equations decided before: the factorisation of the block's
+  equations, on the orthonormal basis of the subspace that is left, finds this, and the choice
+  leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
+- A pivot is rounding that has grown above what is negligible: exact elimination of the equations
+  decides about every pivot that small.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ from pwscont.enumeration.polyhedron import Point, Slice
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
-    """Return all solutions of a part with one unknown; None where a mode does not decide it.
+    """Return all solutions of a part with one unknown; None if a mode leaves the unknown free.
 
     Parameters
     ----------
@@ -64,7 +66,7 @@ def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
 @final
 @dataclass(slots=True, eq=False)
 class _Root:
-    """The solution of one mode, with all tests, and how far these may be off."""
+    """The solution of one mode, the values of all tests there, and the errors of the values."""
 
     x: float
     error: Array
@@ -76,7 +78,7 @@ class _Root:
 
     @classmethod
     def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
-        """Solve one mode; None where its equation does not depend on the unknown."""
+        """Solve one mode; None if the equation of the mode does not depend on the unknown."""
         slope, value, errors = part.scalar_row(character)
         if slope == 0.0:
             return None
@@ -109,7 +111,7 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
     chosen : tuple of int
         The options of the first blocks.
     space : Subspace
-        What their equations leave.
+        What the equations of these options leave.
     """
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     growth = np.array([space.growth])
@@ -129,8 +131,8 @@ def _spread(
 ) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
     """Impose every option of one more block on every choice.
 
-    Returns the choices whose new equations are independent of the old ones, and the others as
-    their picks with the subspace before the last of them.
+    Returns the choices whose new equations are independent of the old equations, and for each
+    dependent choice the picks with the subspace before the last pick.
     """
     matrices, values = _equations(choices, options)
     k = values.shape[-1]
@@ -175,7 +177,7 @@ def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
 def _inside(problem: Problem, choices: Choices) -> Choices:
     """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
 
-    The blocks decided last come first: they leave few choices to the others.
+    The blocks decided last are tested first, because few choices satisfy these blocks.
     """
     slack = slack_at(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
     inside = np.ones(len(choices), dtype=bool)

@@ -1,24 +1,25 @@
 """Enumeration part by part, along the graph of which unknowns stand in which rows.
 
-The unknowns that stand in each row, in any mode, make a directed graph. Its strongly connected
-components, in topological order, are the parts: each depends on the parts before it only. A search
-over all modes is then exponential in the largest part only. The rows of a block belong to one part,
-and so do its tests, unless these depend on earlier parts alone.
+The unknowns that stand in each row, in any mode, make a directed graph. The strongly connected
+components of the graph, in topological order, are the parts: each part depends on earlier parts
+only. A search over all modes is then exponential in the largest part only. The rows of a block
+belong to one part, and so do the tests of the block, unless tests depend on earlier parts alone.
 
-Each solution of the parts before a part makes of that part a small slice, which is solved like any
-other. The error of the solution before enters the slice as an uncertainty of its constants.
+For each solution of the parts before, a part is a small slice, which is solved like any slice. The
+error of the solution before enters the slice as an uncertainty of the constants.
 
 Failure modes and answers
 -------------------------
-- An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if it is not
-  zero in any mode, and a cell is cut off only by inequalities that its part really decides.
+- An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if any mode
+  has a nonzero value there, and only inequalities that a part really decides cut off cells.
 - Rows and unknowns that cannot be paired, as in a system that is singular by its structure, and
   blocks without rows: there is one part only.
 - A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
   solved at once, as far as there are not too many cells.
-- A solution lies on interfaces of many parts: its cells are all combinations of the parts' cells,
-  made when they are needed.
-- A solution found part by part is refined in the whole system, and must lie in its closed cell.
+- A solution lies on interfaces of many parts: the cells of the solution are all combinations of the
+  parts' cells, each made when the cell is needed.
+- A solution found part by part is wrong for the whole: the solution is refined in the whole system,
+  and must lie in the closed cell.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Part:
     ----------
     rows, unknowns : ndarray of int, shape (k,)
     blocks : tuple of int
-        The blocks whose rows are among these; empty for a linear part.
+        The blocks with rows in the part; empty for a linear part.
     """
 
     rows: Indices
@@ -66,7 +67,7 @@ class Part:
 
 
 def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[Part]:
-    """Return the parts of a system, each after the parts that it depends on.
+    """Return the parts of a system, each part after the parts on which the part depends.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[
 
 
 def _in_order(needs: Pattern, label: Indices) -> list[int]:
-    """Return the numbers of the components, each after the components that it needs."""
+    """Return the numbers of the components, each component after the components needed."""
     before: dict[int, set[int]] = {int(number): set() for number in np.unique(label)}
     for row, needed in np.argwhere(needs):
         if label[row] != label[needed]:
@@ -111,11 +112,11 @@ def _in_order(needs: Pattern, label: Indices) -> list[int]:
 
 
 def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
-    """Return the number of combinations of modes of the part that has the most."""
+    """Return the largest number of combinations of modes in a part."""
     return max(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
 
 
-#: Constants smaller than this part of typical constants are taken for zero.
+#: A part whose constants are below this part of typical constants keeps typical magnitudes.
 TINY = 1e-150
 #: Most cells of one solution that are listed.
 MOST_LISTED = 4**6
@@ -136,7 +137,7 @@ class Table:
         Gradients by z, shape (m, n), and values at z = 0, shape (m,).
     blocks : tuple of Block
     bounding : list of list of list of int
-        For every mode of every block, the tests that bound it.
+        For every mode of every block, the tests that bound the mode.
     """
 
     rows: list[tuple[Array, Array]]
@@ -146,7 +147,7 @@ class Table:
 
     @classmethod
     def of(cls, system: SlicewiseLinearSystem, alpha: float, dx: Array) -> Table:
-        """Evaluate a system at z = 0, and check at ``dx`` that it is affine."""
+        """Evaluate a system at z = 0, and check at ``dx`` that the system is affine."""
         zero, blocks = np.zeros(system.size), system.blocks()
         tests = np.array(system.test_functions(zero, alpha), dtype=float)
         gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
@@ -155,7 +156,7 @@ class Table:
         return cls(rows, (gradients, tests), blocks, bounds)
 
     def parts(self) -> list[Part]:
-        """Return the parts of the slice, each after the parts that it depends on."""
+        """Return the parts of the slice, each part after the parts on which the part depends."""
         pattern = np.any([matrix != 0.0 for matrix, _ in self.rows], axis=0)
         return parts_of(pattern, self.tests[0] != 0.0, self.blocks)
 
@@ -170,7 +171,7 @@ class Partial:
     z : ndarray, shape (n,)
         Zero for the unknowns of later parts.
     error : ndarray, shape (k, n)
-        Samples of its error.
+        Samples of the error of z.
     cells : tuple of sequence of Character
         For each part the cells of that part in whose closure the solution lies.
     in_doubt : bool
@@ -194,7 +195,7 @@ class Partial:
 
 @final
 class PartSlice(SlicewiseLinearSystem):
-    """One part of a slice, where the parts before it have a known solution.
+    """One part of a slice, where all parts before have a known solution.
 
     Parameters
     ----------
@@ -270,7 +271,7 @@ class PartSlice(SlicewiseLinearSystem):
         return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
     def scalar_row(self, character: Character) -> tuple[float, float, Array]:
-        """Return slope and value at zero of the only row in a cell, and samples of its error."""
+        """Return slope and value at zero of the only row of a cell, and samples of the error."""
         matrix, values = self._in_cell(character)
         errors = np.append(self._before.error @ matrix[0], EPS * self._terms[0])
         return float(matrix[0, self.unknowns[0]]), float(values[0]), errors
@@ -287,7 +288,7 @@ class PartSlice(SlicewiseLinearSystem):
         return root.factor.solve_all(np.column_stack([residual, np.zeros(len(residual))]))
 
     def inherited_slack(self) -> Array:
-        """Return how far the tests may be off by the error of the parts before."""
+        """Return the error of the tests that the error of the parts before makes."""
         spread = np.hypot.reduce(self._all_gradients @ self._before.error.T, axis=1)
         slack: Array = EPS * self._test_terms + np.abs(spread)
         return slack
@@ -307,7 +308,7 @@ class PartSlice(SlicewiseLinearSystem):
 
 @final
 class Cells(Sequence[Character]):
-    """All combinations of the cells of parts, each made when it is taken.
+    """All combinations of the cells of parts, each combination made when taken.
 
     Parameters
     ----------
@@ -327,7 +328,7 @@ class Cells(Sequence[Character]):
         return min(prod(map(len, self._cells)), sys.maxsize)
 
     def listed(self) -> tuple[Character, ...]:
-        """Return all cells; if they are too many, those that differ from the first in one part."""
+        """Return all cells, of too many cells those that differ from the first cell in one part."""
         if len(self) <= MOST_LISTED:
             return tuple(self)
         found, stride = [self[0]], 1
@@ -385,7 +386,7 @@ def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
 
 
 def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
-    """Tell whether every part is small, and has a regular matrix in each of its cells.
+    """Tell whether every part is small, and has a regular matrix in each cell of the part.
 
     Then H = 0 with all constants zero has no solution but zero.
     """
@@ -410,7 +411,7 @@ def _is_regular(table: Table, part: Part, scale: Array) -> bool:
 def _in_modes(
     wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]
 ) -> Array:
-    """Return the rows of a cell, those of a block in its k-th mode from the k-th of wholes."""
+    """Return the rows of a cell; the rows of a block in mode k stand in the k-th of ``wholes``."""
     chosen = +wholes[0]
     for block, mode in zip(rows, modes, strict=True):
         chosen[list(block)] = wholes[mode][list(block)]

@@ -2,10 +2,10 @@
 
 Failure modes and answers
 -------------------------
-- A solution on the very boundary of a cell must not be cut off: whatever cuts off choices is
-  relaxed by SLACK, far above rounding; the exact decision is the caller's, from a refined solution.
-- Ill-conditioned equations, whose solution is off by far more: the growth of rounding is carried
-  along with each choice, and the slack grows with it.
+- A solution on the very boundary of a cell must not be cut off: inequalities that cut off choices
+  are relaxed by SLACK, far above rounding; the caller decides exactly, from a refined solution.
+- Ill-conditioned equations have solutions with far larger errors: the growth of rounding is carried
+  along with each choice, and the slack grows with the growth of rounding.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option
 
-#: What is larger than rounding by less than this factor may be rounding that has grown.
-NEAR = 256.0
+#: A pivot above rounding by less than this factor may be rounding that has grown.
+GROWN_ROUNDING = 256.0
 #: Relative slack of inequalities by which choices are cut off.
 SLACK = 1e-5
 
@@ -39,11 +39,11 @@ class Choices:
         Which option of each block every choice takes.
     starts : ndarray, shape (N, d)
     directions : ndarray, shape (N, d, q)
-        q is the same for all; 0 once all blocks are decided, except in singular cells.
+        All choices have the same q: 0 once all blocks are decided, except in singular cells.
     growth : ndarray, shape (N,)
         By how much rounding may have grown in the starts: the worst condition of the equations of
-        a block on the subspace left to it. (The product over all blocks bounds it, but by so much
-        that nothing would be cut off.)
+        a block on the subspace left to the block. (The product over all blocks would be a bound,
+        so large that nothing would be cut off.)
     """
 
     picks: Indices
@@ -73,7 +73,7 @@ class Choices:
 class Subspace:
     """The points that satisfy the equations decided so far: start + directions @ s.
 
-    ``growth`` is that of :class:`Choices`.
+    The attribute ``growth`` has the meaning of :attr:`Choices.growth`.
     """
 
     start: Array
@@ -91,10 +91,10 @@ class Subspace:
         return float(slack_at(self.growth) * (1.0 + np.abs(self.start).max(initial=0.0)))
 
     def narrowed(self, option: Option, rank_added: Callable[[], int | None]) -> Subspace | None:
-        """Return the part of the subspace in which E y + e = 0, None where there is none.
+        """Return the part of the subspace in which E y + e = 0, None where E y + e = 0 fails.
 
-        How many of the equations are independent of those decided before is asked for where
-        rounding leaves doubt.
+        If rounding leaves doubt, ``rank_added`` is asked how many of the equations are independent
+        of the equations decided before.
         """
         matrix, rest = option.E @ self.directions, option.E @ self.start + option.e
         U, sigma, Vt = np.linalg.svd(matrix)
@@ -121,5 +121,5 @@ def negligible(matrix: Array) -> float:
 
 
 def is_near(pivots: Array, matrix: Array) -> Any:
-    """Tell whether some pivots, shape (..., k), are so small that rounding may have made them."""
-    return pivots.min(axis=-1, initial=1.0) <= NEAR * negligible(matrix)
+    """Tell whether rounding may have made the least of some pivots, shape (..., k)."""
+    return pivots.min(axis=-1, initial=1.0) <= GROWN_ROUNDING * negligible(matrix)

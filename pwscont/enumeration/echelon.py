@@ -1,7 +1,7 @@
 """Elimination in integers, without rounding (Bareiss 1968).
 
 Doubles are rational: rows are made rows of integers, and fraction-free elimination leaves integers
-whose quotients are the solution. Whether rows depend on each other is decided exactly.
+whose quotients are the solution. Linear dependence of rows is decided exactly.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ MOST_WORK = 5_000_000
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Echelon:
-    """Eliminated rows, each with the column of its pivot; the first n columns are unknowns'.
+    """Eliminated rows, each row with the column of the pivot; the first n columns are unknowns'.
 
-    ``level`` is the determinant of what was eliminated before the first row.
+    The attribute ``level`` is the determinant of the rows eliminated before the first row.
     """
 
     n: int
@@ -32,7 +32,7 @@ class Echelon:
     level: int = 1
 
     def extended(self, rows: Sequence[Row]) -> Echelon | None:
-        """Return the echelon with more rows, None where they depend on each other."""
+        """Return the echelon with more rows, None for rows that depend on each other."""
         echelon: Echelon | None = self
         for row in rows:
             echelon = echelon._with(row) if echelon else None
@@ -48,7 +48,7 @@ class Echelon:
     def reduced(self, row: Row) -> Row:
         """Return the determinant times a row, less multiples of the eliminated rows.
 
-        Zero factors, of which sparse rows have many, are passed over until the end.
+        Zero factors, frequent in sparse rows, are passed over until the end.
         """
         level = before = self.level
         for known, column in zip(self.rows, self.columns, strict=True):
@@ -84,7 +84,7 @@ class Echelon:
 
 
 def independent(rows: Array) -> list[bool]:
-    """Tell for each row, shape (k, n), whether it is independent of the ones before it."""
+    """Tell for each row, shape (k, n), whether the row is independent of the rows before."""
     echelon, found = Echelon(rows.shape[1]), []
     for row in rows:
         longer = echelon.extended([integers(row)])
@@ -94,7 +94,7 @@ def independent(rows: Array) -> list[bool]:
 
 
 def integers(values: Array) -> Row:
-    """Return a row times the least power of two that makes its entries integers."""
+    """Return a row times the least power of two that makes all entries integers."""
     ratios = [float(value).as_integer_ratio() for value in values]
     common = max(denominator for _, denominator in ratios)
     return [numerator * (common // denominator) for numerator, denominator in ratios]

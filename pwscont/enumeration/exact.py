@@ -1,26 +1,28 @@
 """Enumeration of all cells in exact arithmetic.
 
 At fixed alpha selections and tests are affine in z with coefficients that are doubles, hence
-rational. Each row is made one of integers, and Bareiss's fraction-free elimination (1968) leaves
-integers whose quotients are the solution: no rounding, whatever the condition, and the sign of
-the determinant as well. Choices of modes share the elimination of the blocks decided before.
+rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
+integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
+of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
+before.
 
 Refinement with exact residuals would end at the same solution in nearly every cell, but does not
-tell a singular cell from a nearly singular one, nor on which side of an interface a solution lies
-that is closer to it than rounding.
+tell a singular cell from a nearly singular cell, nor on which side of an interface a solution lies
+if the distance is less than rounding.
 
 Failure modes and answers
 -------------------------
-- A nearly singular cell, whose solution floating point does not know: it is left to exact
-  arithmetic, as is one whose solution may be within rounding of an interface.
-- Many cells: they are looked at in batches, so that memory is bounded.
+- Floating point does not know the solution of a nearly singular cell: the cell is left to exact
+  arithmetic, and so is a cell whose solution may be within rounding of an interface.
+- Many cells are looked at in batches, so that memory is bounded.
 - Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
-- The system's own numbers are rounded: selections that agree on an interface do so to rounding
-  only. A solution that close to an interface may lie in both cells: it is found twice, and merged
-  by its error. Or it lies in neither cell: cells that miss their solution by no more than its
-  error are counted as undecided, unless the solution was found in another cell.
-- Cells with infinitely many solutions: counted, not solved.
+- The system's own numbers are rounded, so that selections agree on an interface to rounding only.
+  A solution that close to an interface may lie in two cells: the two points found are merged if
+  their errors cover the distance. Or the solution lies in neither cell: a cell that misses its
+  solution by no more than the error of the solution is counted as undecided, unless the solution
+  was found in another cell.
+- Cells with infinitely many solutions are counted, not solved.
 """
 
 from __future__ import annotations
@@ -49,10 +51,10 @@ from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem,
 
 #: Cells that are looked at together.
 BATCH = 4**6
-#: Solutions are known to half of their digits where unit rows have no larger condition.
+#: Largest condition of unit rows at which doubles decide: half of all digits are right.
 WORST = EPS**-0.5
-#: A solution of such a cell is outside if a test is negative by more than this part of its terms:
-#: far above the error of the solution.
+#: A solution of such a cell is outside if a test is negative by more than this part of the sum of
+#: the magnitudes of the terms of the test, far above the error of the solution.
 OUTSIDE = 1e-5
 
 
@@ -69,12 +71,12 @@ class CellsInDoubles:
         +1 or -1 where a test bounds a mode, 0 where it does not.
     tests : ndarray, shape (m, d + 1)
     z : ndarray, shape (n, d + 1)
-        All unknowns as functions of those that blocks decide.
+        All unknowns as functions of the unknowns that blocks decide.
     whole : ndarray, shape (m, n + 1)
         The tests by all unknowns.
     scale : ndarray, shape (n,)
     growth : float
-        By how much rounding of the other equations grows in these.
+        By how much rounding of the common equations grows in the equations of the blocks.
     """
 
     options: Sequence[Array]
@@ -101,7 +103,7 @@ class CellsInDoubles:
         return picks[~excluded]
 
     def _excluded(self, picks: Indices, rows: Array) -> Signs:
-        """Tell which regular choices have their solution outside."""
+        """Tell which regular choices have a solution outside of their cell."""
         inverse = np.linalg.inv(rows[..., :-1])
         condition = self.growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
         y = np.ones((len(picks), len(self.tests.T)))
@@ -125,14 +127,11 @@ def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 
-#: A solution is far outside its cell if a test is negative by more than this part of its terms.
-FAR = 0.1
-#: Inverse matrices are known to several digits where unit rows have no larger condition.
+#: A solution is not returned if a test is negative by more than this part of the sum of the
+#: magnitudes of the terms of the test.
+FAR_OUTSIDE = 0.1
+#: Largest condition of unit rows at which an inverse matrix has several right digits.
 WELL_CONDITIONED = EPS**-0.75
-
-
-def _ordered(system: SlicewiseLinearSystem) -> list[Block]:
-    return sorted(system.blocks(), key=lambda block: len(block.modes))
 
 
 @final
@@ -143,9 +142,9 @@ class ExactSolution:
     Attributes
     ----------
     z : ndarray, shape (n,)
-        Correctly rounded.
+        The solution, correctly rounded.
     exactly : tuple of Fraction
-        The same, not rounded.
+        The solution, not rounded.
     error : ndarray, shape (n, n)
         The error by the rounding of each equation, one row per equation.
     character : Character
@@ -175,7 +174,8 @@ class ExactSlice:
     """
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
-        self._n, self._scale, self._blocks = system.size, scale, _ordered(system)
+        self._n, self._scale = system.size, scale
+        self._blocks = sorted(system.blocks(), key=lambda block: len(block.modes))
         zero = np.zeros(system.size)
         dx, modes = aside(scale), range(most_modes(self._blocks))
         slices = [affine(system, self._blocks, k, alpha, dx) for k in modes]
@@ -191,9 +191,9 @@ class ExactSlice:
         self._order = [*self._common, *taken]
 
     def solutions(self) -> list[ExactSolution] | None:
-        """Return the solution of every regular cell that lies in it, or not far outside.
+        """Return the solutions of regular cells that lie in the cell, or not far outside.
 
-        None where numbers are not finite, and so not rational, or it takes more than seconds.
+        None where numbers are not finite, and so not rational, or the work takes more than seconds.
         """
         if self._price() > MOST_WORK or not self._is_finite():
             return None
@@ -276,7 +276,7 @@ class ExactSlice:
         """Return the solution of a cell, None where it is far outside."""
         free, D = echelon.solved(echelon.n), echelon.determinant
         worst = self._worst(picks, free, D)
-        if worst <= -FAR:
+        if worst <= -FAR_OUTSIDE:
             return None
         y = [0] * self._n
         for j, value in zip(self._free, free, strict=True):
@@ -308,7 +308,7 @@ class ExactSlice:
         return tuple(signs)
 
     def _worst(self, picks: tuple[int, ...], free: Row, D: int) -> float:
-        """Return the most negative bounding test relative to its terms; exactly zero if none is."""
+        """Return the most negative bounding test relative to the terms; exactly 0 if none is."""
         signs, worst = self._signs(picks), 0.0
         is_positive = (D > 0) == (self._eliminated.determinant > 0)
         for tests, pick in zip(self._bounding, picks, strict=True):
@@ -320,7 +320,7 @@ class ExactSlice:
         return worst
 
     def _off(self, test: int, z: Array) -> float:
-        """Return a negative test relative to its terms, less than zero."""
+        """Return a negative test relative to the sum of magnitudes of the terms, less than zero."""
         row = self._tests[test]
         if not np.isfinite(z).all():
             return -np.inf
@@ -365,7 +365,7 @@ def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array
 
 
 def _unit(row: Row, units: Array) -> Array:
-    """Return a row of integers in these units, divided by its largest coefficient, rounded."""
+    """Return a row of integers in these units, divided by the largest coefficient, rounded."""
     largest = max(map(abs, row[:-1]), default=0) or max(map(abs, row)) or 1
     values = np.array([_float(Fraction(value, largest)) for value in row]) * units
     size = np.abs(values[:-1]).max(initial=0.0)
@@ -374,7 +374,7 @@ def _unit(row: Row, units: Array) -> Array:
 
 
 def _condition(rows: Array) -> float:
-    """Return by how much rounding of unit rows may grow in what they leave."""
+    """Return by how much rounding of unit rows may grow in the space that the rows leave."""
     if not len(rows):
         return 1.0
     sizes = np.abs(rows).max(axis=1, keepdims=True)
@@ -390,7 +390,7 @@ def _float(value: Fraction) -> float:
 
 
 def _parity(order: Sequence[int]) -> int:
-    """Return the sign of a permutation: that of the number of its cycles of even length."""
+    """Return the sign of a permutation: -1 if the number of cycles of even length is odd."""
     rest, sign = set(range(len(order))), 1
     while rest:
         length, i = 0, rest.pop()
@@ -407,8 +407,9 @@ def solve_exactly(
 ) -> Slice | None:
     """Return all isolated solutions by trying every cell in exact arithmetic.
 
-    None where that takes too long, or the system's numbers are not finite. Faces are left out;
-    ``known`` are points of them, which rounding in the system may put outside of regular cells.
+    None where that takes too long, or the system's numbers are not finite. Faces are left out; the
+    points ``known`` lie on faces, and rounding in the system may put such points outside of regular
+    cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
@@ -434,9 +435,9 @@ def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
     """Tell whether two points of exact cells are one.
 
-    Equal points are one. Points that differ by no more than their errors are one if their signs
-    agree: by F1 the curve crosses the interface between their cells. If the signs differ, the curve
-    turns back at the interface, and there are two points.
+    Equal points are one point. Points that differ by no more than their errors are one point if the
+    signs agree: by F1 the curve crosses the interface between the two cells. If the signs differ,
+    the curve turns back at the interface, and there are two points.
     """
     if np.array_equal(a.x, b.x):
         return True
@@ -450,7 +451,7 @@ def _is_undecided(
     point: Point,
     points: Sequence[Point],
 ) -> bool:
-    """Tell whether a solution is outside its cell by no more than its error, in no other cell."""
+    """Tell whether a solution misses its cell by no more than its error, and lies in no cell."""
     if one.is_inside:
         return False
     selection = Selection(system, one.character)

@@ -1,15 +1,16 @@
 """Sets of solutions that fill a segment or an area.
 
 With alpha as one more unknown, the solutions in a closed cell of a piecewise-linear system are a
-polyhedron: a segment where the cell is regular. One of two or more dimensions fills all values of
-alpha between its ends; one that lies at a single alpha fills that value.
+polyhedron: a segment where the cell is regular. A polyhedron of two or more dimensions fills all
+values of alpha between its ends; a polyhedron at a single alpha fills that value.
 
 Failure modes and answers
 -------------------------
-- Many cells: those that no solution of the interval reaches are cut off by linear programs, as
-  where all solutions at one alpha are sought.
-- A polyhedron that ends in a point, or in a segment: what is left at its end is looked at alone.
-- A polyhedron that is flat, because inequalities hold with equality only: its own dimension counts.
+- Many cells: linear programs cut off the cells that no solution of the interval reaches, as in the
+  search for all solutions at one alpha.
+- A polyhedron ends in a point, or in a segment: the face at the end is looked at alone.
+- A polyhedron is flat, because inequalities hold with equality only: the dimension of the flat
+  polyhedron counts.
 """
 
 from __future__ import annotations
@@ -35,21 +36,22 @@ from pwscont.system.system import PiecewiseLinearSystem
 
 #: Cells are cut off by linear programs before anything else is done.
 CUT_OFF = Prices(1, 1e-9)
-#: A direction whose part along alpha is smaller than this lies at one alpha.
+#: A unit direction lies at one alpha if the component along alpha is smaller than this, in widths
+#: of the interval.
 LEVEL = EPS**0.5
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Filled:
-    """An interval of alpha with infinitely many solutions, and whether its ends belong to it.
+    """An interval of alpha with infinitely many solutions, and which ends belong to the interval.
 
     Attributes
     ----------
     lo, hi : float
     lo_closed, hi_closed : bool
     blur : float
-        By how much rounding may have moved the ends.
+        Largest distance by which rounding may have moved the ends.
     """
 
     lo: float
@@ -70,12 +72,12 @@ def filled(
     Parameters
     ----------
     system : PiecewiseLinearSystem
-        Its blocks have been checked.
+        A system whose blocks have been checked.
     scale : ndarray, shape (n,)
         Typical magnitudes of z.
     interval : tuple of float
     bounds : tuple of ndarray, shape (n,)
-        Least and largest values of z; infinite where there are none.
+        Least and largest values of z; infinite for unknowns without bounds.
     """
     problem = _with_alpha(system, scale, interval, bounds)
     found: list[Filled] = []
@@ -128,7 +130,7 @@ def _may_fill(problem: Problem, choices: Choices, interval: tuple[float, float])
 
 
 def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) -> Iterator[Filled]:
-    """Yield what the solutions of one cell fill, if they fill anything."""
+    """Yield the interval that the solutions of one cell fill, if any."""
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
     if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return
@@ -146,14 +148,14 @@ def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) ->
         yield Filled(alpha, alpha, True, True, blur)
     elif len(ramp) > 1:
         flat = Polyhedron.of(around.matrix @ basis, around.moved(point).vector, rounding)
-        assert flat is not None, "it holds around a point inside"
+        assert flat is not None, "the inequalities hold around a point inside"
         (lo, lo_closed), (hi, hi_closed) = (_end(flat, w, ramp, rounding) for w in (-ramp, ramp))
         lo, hi = (interval[0] + width * (here + end) for end in (lo, hi))
         yield Filled(lo, hi, lo_closed, hi_closed, blur)
 
 
 def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool]:
-    """Return the rise to the end of a polyhedron, and whether it holds more than a point there."""
+    """Return the rise to the end of a polyhedron, and whether the end is more than a point."""
     w = flat.farthest(way)
     assert w is not None, "alpha is bounded by the interval"
     level = null_space(ramp[np.newaxis])

@@ -1,6 +1,6 @@
 """A piecewise-linear problem as a list of blocks, each of which must choose one option.
 
-With y the unknowns, every block (a contact node, say) contributes one of several sets of
+With y the unknowns, every block (a contact node, say) contributes a set of
 equations ``E y + e = 0`` and inequalities ``G y + g >= 0``. Equations common to all cells are
 eliminated beforehand, which leaves as many unknowns as the blocks have equations: two for each
 contact node, however many displacements the body has.
@@ -35,9 +35,9 @@ class Option:
     tests : tuple of int
         The test functions that the block decides.
     signs : tuple of bool
-        Their signs.
+        The signs of these tests.
     bounding, side : ndarray, shape (t,)
-        The tests of the block that bound its cell, and +1 or -1 for their signs.
+        The tests of the block that bound the cell, and +1 or -1 for the signs of these tests.
     E, e, G, g : ndarray
         Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
     rows : ndarray, shape (k, N)
@@ -91,13 +91,13 @@ class Problem:
         return int(self.basis.shape[1])
 
     def chosen(self, picks: Indices | tuple[int, ...]) -> list[Option]:
-        """Return the options that a choice picks in the first blocks, one by its place in each."""
+        """Return the options that a choice picks, by number, in the first blocks."""
         return [options[pick] for options, pick in zip(self.blocks, picks, strict=False)]
 
     def rank_added(self, picks: tuple[int, ...]) -> int | None:
         """Return how many equations of the last option picked are independent, exactly.
 
-        None where it would take too long to ask this of all choices.
+        None where the same question for all choices would take too long.
         """
         chosen = [option.rows for option in self.chosen(picks)]
         rows = np.vstack([self.common, *chosen])
@@ -147,12 +147,12 @@ def problem_of(
     Parameters
     ----------
     system : SlicewiseLinearSystem
-        It tells blocks and bounding tests.
+        The system that names blocks and bounding tests.
     slices : sequence of (ndarray, ndarray)
         Matrix, shape (n, N), and constant, shape (n,), of H where every block is in its k-th mode
-        (or its last). Of the N unknowns the first n are z; parameters may come after them.
+        (or its last mode). The first n of the N unknowns are z; parameters may follow.
     tests, necessary : tuple of ndarray
-        Matrix and constant of the tests, and of what is never negative.
+        Matrix and constant of the tests, and of the functions that are never negative.
     scale : ndarray, shape (N,)
         Typical magnitudes.
     """
@@ -181,16 +181,16 @@ def aside(scale: Array) -> Array:
 
 
 def most_modes(blocks: Sequence[Block]) -> int:
-    """Return the number of modes of the block that has the most."""
+    """Return the largest number of modes of a block."""
     return max((len(block.modes) for block in blocks), default=1)
 
 
 def affine(
     system: SlicewiseLinearSystem, blocks: Sequence[Block], k: int, alpha: float, dx: Array
 ) -> tuple[Array, Array]:
-    """Return dH/dz and H at z = 0 where every block is in its k-th mode (or its last).
+    """Return dH/dz and H at z = 0 where every block is in mode k (or the last mode).
 
-    That H is affine there is checked at ``dx``.
+    Refuse a system whose H is not affine up to ``dx``.
     """
     zero = np.zeros(system.size)
     character = in_modes(blocks, k, len(system.test_functions(zero, alpha)))
@@ -201,7 +201,7 @@ def affine(
 
 
 def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
-    """Return the character in which every block is in its k-th mode (or its last)."""
+    """Return the character in which every block is in mode k (or in the last mode)."""
     signs = [True] * tests
     for block in blocks:
         for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
@@ -212,10 +212,9 @@ def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
     """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
 
-    None without solution.
-
-    By an orthogonal factorisation in scaled unknowns: the basis is as well conditioned as can
-    be. Rows may depend on each other, as where a test that vanishes is one more equation.
+    None without solution. An orthogonal factorisation in scaled unknowns makes the basis as well
+    conditioned as possible. Rows may depend on each other, as where a vanishing test is one more
+    equation.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale), 1.0
@@ -269,7 +268,7 @@ def bounding(
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:
     """Return matrix @ basis with rows of length one, and matrix @ origin + vector divided alike.
 
-    A row that is nothing but the rounding of its own terms is zero: it does not depend on the
+    A row below the rounding of the terms of the row is made zero: such a row does not depend on the
     reduced unknowns.
     """
     rows, rest = matrix @ basis, vector + matrix @ origin

@@ -2,12 +2,13 @@
 
 Failure modes and answers
 -------------------------
-- A solver lets inequalities be violated by 1e-10 at best, which may be all there is of a thin
-  polyhedron: iterative refinement (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016). What
-  is left of every inequality at the point found is magnified, and the program solved again for the
-  rest of the way.
-- A polyhedron without interior, such as a segment of the plane: the inequalities that hold with
-  equality only have multipliers, and what they leave is looked at as a polyhedron of its own.
+- A solver lets inequalities be violated by 1e-10 at best, which may be more than the width of a
+  thin polyhedron: iterative refinement (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28,
+  2016). The value of every inequality at the point found is magnified, and the program is solved
+  again for the rest of the way.
+- A polyhedron has no interior, such as a segment of the plane: the inequalities that hold with
+  equality only have multipliers, and the subspace that these inequalities leave holds a polyhedron
+  with interior.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ class Point:
     x : ndarray, shape (n + 1,)
         The point (z, alpha).
     error : ndarray, shape (k, n + 1)
-        Samples of its error.
+        Samples of the error of x.
     characters : sequence of Character
-        The cells in whose closure the point lies; one unless it lies on an interface.
+        The cells in whose closure the point lies; several for a point on an interface.
     det_sign : int
         Sign of det(dH/dz) in the first of these cells.
     known_signs : tuple of int
-        The signs in all of these cells, where they are known; else empty.
+        The signs in all of these cells where the signs are known; else empty.
     in_doubt : bool or None
         Whether rounding leaves open in which cells the point lies; None if not yet tested.
     """
@@ -82,24 +83,24 @@ class Slice:
     singular: int = 0
 
 
-#: Corners of a face are listed up to this dimension.
+#: Largest dimension of a face whose corners are listed.
 MOST_DIMENSIONS = 3
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Infinitely many solutions in one cell, or the only one of a singular cell.
+    """Infinitely many solutions in one cell, or the only solution of a singular cell.
 
     Attributes
     ----------
     character : Character
     dimension : int
-        0 where there is one solution.
+        0 for a single solution.
     corners : ndarray, shape (k, n + 1)
-        The finite extreme points; none are listed where the dimension is above three.
+        The finite extreme points; empty for dimensions above three.
     inside : ndarray, shape (n + 1,)
-        A point of the face, inside of it.
+        A point inside of the face.
     directions : ndarray, shape (n, d)
         Vectors that span the face.
     """
@@ -117,7 +118,7 @@ class Face:
 
 
 def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
-    """Return the solutions of a singular cell, None if there are none."""
+    """Return the solutions of a singular cell as a face, None for a cell without solution."""
     start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
     chosen = problem.chosen(picks)
     if not satisfies(chosen, start):
@@ -148,9 +149,9 @@ def polyhedron_of(problem: Problem, one: Choices, rounding: float) -> Polyhedron
 
 
 def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool:
-    """Tell whether a point satisfies the equations of a singular cell, but for rounding.
+    """Tell whether a point satisfies the equations of a singular cell to rounding.
 
-    By how much rounding may have grown is said by ``growth``.
+    The factor ``growth`` says by how much rounding may have grown.
     """
     E = np.vstack([option.E for option in chosen])
     e = np.concatenate([option.e for option in chosen])
@@ -159,7 +160,7 @@ def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool
 
 
 def _corners(around: Polyhedron, basis: Array, rounding: float) -> Array:
-    """Return the extreme points of a polyhedron around a point inside of it, shape (k, d)."""
+    """Return the extreme points of a polyhedron around an inner point, shape (k, d)."""
     d = basis.shape[1]
     if d > MOST_DIMENSIONS or not d:
         return np.zeros((1 - min(d, 1), d))
@@ -187,25 +188,25 @@ def _extreme(matrix: Array, vector: Array) -> Array:
     return np.array(found).reshape(-1, q)
 
 
-#: Of HiGHS: its least tolerances, and no presolve, which fails where there is no largest value.
+#: Options of HiGHS: the least tolerances, and no presolve, which fails without a largest value.
 TIGHT = {
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
     "presolve": False,
 }
-#: By how much what is left is magnified: then the tolerance is rounding.
+#: Factors that magnify the values of inequalities in turn: the tolerance of the last is rounding.
 MAGNIFIED = (1.0, 2.0**16)
-#: What scipy calls a program without a largest value.
+#: The status of scipy for a program without a largest value.
 UNBOUNDED = 3
-#: Of multipliers whose sum is one, those that are not nothing.
-SOME = 1e-6
-#: Points where inequalities vanish are tried up to this number.
+#: A multiplier above this is not zero; the sum of all multipliers is one.
+LEAST_MULTIPLIER = 1e-6
+#: Most points at which the vanishing of inequalities is tried.
 MOST_CORNERS = 2000
-#: Rows with a smaller determinant are as good as parallel.
+#: Unit rows with a smaller determinant are taken for parallel.
 PARALLEL = 1e-10
-#: A point is well inside where inequalities hold by this part of its size.
+#: A point is well inside if every inequality exceeds this part of the size of the point.
 WELL_INSIDE = 1e-5
-#: No direction is shorter.
+#: Least length by which a direction is divided.
 TINY = float(np.finfo(float).tiny)
 
 
@@ -225,12 +226,12 @@ class Polyhedron:
 
     @classmethod
     def of(cls, matrix: Array, vector: Array, rounding: float) -> Polyhedron | None:
-        """Return a polyhedron without inequalities that hold everywhere, None if one holds nowhere.
+        """Return a polyhedron without trivial inequalities, None if an inequality holds nowhere.
 
         Parameters
         ----------
         rounding : float
-            Below this a row of the matrix does not depend on w.
+            A row of the matrix with smaller entries does not depend on w.
         """
         moves = np.abs(matrix).max(axis=1, initial=0.0) > rounding
         if (vector[~moves] < -rounding).any():
@@ -242,30 +243,30 @@ class Polyhedron:
         return Polyhedron(self.matrix, self.vector + self.matrix @ point)
 
     def farthest(self, way: Array) -> Array | None:
-        """Return a point with the largest ``way @ w``, None if there is none or no end."""
+        """Return a point with the largest ``way @ w``, None for an empty or endless polyhedron."""
         found = self._largest(way)
         return None if found is None else found[0]
 
     def is_unbounded(self, way: Array) -> bool:
-        """Tell whether there is no largest ``way @ w``."""
+        """Tell whether ``way @ w`` grows without end."""
         return bool(self._program(way, self.vector).status == UNBOUNDED)
 
     def inside(self, rounding: float) -> tuple[Array, Array] | None:
         """Return a point inside and, shape (q, d), an orthonormal basis of the directions there.
 
-        There are d < q of them where inequalities hold with equality only. None if no point
-        satisfies all of them.
+        The number d of directions is less than q if inequalities hold with equality only. None if
+        no point satisfies all inequalities.
 
         Parameters
         ----------
         rounding : float
-            By how much inequalities may be off.
+            The error of the inequalities.
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)
         corners = self._nearly_corners(rounding)
         if corners is not None and not len(corners):
-            return None  # one that has no line has a corner, or is empty
+            return None  # a polyhedron without a line and without a corner is empty
         if corners is not None:
             middle = corners.mean(axis=0)
             if self._is_well_inside(middle, rounding):
@@ -280,12 +281,12 @@ class Polyhedron:
         off = rounding * (1.0 + np.abs(point).max(initial=0.0))
         if least > off:
             return point, np.eye(q)
-        return None if least < -off else self._flat(point, multipliers > SOME, rounding)
+        return None if least < -off else self._flat(point, multipliers > LEAST_MULTIPLIER, rounding)
 
     def _nearly_corners(self, rounding: float) -> Array | None:
-        """Return points where some inequalities vanish and all hold, but for rounding.
+        """Return points where some inequalities vanish and all hold to rounding.
 
-        None where there are too many to try, or the polyhedron may hold a whole line.
+        None where the candidates are too many, or the polyhedron may hold a whole line.
         """
         k, q = self.matrix.shape
         if comb(k, q) > MOST_CORNERS or np.linalg.matrix_rank(self.matrix) < q:
@@ -305,14 +306,14 @@ class Polyhedron:
         return bool((self.matrix @ point + self.vector > off).all())
 
     def ends(self) -> tuple[float, float]:
-        """Return the least and the largest w where there is one dimension."""
+        """Return the least and the largest w of a polyhedron of one dimension."""
         slopes, values = self.matrix[:, 0], self.vector
         rises, falls = slopes > 0.0, slopes < 0.0
         lo = (-values[rises] / slopes[rises]).max(initial=-np.inf)
         return float(lo), float((-values[falls] / slopes[falls]).min(initial=np.inf))
 
     def _inside_line(self, rounding: float) -> tuple[Array, Array] | None:
-        """Return :meth:`inside` where there is one dimension."""
+        """Return :meth:`inside` of a polyhedron of one dimension."""
         lo, hi = self.ends()
         finite = [end for end in (lo, hi) if np.isfinite(end)]
         steepest = np.abs(self.matrix).min(initial=1.0)
@@ -326,7 +327,7 @@ class Polyhedron:
         return np.array([middle + beside]), np.eye(1)
 
     def _flat(self, point: Array, equal: Any, rounding: float) -> tuple[Array, Array] | None:
-        """Return the inside of what is left where some inequalities hold with equality."""
+        """Return the inside of the part in which some inequalities hold with equality."""
         basis = null_space(self.matrix[equal])
         if not basis.shape[1]:
             return point, basis
@@ -348,7 +349,7 @@ class Polyhedron:
 
     def _program(self, way: Array, vector: Array) -> Any:
         """Return scipy's answer for the largest ``way @ w`` with matrix w + vector >= 0."""
-        from scipy.optimize import linprog  # noqa: PLC0415  it takes as long to import as all the rest
+        from scipy.optimize import linprog  # noqa: PLC0415  the import takes as long as all the rest
 
         free, A = [(None, None)] * len(way), -self.matrix
         return linprog(-way, A_ub=A, b_ub=vector, bounds=free, method="highs", options=TIGHT)

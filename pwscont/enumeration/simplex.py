@@ -1,28 +1,29 @@
-"""Linear forms, and the simplex method that prunes the tree with them.
+"""Linear forms, and the simplex method that prunes the tree of choices by the signs of forms.
 
-Equations and inequalities of all options, and those that hold in every cell, are affine forms of
-the unknowns; many appear several times, with either sign. Each form is listed once. To choose an
-option is to ask more signs: a form asked to be >= 0 and <= 0 has to vanish.
+Equations and inequalities of all options, and of every cell, are affine forms of the unknowns; many
+forms appear several times, with either sign. Each form is listed once. To choose an option is to
+ask more signs: a form asked to be >= 0 and <= 0 has to vanish.
 
-Each program asks whether some point has the signs that its forms are asked for
-(:mod:`pwscont.enumeration.simplex`). A vertex is the point where q independent forms, the basis,
-vanish; s = coordinates + directions @ (values of the basis). The objective is any linear function
-that is least at the vertex, for the signs asked of the basis. More signs asked leave it so: the
-dual simplex method (Lemke 1954) begins where the program of the parent ended, and needs few steps.
+Each program asks whether some point has the signs that its forms are asked for. A vertex is the
+point where q independent forms, the basis, vanish; s = coordinates + directions @ (values of the
+basis). The objective is any linear function that is least at the vertex, for the signs asked of the
+basis. The vertex stays least when more signs are asked: the dual simplex method (Lemke 1954) begins
+where the program of the parent ended, and needs few steps.
 
 In each step the form with the wrongest value enters the basis, for the form by which the objective
-grows least (the largest coefficient, where several do). If none can make the value right, the row
-is the proof (Farkas 1902) that no point has the signs asked: form = constant + sum of coefficients
+grows least (among equals the largest coefficient). If no form can make the value right, the row is
+the proof (Farkas 1902) that no point has the signs asked: form = constant + sum of coefficients
 times forms of the basis, where no term can help.
 
 Failure modes and answers
 -------------------------
 - Rounding grows from step to step, and steps may divide by small coefficients: a proof is checked
-  against the forms themselves. If it fails, the vertex is computed anew from its basis; if it fails
-  again, the program counts as feasible. What is wrongly feasible costs time, and no more.
-- A solution on a boundary: signs count as wrong from SLACK on only, and a proof holds for points
-  that are off by MARGIN.
-- Ties: the method may cycle. After MOST_STEPS a program counts as feasible.
+  against the forms themselves. If the check fails, the vertex is computed anew from the basis; if
+  the check fails again, the program counts as feasible. A program that is wrongly feasible costs
+  time, and no more.
+- A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
+  points with an error of MARGIN.
+- Ties may make the method cycle: after MOST_STEPS a program counts as feasible.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ from pwscont.enumeration.options import Option, Problem
 
 Asked: TypeAlias = npt.NDArray[np.int8]
 
-#: What may be asked of a form, as bits: both of them mean that it vanishes.
+#: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
 ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
-#: Digits to which rows of unit length agree that are one form.
+#: Rows of unit length are one form if all entries agree to this number of decimals.
 DIGITS = 12
 
 
@@ -60,7 +61,7 @@ class Forms:
     always : ndarray of int8, shape (N,)
         The signs that every solution has.
     options : ndarray of int8, shape (k, m, N)
-        The signs that each option of each block asks; blocks may have less than m options.
+        The signs that each option of each block asks; a block may have less than m options.
     numbers : ndarray of int, shape (k,)
         How many options each block has.
     """
@@ -105,7 +106,7 @@ class _Table:
         self._rows: list[Array] = []
 
     def asked(self, groups: Iterable[tuple[Array, Array, int]]) -> list[tuple[int, int]]:
-        """Return the place of each form of some groups, with the signs asked of it."""
+        """Return the place of each form of some groups, with the signs asked of the form."""
         return list(chain.from_iterable(self._group(*group) for group in groups))
 
     def _group(self, matrix: Array, vector: Array, sign: int) -> list[tuple[int, int]]:
@@ -148,15 +149,15 @@ Flags = npt.NDArray[np.bool_]
 
 #: Coefficients below this part of the largest in a row, or of one, are taken for rounding.
 NEGLIGIBLE = 1e-9
-#: By how much forms of unit length may have the wrong sign at a solution: far above rounding.
+#: A form of unit length may have the wrong sign by this much at a solution: far above rounding.
 MARGIN = 1e-9
-#: Reduced unknowns of a solution are not larger than this: typical ones are of the order of one.
+#: Largest reduced unknown of a solution; typical reduced unknowns are of the order of one.
 REACH = 1e4
-#: Costs that are equal but for this are not told apart, so that steps divide by no small number.
+#: Costs that differ by less than this count as equal, so that steps divide by no small number.
 EQUAL_COSTS = 1e-4
 #: Steps of one program, per unknown.
 MOST_STEPS = 20
-#: The change of a form that is asked for a sign: free ones may change either way.
+#: The change of a form that is asked for a sign: free forms may change either way.
 _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 
 
@@ -197,7 +198,7 @@ class Vertices:
 
 
 def first_vertex(forms: Forms) -> Vertices:
-    """Return the vertex of the signs that are always asked, or nearly: it need not be feasible."""
+    """Return a vertex near the signs that are always asked; the vertex may be infeasible."""
     q = forms.rows.shape[1]
     inverse, basis = np.eye(q), np.arange(len(forms.rows) - q, len(forms.rows))
     for form in np.flatnonzero(forms.always):
@@ -214,7 +215,7 @@ def first_vertex(forms: Forms) -> Vertices:
 
 
 def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
-    """Return which programs have a point with the signs asked, and their new vertices."""
+    """Return the feasible programs, each with a point of the signs asked as the new vertex."""
     left = _Open(programs, np.arange(len(programs)), np.zeros(len(programs), dtype=bool))
     done: list[_Open] = []
     for _ in range(MOST_STEPS * (1 + forms.rows.shape[1])):
@@ -233,7 +234,7 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Open:
-    """Programs, with their places in the batch, and whether their vertices are computed anew."""
+    """Programs with places in the batch, and which vertices are computed anew."""
 
     vertices: Vertices
     places: Indices
@@ -252,7 +253,7 @@ def _in_order(done: list[_Open]) -> tuple[Indices, Vertices]:
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
-    """Return the form of each program whose sign is most wrong, and its value; 0 if all hold."""
+    """Return the form of each program with the most wrong sign, and the value; 0 if all hold."""
     values, signs = forms.values(vertices.points), vertices.signs
     wrong = np.maximum(
         np.where(signs & NOT_NEGATIVE, -values, 0.0), np.where(signs & NOT_POSITIVE, values, 0.0)
@@ -271,8 +272,8 @@ def slack_of(vertices: Vertices) -> Array:
 def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
     """Make one form of each program vanish.
 
-    Returns the programs to go on with, and those that cannot be decided. Those that are proved to
-    have no point are dropped.
+    Returns the programs to go on with, and the programs that cannot be decided. Programs that are
+    proved to have no point are dropped.
     """
     vertices = left.vertices
     row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
@@ -288,7 +289,7 @@ def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open
 
 
 def _gains(vertices: Vertices, slopes: Array) -> Array:
-    """Return how much forms of the basis help where they may change: slopes, or less than zero."""
+    """Return how much each form of the basis helps; less than zero for a change not allowed."""
     asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
     gains: Array = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
     return gains
@@ -301,7 +302,7 @@ def _rounding(row: Array) -> Array:
 
 
 def _pivoted(left: _Open, form: Indices, value: Array, row: Array, gain: Array) -> _Open:
-    """Return the programs with a form in the basis for the one that costs least."""
+    """Return the programs with a form in the basis instead of the form that costs least."""
     old, every = left.vertices, np.arange(len(form))
     can, cost = gain > _rounding(row), np.abs(old.directions[:, -1])
     gain = np.where(can, gain, 1.0)
@@ -322,9 +323,9 @@ def _is_proved(
 ) -> Flags:
     """Tell whether form = constant + row @ basis, and no term makes up for the constant.
 
-    At a solution within REACH the terms that are taken for rounding, and the difference of both
-    sides, are not larger than their coefficients times REACH, and all others help by no more than
-    their coefficients times MARGIN.
+    At a solution within REACH the terms taken for rounding, and the difference of the two sides,
+    are at most the coefficients times REACH, and all other terms help by at most the coefficients
+    times MARGIN.
     """
     basis = forms.rows[vertices.basis]
     constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)
@@ -336,7 +337,7 @@ def _is_proved(
 
 
 def _computed_anew(forms: Forms, some: _Open) -> _Open:
-    """Return the programs with vertices computed from their bases, as far as these are regular."""
+    """Return the programs with vertices computed anew from all regular bases."""
     old = some.vertices
     points, directions = old.points.copy(), old.directions.copy()
     for k, basis in enumerate(old.basis):

@@ -2,12 +2,12 @@
 
 Failure modes and answers
 -------------------------
-- Two solutions 1e-12 apart next to a fold, or none just beyond it: every candidate is refined
-  on the full system, and accepted by the signs of its tests to within the rounding of their
-  own terms, not by a fixed tolerance.
-- One solution found in several cells, on whose common boundary it lies: it is counted once, with
-  all its cells. At an apex there are 4^p; the signs of the tests at the solution name them.
-- A cell with infinitely many solutions: a face, with its dimension and its corners.
+- Two solutions are 1e-12 apart next to a fold, or there is no solution just beyond the fold: every
+  candidate is refined on the full system, and accepted by the signs of the tests to within the
+  rounding of the terms of each test, not by a fixed tolerance.
+- A solution on the common boundary of several cells is found in each cell: the solution is counted
+  once, with all these cells. At an apex 4^p cells meet, which the signs of the tests name.
+- A cell has infinitely many solutions: the cell gives a face, with dimension and corners.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from pwscont.system.promises import check_blocks
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
-#: Up to this many cells, all are tried at once, without splitting the system into parts.
+#: Most cells that are tried at once, without splitting the system into parts.
 FEW_CELLS = 64
 #: The known signs of solutions of singular cells.
 ALONE = (0,)
-#: Newton iterations on an affine selection: one, and one more against rounding.
+#: Most Newton iterations on an affine selection: one solves, the rest mends rounding.
 REFINEMENTS = 3
 
 
@@ -86,7 +86,7 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
 def _told_apart(
     points: list[Point], faces: Sequence[Face], undecided: int, metric: Metric
 ) -> Slice:
-    """Return a slice; the only solutions of singular cells are points, unless they are known.
+    """Return a slice; the only solution of a singular cell is a point, if not known before.
 
     Beside solutions that fill a face, such a point most often belongs to the face.
     """
@@ -112,7 +112,7 @@ def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
 
 
 def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
-    """Return all solutions part by part; None where there is one part, or few cells."""
+    """Return all solutions part by part; None for a system of one part, or of few cells."""
     if number_of_cells(system.blocks()) <= FEW_CELLS:
         return None
     table = Table.of(system, alpha, aside(metric.scale[:-1]))
@@ -141,7 +141,7 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
 def _whole(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, found: Partial, cells: Cells
 ) -> Point | None:
-    """Return a solution that was found part by part as one of the whole system."""
+    """Return the solution of the whole system near a solution found part by part."""
     selection = Selection(system, cells[0])
     root = _root(Curve(selection, metric), np.append(found.z, alpha))
     if isinstance(root, Failure):
@@ -165,20 +165,20 @@ def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
 
 
 def tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tuple[Array, Array]:
-    """Return the bounding tests at a solution, and how far below zero they may be computed."""
+    """Return the bounding tests at a solution, and the errors of these values."""
     slack = slack_of_values(selection.test_gradients(x), x, error, metric.scale)
     return selection.tests(x), slack + _inherited_slack(selection.system, selection.bounding)
 
 
 def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array | float:
-    """Return the error of some tests of a part by the errors of the parts before it."""
+    """Return the error of some tests of a part that the errors of earlier parts make."""
     if not isinstance(system, PartSlice):
         return 0.0
     return CONFIDENCE * system.inherited_slack()[which]
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:
-    """Return the sign of det(dH/dz) in one of the cells of a point, 0 where it is singular."""
+    """Return the sign of det(dH/dz) in a cell of a point, 0 for a singular cell."""
     root = _root(Curve(Selection(system, character), metric), x)
     return 0 if isinstance(root, Failure) else root.factor.sign
 
@@ -194,10 +194,10 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 
 @final
 class _Points:
-    """The isolated solutions found so far, each with the choices whose cells share it.
+    """The isolated solutions found so far, each with the choices whose cells share the solution.
 
-    A solution in the closure of another cell also solves that cell's equations, which have one
-    solution only: the choice of that cell need not be solved.
+    A solution in the closure of another cell solves the equations of the other cell too, and these
+    have one solution only: the choice of the other cell need not be solved.
     """
 
     def __init__(
@@ -232,7 +232,7 @@ class _Points:
                 choices = known.claim(choices)
 
     def _merged(self, new: _Known) -> _Known:
-        """Return the same solution found before, or the new one, which is kept."""
+        """Return the same solution found before, or the new solution, which is kept."""
         for old in self._found:
             if is_same(self._metric, (old.x, old.error), (new.x, new.error)):
                 return old
@@ -240,7 +240,7 @@ class _Points:
         return new
 
     def _refined(self, one: Choices) -> _Known | None:
-        """Return the solution of one choice, if it lies in its closed cell."""
+        """Return the solution of one choice, None for a solution outside of the closed cell."""
         problem, picks = self._problem, one.picks[:, 0]
         start = np.append(problem.origin + problem.basis @ one.starts[0], self._alpha)
         selection = Selection(self._system, problem.character(picks))
@@ -256,7 +256,7 @@ class _Points:
         return known if known.lies_in(one).all() else None
 
     def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
-        """Tell for each option of each block whether a solution satisfies its inequalities."""
+        """Tell which options of each block have inequalities that a solution satisfies."""
         tests = np.array(self._system.test_functions(x[:-1], self._alpha), dtype=float)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
@@ -270,7 +270,7 @@ class _Points:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Known:
-    """A solution, whose ``picks`` grow as choices that share it are met."""
+    """A solution, whose ``picks`` grow as choices that share the solution are met."""
 
     x: Array
     error: Array
@@ -286,7 +286,7 @@ class _Known:
         return inside
 
     def claim(self, choices: Choices) -> Choices:
-        """Take the choices that share the solution, and return the others."""
+        """Take the choices that share the solution, and return all other choices."""
         mine = self.lies_in(choices)
         if mine.any():
             self.picks.append(choices.picks[:, mine])
@@ -295,7 +295,7 @@ class _Known:
 
 @final
 class _Cells(Sequence[Character]):
-    """The characters of some choices, each made when it is taken: an apex has 4^p of them."""
+    """The characters of some choices, each character made when taken: an apex has 4^p."""
 
     def __init__(self, problem: Problem, picks: Indices) -> None:
         self._problem, self._picks = problem, picks

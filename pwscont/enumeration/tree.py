@@ -1,19 +1,19 @@
 """The search over all choices of options.
 
-Blocks are decided one after the other. Choices that no point can satisfy are cut off by linear
-programs, which relax the undecided blocks: of these only what holds in all their options is asked.
-Many programs are solved at once, each from the vertex where that of its parent ended. Each choice
-branches on the block whose options are most wrong at its vertex.
+Blocks are decided one after the other. Linear programs cut off choices that no point can satisfy.
+The programs relax the undecided blocks, and ask only what holds in all options of a block. Many
+programs are solved at once, each from the vertex where the program of the parent ended. Each choice
+branches on the block whose options are most wrong at the vertex of the choice.
 
 Failure modes and answers
 -------------------------
 - Nothing can be cut off, because a vertex lies in the cells of all options that are left (an
-  unloaded body), or because the inequalities are too weak: the rest is decided for all its choices
-  together (:mod:`pwscont.enumeration.batch`). So is everything if the search has cost as much as
-  that would.
-- Blocks with one option, of which there may be many: their equations are eliminated first.
-- A cell without a unique point: its inequalities may be looked at or not, and it is handed on as a
-  subspace.
+  unloaded body), or because the inequalities are too weak: all choices that are left are decided
+  together (:mod:`pwscont.enumeration.batch`). If the search has cost as much as a decision about
+  all choices together, the search is given up for that decision.
+- Many blocks have one option: the equations of these blocks are eliminated first.
+- A cell has no unique point: the cell is handed on as a subspace, with or without a look at the
+  inequalities of the cell.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ from pwscont.enumeration.simplex import (
     slack_of,
 )
 
-#: Choices decided in one batch: more would gain little and cost memory.
+#: Most choices in one batch: a larger batch would gain little and cost memory.
 BATCH = 4**7
-#: Up to this many choices, batches take about as long as linear programs.
+#: Number of choices for which batches take about as long as linear programs.
 FEW_CHOICES = 4**8
 #: Choices that are decided in batches in the time of one linear program.
 CHOICES_PER_PROGRAM = 16
 #: More options of one block than this are not branched on.
 MANY_OPTIONS = 64
-#: Linear programs solved at once: more would gain little and cost memory.
+#: Most linear programs solved at once: more programs would gain little and cost memory.
 PROGRAMS = 1024
 #: A decision that is still open.
 OPEN = -1
@@ -60,12 +60,12 @@ OPEN = -1
 @final
 @dataclass(frozen=True, slots=True)
 class Prices:
-    """What batches and linear programs cost, by which one of them is chosen.
+    """The costs of batches and linear programs, which decide between batches and programs.
 
     Attributes
     ----------
     few : int
-        Up to this many choices, batches take about as long as linear programs.
+        Number of choices for which batches take about as long as linear programs.
     per_program : int
         Choices that are decided in batches in the time of one linear program.
     """
@@ -77,26 +77,23 @@ class Prices:
 def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies their inequalities.
 
-    In singular cells the inequalities need not be looked at, nor where points are not unique.
+    The inequalities of singular cells need not have been looked at.
 
     Parameters
     ----------
     problem : Problem
     prices : Prices, optional
-        Default: those of a choice that is done with once its point is found.
+        Default: the prices if a choice is done once the point of the choice is found.
     """
     prices = prices or Prices(FEW_CHOICES, CHOICES_PER_PROGRAM)
-    ends = _search(problem, prices) if _is_worth_searching(problem, prices.few) else None
+    numbers = [len(options) for options in problem.blocks]
+    is_worth_searching = prod(numbers) > prices.few and max(numbers) <= MANY_OPTIONS
+    ends = _search(problem, prices) if is_worth_searching else None
     if ends is None:
         yield from _all(problem)
         return
     for picks in sorted(ends):
         yield from filter(len, _finished(problem, np.array(picks)))
-
-
-def _is_worth_searching(problem: Problem, few: int) -> bool:
-    numbers = [len(options) for options in problem.blocks]
-    return prod(numbers) > few and max(numbers) <= MANY_OPTIONS
 
 
 def _all(problem: Problem) -> Iterator[Choices]:
@@ -109,7 +106,7 @@ def _all(problem: Problem) -> Iterator[Choices]:
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
-    """Yield the choices that complete one, which may leave blocks open."""
+    """Yield the complete choices that begin with ``picks``, in which blocks may be open."""
     check_budget()
     order = np.argsort(picks == OPEN, kind="stable")
     reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
@@ -123,7 +120,7 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
 
 
 def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
-    """Return the choices that are left, or of which all completions are; None if too costly."""
+    """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
     space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
     for i, (option,) in enumerate(single):
@@ -139,7 +136,7 @@ def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Nodes:
-    """Choices that leave some blocks open, with the vertices of their programs."""
+    """Choices that leave some blocks open, each with the vertex of its program."""
 
     vertices: Vertices
     picks: Indices
@@ -189,7 +186,7 @@ class _Search:
         return _Nodes(vertices, nodes.picks[left])
 
     def _wrong(self, nodes: _Nodes) -> Array:
-        """Return how wrong each option is at each vertex, shape (N, k, m); 0 if it is decided."""
+        """Return how wrong each option is at each vertex, shape (N, k, m); 0 for decided blocks."""
         values = self._forms.values(nodes.vertices.points)
         sides = np.maximum(np.hstack([-values, values]), 0.0)
         wrong: Array = (sides @ self._asked).reshape(len(nodes), *self._forms.options.shape[:2])
@@ -197,9 +194,10 @@ class _Search:
         return wrong
 
     def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
-        """Tell which choices are complete, or so few that they are decided together.
+        """Tell which choices are complete, or are decided together with all their completions.
 
-        That is if their vertex lies in the cells of all options, so that none could be cut off.
+        Choices are decided together if the completions fit into a batch and the vertex lies in the
+        cells of all options, so that no option could be cut off.
         """
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)

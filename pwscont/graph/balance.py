@@ -17,18 +17,25 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
 from itertools import combinations, pairwise
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.errors import PwscontError
 from pwscont.basics.looks import apart
 from pwscont.basics.outcome import ACCUMULATE, FILL, ON_BOUND, FailureReason, Guarantee, Kind
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph.exports import DamagedError
-from pwscont.graph.queries import Queries
+from pwscont.graph.queries import (
+    check_inside,
+    index_at,
+    is_beside_infinite,
+    is_infinite,
+    nodes_at,
+    pieces_over,
+    pieces_through,
+    solutions_at,
+)
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.graph.structure import Structure, connected
 
@@ -107,82 +114,60 @@ def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
     return point.kind == Kind.END or ends or ON_BOUND in point.message
 
 
-class Balance(Queries):
-    """The balance of a branch graph; see :class:`pwscont.BranchGraph`."""
+def balance_at(graph: Structure, alpha: float) -> int:
+    """Return the sum of signs at an alpha, see :meth:`pwscont.BranchGraph.balance`."""
+    check_inside(graph, alpha)
+    nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
+    return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
 
-    def balance(self, alpha: float) -> int:
-        """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
 
-        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
-        branch is missing. The converse does not hold: a missed pair cancels.
-        """
-        self._inside(alpha)
-        nodes = sum(self._index(node) for node in self._nodes_at(alpha))
-        return nodes + sum(piece.det_sign for piece in self._through(alpha))
+def balances(graph: Structure) -> list[int]:
+    """Return the balance within each interval between successive special points."""
+    middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
+    return [sum(piece.det_sign for piece in pieces_over(graph, alpha)) for alpha in middles]
 
-    def balances(self) -> list[int]:
-        """Return the balance within each interval between successive special points."""
-        middles = [0.5 * (a + b) for a, b in pairwise(self.breaks())]
-        return [sum(piece.det_sign for piece in self._over(alpha)) for alpha in middles]
 
-    def balance_values(self) -> list[int]:
-        """Return the different values of the balance, ascending; one where nothing is missing.
+def balance_values(graph: Structure) -> list[int]:
+    """Return the different sums of signs, see :meth:`pwscont.BranchGraph.balance_values`."""
+    return sorted({value for value, _ in _judged(graph)})
 
-        A stretch of alpha that is no longer than the uncertainty of the special points around it
-        does not count: it may not exist, and its ends may be in the other order.
-        """
-        return sorted({value for value, _ in self._judged()})
 
-    def _judged(self) -> list[tuple[int, tuple[float, float]]]:
-        """Return balance and ends of the stretches that are longer than their ends are uncertain.
+def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
+    """Return balance and ends of the stretches that are longer than their ends are uncertain.
 
-        If there is no such stretch, return all of them; none where solutions are infinitely many,
-        for the signs of the pieces around them say nothing.
-        """
-        pairs = zip(self.balances(), pairwise(self.breaks()), strict=True)
-        everything = [row for row in pairs if not self._is_infinite(0.5 * sum(row[1]))]
-        return [row for row in everything if not self._is_blurred(*row[1])] or everything
+    If there is no such stretch, return all of them; none where solutions are infinitely many,
+    for the signs of the pieces around them say nothing.
+    """
+    pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
+    everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
+    return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
 
-    def _is_blurred(self, lo: float, hi: float) -> bool:
-        """Tell whether the errors of the special points around a stretch overlap within it."""
-        left = self._alphas < 0.5 * (lo + hi)
-        blur = CONFIDENCE * self._alpha_errors
-        first = (self._alphas + blur)[left].max(initial=lo)
-        last = (self._alphas - blur)[~left].min(initial=hi)
-        return bool(first >= last)
 
-    def is_balanced(self) -> bool:
-        """Tell whether the balance is the same at every regular alpha of the interval.
+def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
+    """Tell whether the errors of the special points around a stretch overlap within it."""
+    left = graph.alphas < 0.5 * (lo + hi)
+    blur = CONFIDENCE * graph.alpha_errors
+    first = (graph.alphas + blur)[left].max(initial=lo)
+    last = (graph.alphas - blur)[~left].min(initial=hi)
+    return bool(first >= last)
 
-        Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
-        Stretches too short to be judged do not count, see :meth:`balance_values`.
-        """
-        return not self.unbalanced()
 
-    def unbalanced(self) -> list[tuple[float, float]]:
-        """Return the stretches in which the balance is not what it must be.
-
-        Without a known degree: the stretches whose balance differs from the most frequent one, each
-        without the signs of branches that end on purpose.
-        """
-        judged = self._judged()
-        degree = self.system.degree if self.system else None
-        if degree is None:
-            ends = [(p, n) for p, n in loose_ends(self).items() if is_on_purpose(self, p)]
-            judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
-            values = [value for value, _ in judged]
-            degree = max(values, key=values.count, default=None)
-        merged: list[tuple[float, float]] = []
-        for lo, hi in (gap for value, gap in judged if value != degree):
-            if merged and merged[-1][1] == lo:
-                merged[-1] = (merged[-1][0], hi)
-            else:
-                merged.append((lo, hi))
-        return merged
-
-    @cached_property
-    def _alpha_errors(self) -> Array:
-        return np.array([point.error[-1] if len(point.error) else 0.0 for point in self._points])
+def unbalanced(graph: Structure) -> list[tuple[float, float]]:
+    """Return where the sum of signs is wrong, see :meth:`pwscont.BranchGraph.unbalanced`."""
+    judged = _judged(graph)
+    degree = graph.system.degree if graph.system else None
+    if degree is None:
+        ends = [(p, n) for p, n in loose_ends(graph).items() if is_on_purpose(graph, p)]
+        judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
+        values = [value for value, _ in judged]
+        degree = max(values, key=values.count, default=None)
+    merged: list[tuple[float, float]] = []
+    for lo, hi in (gap for value, gap in judged if value != degree):
+        if merged and merged[-1][1] == lo:
+            merged[-1] = (merged[-1][0], hi)
+        else:
+            merged.append((lo, hi))
+    return merged
 
 
 def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
@@ -207,12 +192,12 @@ WORDS = {
 Gap = tuple[float, float]
 
 
-def verdict(graph: Balance) -> str:
+def verdict(graph: Structure) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
     if graph.searched.spent:
         return _unfinished(graph)
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
-    if gaps := graph.unbalanced():
+    if gaps := unbalanced(graph):
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
@@ -225,7 +210,7 @@ def verdict(graph: Balance) -> str:
 # -- why the sum of signs is wrong ----------------------------------------------------------------
 
 
-def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
+def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
@@ -243,12 +228,12 @@ def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
 
-def _searched_in_part(graph: Balance) -> list[SpecialPoint]:
+def _searched_in_part(graph: Structure) -> list[SpecialPoint]:
     """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
     return graph.special_points(Kind.PARTIAL_CORNER)
 
 
-def _touches(graph: Balance, gap: Gap, point: SpecialPoint) -> bool:
+def _touches(graph: Structure, gap: Gap, point: SpecialPoint) -> bool:
     """Tell whether a stretch begins or ends at a point."""
     return any(bool(graph.same(point.alpha, end)) for end in gap)
 
@@ -257,10 +242,10 @@ def _listed(gaps: Iterable[Gap]) -> str:
     return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
 
 
-def _stands_twice(graph: Balance, gap: Gap) -> bool:
+def _stands_twice(graph: Structure, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch agree within their errors."""
     try:
-        found = graph.solutions(0.5 * (gap[0] + gap[1]))
+        found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
     except PwscontError:  # the graph was loaded without its system, or is damaged here
         return False
     return any(_is_one(a, b) for a, b in combinations(found, 2))
@@ -275,7 +260,7 @@ def _is_one(a: Solution, b: Solution) -> bool:
 # -- doubts, and where they arise ----------------------------------------------------------------
 
 
-def _doubts(graph: Balance) -> Iterator[str]:
+def _doubts(graph: Structure) -> Iterator[str]:
     """Yield why a search cannot keep its promise, because of what was found at special points."""
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
@@ -289,19 +274,19 @@ def _doubts(graph: Balance) -> Iterator[str]:
         for point in points
         if FILL in point.message
         and _leaves_its_alpha(graph, point)
-        and not graph.is_beside_infinite(point.alpha)
+        and not is_beside_infinite(graph, point.alpha)
     ]
     yield from _places("solutions fill more than curves", graph, filled)
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
 
 
-def _leaves_its_alpha(graph: Balance, point: SpecialPoint) -> bool:
+def _leaves_its_alpha(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether a piece that is not vertical leaves from a special point."""
     return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
 
 
-def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
+def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:
     """Yield where pieces were stopped, and why: in the numbers, or at the end of the model."""
     groups: dict[str, list[SpecialPoint]] = {}
     for point in points:
@@ -310,7 +295,7 @@ def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
         yield from _places(what, graph, some, _reason)
 
 
-def _what_happened(graph: Balance, point: SpecialPoint) -> str:
+def _what_happened(graph: Structure, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
@@ -339,7 +324,7 @@ def _accumulation(point: SpecialPoint) -> str:
 
 def _places(
     what: str,
-    graph: Balance,
+    graph: Structure,
     points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
@@ -353,7 +338,7 @@ def _places(
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
 
 
-def _unfinished(graph: Balance) -> str:
+def _unfinished(graph: Structure) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]

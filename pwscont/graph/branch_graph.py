@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, final
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
-from pwscont.graph import presentation, storage
+from pwscont.graph import balance, presentation, queries, storage
 from pwscont.graph.adopted import adopted
-from pwscont.graph.balance import WORDS, Balance, verdict
+from pwscont.graph.balance import WORDS, verdict
 from pwscont.graph.exports import data_frame, networkx_graph
+from pwscont.graph.records import Solution, Stretch
+from pwscont.graph.structure import Structure
 from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @final
-class BranchGraph(Balance):
+class BranchGraph(Structure):
     """All that was found of the solutions of a system in an interval of its parameter.
 
     Made by :func:`pwscont.trace` and :func:`pwscont.explore`; not changed afterwards.
@@ -64,6 +66,85 @@ class BranchGraph(Balance):
     >>> graph.nx.number_of_edges()
     3
     """
+
+    def count(self, alpha: float) -> int | float:
+        """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
+
+        A solution at which two pieces meet counts once.
+        """
+        return queries.count_at(self, alpha)
+
+    def solutions(self, alpha: float) -> list[Solution]:
+        """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
+
+        Of infinitely many, as on a vertical piece, these are the ends of segments that are pieces.
+
+        Raises
+        ------
+        InvalidInputError
+            If alpha lies outside the interval.
+        SystemNeededError
+            If a curved piece must be corrected and the graph was loaded without its system.
+        """
+        return queries.solutions_at(self, alpha)
+
+    def solution_at(self, node: int) -> Solution:
+        """Return a special point as one of the solutions at its alpha."""
+        return queries.solution_at(self, node)
+
+    def multiplicity(self) -> list[Stretch]:
+        """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+
+        The number holds at every alpha of the stretch; each entry says whether it holds at its ends
+        as well (``lo_closed``, ``hi_closed``). A single value of alpha with infinitely many
+        solutions is an entry of its own; those with another number, such as folds, are found by
+        :meth:`with_count` and :meth:`count`.
+        """
+        return queries.multiplicity(self)
+
+    def with_count(self, count: int | float) -> list[Stretch]:
+        """Return all stretches and single values of alpha with exactly ``count`` solutions."""
+        return queries.with_count(self, count)
+
+    def is_beside_infinite(self, alpha: float) -> bool:
+        """Tell whether there are infinitely many solutions at ``alpha`` or next to it."""
+        return queries.is_beside_infinite(self, alpha)
+
+    def balance(self, alpha: float) -> int:
+        """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
+
+        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
+        branch is missing. The converse does not hold: a missed pair cancels.
+        """
+        return balance.balance_at(self, alpha)
+
+    def balances(self) -> list[int]:
+        """Return the balance within each interval between successive special points."""
+        return balance.balances(self)
+
+    def balance_values(self) -> list[int]:
+        """Return the different values of the balance, ascending; one where nothing is missing.
+
+        A stretch of alpha that is no longer than the uncertainty of the special points around it
+        does not count: it may not exist, and its ends may be in the other order.
+        """
+        return balance.balance_values(self)
+
+    def is_balanced(self) -> bool:
+        """Tell whether the balance is the same at every regular alpha of the interval.
+
+        Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
+        Stretches too short to be judged do not count, see :meth:`balance_values`.
+        """
+        return not balance.unbalanced(self)
+
+    def unbalanced(self) -> list[tuple[float, float]]:
+        """Return the stretches in which the balance is not what it must be.
+
+        Without a known degree: the stretches whose balance differs from the most frequent one, each
+        without the signs of branches that end on purpose.
+        """
+        return balance.unbalanced(self)
 
     @cached_property
     def nx(self) -> nx.MultiGraph:
@@ -115,7 +196,7 @@ class BranchGraph(Balance):
         storage.write(
             path,
             storage.Contents(
-                self._points,
+                self.nodes,
                 self.pieces,
                 self.starts,
                 self.interval,
@@ -129,7 +210,7 @@ class BranchGraph(Balance):
     def _names_to_keep(self) -> tuple[str, ...] | None:
         """Return the names for a file, None for names that do not fit: the numbers are kept."""
         try:
-            return self.names if self.quantities.is_named and self._points else None
+            return self.names if self.quantities.is_named and self.nodes else None
         except InvalidSystemError:
             return None
 

@@ -8,8 +8,10 @@ from math import isinf
 from typing import Any
 
 from pwscont.basics.looks import apart, counted
-from pwscont.graph.balance import Balance, verdict
+from pwscont.graph.balance import balance_values, verdict
+from pwscont.graph.queries import count_at, multiplicity
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
+from pwscont.graph.structure import Structure
 
 #: What is smaller than this part of the largest value of its kind is rounding, and reads as zero.
 DUST = 1e-12
@@ -22,7 +24,7 @@ def number(value: float) -> str:
     return f"{value:.8g}"
 
 
-def as_text(graph: Balance) -> str:
+def as_text(graph: Structure) -> str:
     """Return a short summary."""
     name = graph.parameter
     lines = [
@@ -32,13 +34,13 @@ def as_text(graph: Balance) -> str:
     ]
     lines += [
         f"  {counted(stretch[2], 'solution')} for {name} in {stretch.ends}"
-        for stretch in graph.multiplicity()
+        for stretch in multiplicity(graph)
     ]
     lines.append(f"  {verdict(graph)}")
     return "\n".join(lines)
 
 
-def as_html(graph: Balance) -> str:
+def as_html(graph: Structure) -> str:
     """Return the summary and the pieces as an HTML table."""
     rows = "".join(
         f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
@@ -50,7 +52,7 @@ def as_html(graph: Balance) -> str:
     return f"<pre>{escape(as_text(graph))}</pre><table>{head}{rows}</table>"
 
 
-def as_dict(graph: Balance) -> dict[str, Any]:
+def as_dict(graph: Structure) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
     ``parameter`` has the name of alpha, and its interval. The ``name`` of a node is that of an
@@ -60,8 +62,8 @@ def as_dict(graph: Balance) -> dict[str, Any]:
     are those of the components of every state. A ``recorded`` quantity is None where it failed,
     and ``not_recorded`` then says why.
     """
-    sums = graph.balance_values()
-    rows = [row for row in graph.multiplicity() if row[0] < row[1]]
+    sums = balance_values(graph)
+    rows = [row for row in multiplicity(graph) if row[0] < row[1]]
     component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
     nodes = [point for point in graph.special_points() if point.id >= 0]
     attempts = [attempted(point) for point in nodes]
@@ -129,9 +131,9 @@ def _stretch(row: Stretch) -> dict[str, Any]:
     return {"lo": lo, "hi": hi, "count": finite(count)} | ends
 
 
-def _between(graph: Balance, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
+def _between(graph: Structure, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
     for alpha in graph.breaks():
-        count = graph.count(alpha)
+        count = count_at(graph, alpha)
         if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:
             yield [alpha, finite(count)]
 

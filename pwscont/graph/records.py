@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from pwscont.basics.outcome import Kind
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.place import Place, Track
-from pwscont.system.system import PiecewiseSystem
 
+#: A message for the positive orientation and one for the negative orientation.
+Words: TypeAlias = tuple[str, str]
 #: Significant digits where the error is rounding.
 ALL_DIGITS = 16.0
 
@@ -34,97 +35,33 @@ def significant(error: Array, values: Array, scale: Array) -> float:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class Accuracy:
-    """Tells how many digits of a place are significant, by its error when it is asked for.
+class Messages:
+    """What happens at a special point, in both orientations.
 
-    Attributes
+    Words for thousands of points take long to make, and few are ever read: they may be given as a
+    function, which is called when the words are first asked for.
+
+    Parameters
     ----------
-    scale : ndarray, shape (n + 1,), or None
-        Typical magnitudes of (z, alpha).
-    known : float
-        The number where there are no magnitudes.
+    words : tuple of two str, or callable
+        The messages for the positive and for the negative orientation, or a function without
+        arguments that returns this tuple.
     """
 
-    scale: Array | None = None
-    known: float = ALL_DIGITS
+    __slots__ = ("_words",)
 
-    def digits(self, place: Place) -> float:
-        """Return the number of significant decimal digits."""
-        return self.known if self.scale is None else significant(place.error, place.x, self.scale)
+    def __init__(self, words: Words | Callable[[], Words]) -> None:
+        self._words = words
 
+    @property
+    def words(self) -> Words:
+        """The messages for the positive and for the negative orientation."""
+        if callable(self._words):
+            self._words = self._words()
+        return self._words
 
-ROUNDING = Accuracy()
-
-
-#: Orientation, +1 or -1 -> message.
-Passage = Callable[[int], str]
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Said:
-    """Two messages, or one for both orientations."""
-
-    forward: str
-    backward: str | None = None
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message for an orientation."""
-        return self.forward if orientation > 0 or self.backward is None else self.backward
-
-
-@final
-@dataclass(slots=True, eq=False)
-class Begun:
-    """That tracing began inside a cell, put into words when it is asked for.
-
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        Has the words.
-    character : Character
-    """
-
-    system: PiecewiseSystem
-    character: Character
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message."""
-        return f"start in {self.system.label(self.character)}"
-
-    def __reduce__(self) -> tuple[type[Said], tuple[str]]:
-        return Said, (self(1),)  # copies, also in other processes, have no system
-
-
-@final
-@dataclass(slots=True, eq=False)
-class Change:
-    """What changes from one cell to another, put into words when it is asked for.
-
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        Has the words.
-    before, after : Character
-        The cells in the order of the positive orientation.
-    note : str
-        What else is known.
-    """
-
-    system: PiecewiseSystem
-    before: Character
-    after: Character
-    note: str = ""
-
-    def __call__(self, orientation: int) -> str:
-        """Return the message for an orientation."""
-        cells = (self.before, self.after) if orientation > 0 else (self.after, self.before)
-        change = self.system.describe_transition(*cells)
-        return f"{change}; {self.note}" if self.note else change
-
-    def __reduce__(self) -> tuple[type[Said], tuple[str, str]]:
-        return Said, (self(1), self(-1))  # copies, also in other processes, have no system
+    def __reduce__(self) -> tuple[type[Messages], tuple[Words]]:
+        return Messages, (self.words,)  # a copy, perhaps in another process, has no system
 
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -164,12 +101,12 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimate of its error.
-    passed : callable
-        Returns the message for an orientation, +1 or -1.
+    messages : Messages
+        What happens there, in both orientations.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
-    accuracy : Accuracy
-        Tells how many digits are known.
+    digits : float
+        Number of significant decimal digits, by the estimate of the error.
     lost : int
         Number of pieces that leave here and could not be followed.
     quantities : Quantities
@@ -182,9 +119,9 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    passed: Passage
+    messages: Messages
     piece: int | None = None
-    accuracy: Accuracy = ROUNDING
+    digits: float = ALL_DIGITS
     lost: int = 0
     quantities: Quantities = NAMELESS
     events: str = ""
@@ -207,27 +144,21 @@ class SpecialPoint:
         return self.place.error
 
     @property
-    def digits(self) -> float:
-        """Number of significant decimal digits, by the estimate of the error."""
-        return self.accuracy.digits(self.place)
-
-    @property
     def message(self) -> str:
         """What happens there when passed in positive orientation.
 
         For example ``"contact-slip → contact-stick"``.
         """
-        return self.passed(1)
+        return self.messages.words[0]
 
     @property
     def backward(self) -> str:
         """The message when passed in negative orientation."""
-        return self.passed(-1)
+        return self.messages.words[1]
 
-    def asking(self, quantities: Quantities) -> SpecialPoint:
-        """Return the same point, whose state is asked by these names."""
-        what = self.id, self.kind, self.place, self.passed, self.piece, self.accuracy, self.lost
-        return SpecialPoint(*what, quantities, self.events)
+    def passed(self, orientation: int) -> str:
+        """Return the message for an orientation, +1 or -1."""
+        return self.message if orientation > 0 else self.backward
 
     @property
     def name(self) -> str:

@@ -15,14 +15,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 from zipfile import ZipFile
 
 import numpy as np
-import numpy.typing as npt
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
@@ -31,9 +30,9 @@ from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.graph.balance import check_places, check_references
 from pwscont.graph.exports import DamagedError, Fields
-from pwscont.graph.place import Stored, Track, WorkedOut, first_digits, from_first_digits
+from pwscont.graph.place import Place, Track, first_digits, from_first_digits
 from pwscont.graph.queries import read_stretches, rows_of
-from pwscont.graph.records import Accuracy, Piece, Said, SpecialPoint, Stretch, attempted
+from pwscont.graph.records import Messages, Piece, SpecialPoint, Stretch, attempted
 
 MEMBER = "scene.json"
 
@@ -106,14 +105,14 @@ def write(path: str | Path, contents: Contents) -> None:
     GraphFileError
         If it cannot be written.
     """
-    nodes, starts = _SpecialPoints(contents.points), _SpecialPoints(contents.starts)
+    points, starts = contents.points, contents.starts
     arrays = {
-        "nodes": _stack(nodes.states),
-        "starts": _stack(starts.states),
-        "errors": _stack([*nodes.errors, *starts.errors]).astype(np.uint16),
+        "nodes": _stack([point.z for point in points]),
+        "starts": _stack([start.z for start in starts]),
+        "errors": first_digits(_stack([point.error for point in (*points, *starts)])),
         "points": _stack([piece.points for piece in contents.pieces]),
     }
-    header = _header(contents) | {"nodes": nodes.headers, "starts": starts.headers}
+    header = _header(contents)
     content = BytesIO()
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
@@ -124,29 +123,8 @@ def write(path: str | Path, contents: Contents) -> None:
         raise GraphFileError(f"cannot write {path}: {why}") from error
 
 
-@final
-class _SpecialPoints:
-    """What a file holds of special points; each place is worked out once.
-
-    Attributes
-    ----------
-    states, errors : list of ndarray, each of shape (n,) and (n + 1,)
-    headers : list of dict
-    """
-
-    def __init__(self, points: Sequence[SpecialPoint]) -> None:
-        self.states: list[Array] = []
-        self.errors: list[npt.NDArray[np.uint16]] = []
-        self.headers: list[dict[str, Any]] = []
-        for packed in points:
-            point = replace(packed, place=WorkedOut(packed.place))
-            self.states.append(point.z)
-            self.errors.append(first_digits(point.error))
-            self.headers.append(_node_header(point))
-
-
 def _header(contents: Contents) -> dict[str, Any]:
-    """Return all of the header but special points."""
+    """Return the header: all of a graph that is not an array of numbers."""
     searched = contents.searched
     header = {
         "format": FORMAT,
@@ -155,6 +133,8 @@ def _header(contents: Contents) -> dict[str, Any]:
         "parameter": contents.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
+        "nodes": [_node_header(point) for point in contents.points],
+        "starts": [_node_header(start) for start in contents.starts],
         "pieces": [_piece_header(piece) for piece in contents.pieces],
         "infinite": rows_of(contents.infinite),
     }
@@ -319,10 +299,10 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
     return SpecialPoint(
         id=header.integer("id", -1),
         kind=kind_of(header.word("kind")),
-        place=Stored(np.append(z, header.finite("alpha")), error),
-        passed=Said(header.text("message"), header.text("backward")),
+        place=Place(np.append(z, header.finite("alpha")), error),
+        messages=Messages((header.text("message"), header.text("backward"))),
         piece=None if piece is None else header.integer("piece", 0),
-        accuracy=Accuracy(known=header.number("digits")),
+        digits=header.number("digits"),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
         events=header.text("events") if header.has("events") else "",  # not in files at first

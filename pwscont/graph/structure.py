@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import chain, combinations
@@ -99,7 +100,8 @@ class Structure:
         return {point.id: _asked(point, self.quantities) for point in self._given}
 
     @cached_property
-    def _points(self) -> tuple[SpecialPoint, ...]:
+    def nodes(self) -> tuple[SpecialPoint, ...]:
+        """The special points by id, without the starts within pieces."""
         return tuple(self._nodes[i] for i in sorted(self._nodes))
 
     @cached_property
@@ -115,7 +117,7 @@ class Structure:
     def names(self) -> tuple[str, ...]:
         """The names of the unknowns; empty where a graph has neither a system nor points."""
         some = (
-            shown_size(self.system) if self.system else next((len(p.z) for p in self._points), None)
+            shown_size(self.system) if self.system else next((len(p.z) for p in self.nodes), None)
         )
         return () if some is None else self.quantities.names(some)
 
@@ -133,7 +135,7 @@ class Structure:
         InvalidInputError
             If the kind is no text, or a misspelt one.
         """
-        everything = [*self._points, *self.starts]
+        everything = [*self.nodes, *self.starts]
         if kind is None:
             return everything
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
@@ -210,10 +212,25 @@ class Structure:
         lo, hi = self.interval
         breaks = [lo]
         ends = [end for stretch in self.infinite for end in stretch[:2]]
-        for alpha in sorted(map(self.clean, [*(p.alpha for p in self._points), *ends])):
+        for alpha in sorted(map(self.clean, [*(p.alpha for p in self.nodes), *ends])):
             if not self.same(alpha, breaks[-1]) and not self.same(alpha, hi):
                 breaks.append(alpha)
         return [*breaks, hi]
+
+    @cached_property
+    def extent(self) -> Array:
+        """Smallest and largest alpha of each piece, shape (number of pieces, 2)."""
+        return np.array([piece.interval for piece in self.pieces]).reshape(-1, 2)
+
+    @cached_property
+    def alphas(self) -> Array:
+        """The alphas of the nodes."""
+        return np.array([point.alpha for point in self.nodes])
+
+    @cached_property
+    def alpha_errors(self) -> Array:
+        """The estimated errors of these alphas."""
+        return np.array([point.error[-1] if len(point.error) else 0.0 for point in self.nodes])
 
     @cached_property
     def verticals(self) -> list[Piece]:
@@ -242,7 +259,7 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     kept = point.quantities.record
     if kept:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
-    return point.asking(quantities)
+    return replace(point, quantities=quantities)
 
 
 def _check_spelling(kind: object, kinds: Sequence[str]) -> None:

@@ -19,7 +19,6 @@ from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import (
     LU,
     Factor,
-    ScaledFactor,
     power_of_two,
     regularise,
     sign_of_pivots,
@@ -75,15 +74,6 @@ class DenseFactor(Factor):
         """Return the solution with the transposed matrix."""
         scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._columns, 1, 1)[0]
         return scaled * self._rows
-
-    def without_border(self) -> Factor:
-        """Return the factorisation of B, if M is [[B, b], [0, 1]] and regular.
-
-        No pivot of B lies in the last row, which has zeros there.
-        """
-        n = len(self._lu) - 1
-        part = DenseLU(self._lu[:n, :n].copy(order="F"), self._pivots[:n])
-        return ScaledFactor(part, 1.0 / self._rows[:n], self._columns[:n])
 
     def is_singular(self) -> bool:
         """Tell whether the scaled matrix is singular to rounding."""

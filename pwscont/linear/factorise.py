@@ -3,6 +3,7 @@
 - :func:`bordered` factorises [J; row], for Newton's method and tangents;
 - :func:`inner` factorises B alone, the part of J for z, for straight pieces;
 - :func:`factor` factorises a square matrix;
+- :func:`balanced_columns` says in which units the unknowns of a matrix are alike;
 - :func:`columns_scaled`, :func:`rows_divided`, :func:`largest_in_rows` and :func:`column` bring a
   Jacobian to entries of about one, and read its columns.
 
@@ -29,6 +30,7 @@ __all__ = [
     "DenseFactor",
     "Factor",
     "SparseFactor",
+    "balanced_columns",
     "bordered",
     "column",
     "columns_scaled",
@@ -123,6 +125,25 @@ def column(jacobian: Matrix, index: int) -> Array:
     if isinstance(jacobian, StructuredJacobian):
         return jacobian.column_at(index)
     return np.array(jacobian[:, index], dtype=float)
+
+
+def balanced_columns(jacobian: Matrix) -> Array:
+    """Return by what to multiply columns of [H_z, H_alpha] to balance H_z, powers of two.
+
+    Each row is divided by its largest entry first; the last multiplier, that of alpha, is one.
+    """
+    sparse = sp.issparse(jacobian)
+    sizes = abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian))
+    rows = sizes[:, :-1]
+    largest = _largest(rows, 1)
+    columns = _largest(rows / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis], 0)
+    return power_of_two(np.append(1.0 / np.where(columns > 0.0, columns, 1.0), 1.0))
+
+
+def _largest(sizes: Matrix, axis: int) -> Array:
+    """Return the largest entries along an axis of a matrix, dense or in sparse rows."""
+    found = sizes.max(axis=axis)
+    return dense(found).ravel() if sp.issparse(sizes) else found
 
 
 def _structured(jacobian: Matrix) -> StructuredJacobian:

@@ -32,11 +32,14 @@ class SwitchedSystem(Notated):
     ) -> None:
         super().__init__(lifted.size, lifted.layout, lifted.hidden, given, own_names)
         self._lifted, self._derivatives = lifted, derivatives
-        #: Whether derivatives are more than differences.
-        self.knows_jacobian = derivatives is not None
         #: The last outcome, with its point and signs: tests and residual are asked for in turn.
         self._last: tuple[bytes, float, bytes, Outcome] | None = None
         self._last_slopes: tuple[bytes, float, bytes, Matrix] | None = None
+
+    @property
+    def knows_jacobian(self) -> bool:
+        """Whether derivatives are more than differences."""
+        return self._derivatives is not None
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of all switches."""

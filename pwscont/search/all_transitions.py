@@ -1,8 +1,9 @@
 """Every transition point of every cell, for systems whose pieces are all straight.
 
-A component without a transition is a straight line from one end of the interval to the other;
-all others, closed loops included, have a transition point. So these points and the solutions at
-one end give every component, unless some unknown is free: vertical lines then need not have one.
+A component without a transition is a straight line from one end of the interval to the other; all
+other components, closed loops included, have a transition point. The transition points and the
+solutions at one end therefore give every component, unless some unknown is free: a vertical line
+then need not have a transition point.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from pwscont.system.system import (
 )
 from pwscont.transitions.rays import vanishing
 
-#: A direction whose part along alpha is smaller than this is vertical.
+#: A direction is vertical if the component along alpha is below this part of the largest component.
 ALONG = EPS**0.5
 
 
@@ -61,17 +62,31 @@ class AllTransitions(Search):
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
                 "none; use EndPoints, Slices or MultiStart"
             )
-        few, known = FewCells.of(system, metric, interval), _Corners(system, metric)
+        few, known = FewCells.of(system, metric, interval), list[tuple[Found, frozenset[int]]]()
+
+        def is_known(found: Found, test: int | None) -> bool:
+            """Tell whether a solution was found before; remember a new solution with a digit.
+
+            A corner is found once for each test that vanishes there. A solution without a certain
+            digit is new, and not remembered, because all others would be the same.
+            """
+            if not has_digits(*found, metric.scale):
+                return False
+            if any(test in zero and is_same(metric, found, old) for old, zero in known):
+                return True
+            known.append((found, vanishing(system, *found, metric.scale)))
+            return False
+
         solutions = few.solutions() if few else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
-            if known.add(found):
+            if not is_known(found, None):
                 yield found
         for test, found in _on_interfaces(system, metric, interval, few):
-            if known.add(found, test):
+            if not is_known(found, test):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Promise everything; nothing where pieces may go from bound to bound or are free."""
+        """Promise everything, but nothing for systems with bounds or free unknowns."""
         in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
         promise = Guarantee.NOTHING if in_doubt else Guarantee.EVERYTHING
         return SearchScope("all transition points, and all solutions at the lower end", promise)
@@ -80,7 +95,7 @@ class AllTransitions(Search):
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     """Tell whether z may move in a direction that neither H nor a test sees, in every cell.
 
-    Nearly always H alone sees all directions, of which a factorisation tells sooner than a rank.
+    Nearly always H alone sees all directions, which a factorisation tells sooner than a rank.
     """
     differences = system.differences(0.0)
     z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
@@ -92,27 +107,6 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     sizes = np.abs(rows).max(axis=1, initial=0.0)
     scaled = rows / np.where(sizes > 0.0, sizes, 1.0)[:, np.newaxis]
     return bool(np.linalg.matrix_rank(scaled) < system.size)
-
-
-@final
-class _Corners:
-    """Solutions and the tests that vanish there: a corner is found once for each such test."""
-
-    def __init__(self, system: PiecewiseSystem, metric: Metric) -> None:
-        self._system, self._metric = system, metric
-        self._known: list[tuple[Found, frozenset[int]]] = []
-
-    def add(self, found: Found, test: int | None = None) -> bool:
-        """Remember a solution, at which a test vanishes, and tell whether it is a new one.
-
-        One of which no digit is certain is new, and not remembered: all others would be the same.
-        """
-        if not has_digits(*found, self._metric.scale):
-            return True
-        if any(test in zero and is_same(self._metric, found, old) for old, zero in self._known):
-            return False
-        self._known.append((found, vanishing(self._system, *found, self._metric.scale)))
-        return True
 
 
 def _on_interfaces(
@@ -144,7 +138,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
 
 
 def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
-    """Tell whether a point lies in the interval; beside an end by its error, it is put there."""
+    """Tell whether a point lies in the interval; put a point beside an end by its error there."""
     if interval[0] <= x[-1] <= interval[1]:
         return True
     alpha = _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
@@ -154,13 +148,13 @@ def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
 
 
 def _clipped(interval: tuple[float, float], alpha: float, error: float) -> float | None:
-    """Return an alpha in the interval, beside an end by its error that end; None outside."""
+    """Return an alpha in the interval, the end for an alpha beside it by its error; else None."""
     nearest = min(max(alpha, interval[0]), interval[1])
     return nearest if abs(alpha - nearest) <= CONFIDENCE * error else None
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
-    """Return the points where a test vanishes; of vertical faces, their corners."""
+    """Return the points where a test vanishes, of vertical faces the corners."""
     found = solve_slice(points, metric, 0.0)
     faces = [face for face in found.faces if _is_vertical(face, metric)]
     parts: tuple[Point | Face, ...] = (*found.points, *faces)
@@ -168,7 +162,7 @@ def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
 
 
 def _is_vertical(face: Face, metric: Metric) -> bool:
-    """Tell whether a face has corners, or else lies at one alpha."""
+    """Tell whether a face has corners, or lies at one alpha."""
     moves = face.directions / metric.scale[:-1, np.newaxis]
     return bool(len(face.corners)) or bool((np.abs(moves[-1]) <= ALONG * np.abs(moves).max()).all())
 
@@ -178,7 +172,7 @@ class _OnInterface(SlicewiseLinearSystem):
     """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha - lo).
 
     Only cells that the test bounds take part, and only points of the interval. The parameter of
-    this system is idle: nothing depends on it.
+    this system is idle: H and the tests do not depend on the parameter.
     """
 
     def __init__(
@@ -226,11 +220,11 @@ class _OnInterface(SlicewiseLinearSystem):
         return _with_zero_column(np.vstack([rows, kappa]))
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return the bounding tests of the system without ``test``, which is zero."""
+        """Return the bounding tests of the system without the test that vanishes."""
         return [i for i in self._system.bounding_tests(character) if i != self._test]
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the system's blocks, one of them restricted to the cells at the interface."""
+        """Return the system's blocks, the test's block restricted to cells at the interface."""
         return tuple(
             self._block if block.tests == self._block.tests else block
             for block in self._system.blocks()

@@ -1,4 +1,4 @@
-"""The search that explore uses unless told otherwise: complete where that takes seconds."""
+"""The search that explore uses by default: complete if completeness takes seconds."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from pwscont.system.system import (
     number_of_cells,
 )
 
-#: Cells that can be tried at one alpha in a second or two: ten contact nodes.
+#: Most cells tried at one alpha, in a second or two: those of ten contact nodes.
 MANY_CELLS = 4**10
-#: Interfaces of all cells that can be tried in a second or two: eight contact nodes.
+#: Most interfaces of cells tried, in a second or two: those of eight contact nodes.
 MANY_INTERFACES = 2_000_000
-#: Cells of a curved system in which Newton can be tried in a second or two.
+#: Most cells of a curved system in which Newton is tried, in a second or two.
 MANY_NEWTONS = 2**11
-#: Random starts at each end where these are all that is left.
+#: Least and most random starts at each end if no other search is affordable.
 FEWEST, MOST = 4, 20
-#: Unknowns of a curved system that is searched inside of the interval as well.
+#: Most unknowns of a curved system that is searched inside of the interval as well.
 MANY_UNKNOWNS = 200
-#: Slices between the ends, to find loops: from the first to the second number, as long as their
-#: cells together are not more than the third.
+#: Least and most slices between the ends, to find loops, and the most cells of all slices if there
+#: are more slices than the least.
 FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 
 
@@ -74,18 +74,13 @@ def _most_complete(
     if cells > MANY_CELLS:
         cells = cells_to_try(system, Metric.of(system, interval), interval[0])
     if cells <= MANY_CELLS:
-        return _ends_and_slices(cells, interval)
+        slices = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
+        return EndPoints() + Slices.spread(slices, interval)
     return _added_up(some, system)
 
 
 def _from_many(around: Sequence[Array]) -> MultiStart:
     return MultiStart(around=tuple(tuple(z.tolist()) for z in around))
-
-
-def _ends_and_slices(cells: int, interval: tuple[float, float]) -> Search:
-    """Return the search at both ends, and at more slices in between where slices cost little."""
-    count = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
-    return EndPoints() + Slices.spread(count, interval)
 
 
 def _has_few_cells(system: PiecewiseSystem) -> bool:

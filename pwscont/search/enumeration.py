@@ -2,9 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- Ill conditioning: rounding has grown so much that cells are cut off, or solutions taken to be
-  outside their cells. Where few digits are left, the signs do not sum to the degree, cells are
-  undecided or no cell has a solution, the slice is solved again in exact arithmetic.
+- Ill conditioning: rounding may have cut off cells, or moved solutions out of their cells. If few
+  digits are left, if the signs do not sum to the degree, if cells are undecided or if no cell has a
+  solution, the slice is solved again in exact arithmetic.
 - Exact arithmetic takes too long: the guarantee says what is not certain, and a search promises
   nothing for such a slice.
 """
@@ -53,19 +53,21 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.cone import fan
+from pwscont.transitions.corner.cells import Corner
+from pwscont.transitions.corner.cone import tangent_cone
 from pwscont.transitions.rays import vanishing
 
 
 @final
 class Solutions(list[Solution]):
-    """Solutions at one alpha, and whether they are all.
+    """Solutions at one alpha, with a guarantee that says whether solutions may be missing.
 
     Parameters
     ----------
     solutions : iterable of Solution
     guarantee : str
-        "complete", also with a remark in brackets; or, beginning with "not", what is uncertain.
+        "complete", also with a remark in brackets; or words that begin with "not" and say what is
+        uncertain.
     """
 
     def __init__(self, solutions: Iterable[Solution] = (), guarantee: str = "") -> None:
@@ -76,8 +78,8 @@ class Solutions(list[Solution]):
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
     """Return all isolated solutions of a system of linear pieces at one alpha.
 
-    Of infinitely many, which fill a segment or more, the corners are returned, and where there is
-    no corner one of them; the ``guarantee`` says so.
+    If infinitely many solutions fill a segment or more, the corners are returned, and without a
+    corner one of the solutions; the ``guarantee`` says so.
 
     Parameters
     ----------
@@ -88,7 +90,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     -------
     Solutions
         A list whose ``guarantee`` says whether a solution may be missing. A solution that several
-        cells share is listed once, with the ``kind`` of its point, and with the sum of the signs of
+        cells share is listed once, with the ``kind`` of the point, and with the sum of the signs of
         the solutions that meet there: 0 at a fold.
 
     Raises
@@ -97,7 +99,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         If the system is not affine in z at fixed alpha, or alpha is no finite number.
     InvalidSystemError
         If typical magnitudes of z are too large or small to be computed with, or an attribute is
-        a value where a method belongs, or the other way round.
+        a value where a method belongs, or a method where a value belongs.
 
     Examples
     --------
@@ -124,7 +126,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
 
 
 def _representatives(found: Slice, metric: Metric) -> list[Point]:
-    """Return points of the faces of a slice that are none of its isolated solutions."""
+    """Return points of the faces of a slice, without the isolated solutions of the slice."""
     points: list[Point] = []
     for face in found.faces:
         for x in face.representatives:
@@ -139,8 +141,8 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
     Where exact arithmetic takes too long, at least one cell is undecided. An empty slice is always
-    checked in this way. A point without a digit is no solution: its cell is singular for all that
-    rounding can tell.
+    solved again in exact arithmetic. A point without a right digit is no solution: rounding cannot
+    tell the cell of the point from a singular cell.
     """
     found = solve_slice(system, metric, alpha)
     if not (_leaves_doubt(system, metric, found) or _is_empty(found)):
@@ -158,7 +160,7 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
 
 
 def _with_digits(found: Slice, metric: Metric) -> tuple[Point, ...]:
-    """Return the points that are known better than by their order of magnitude."""
+    """Return the points with at least one right digit."""
     return tuple(p for p in found.points if _digits(p, metric) > 0.0)
 
 
@@ -182,7 +184,7 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
 
 
 def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution lost its digits, or lies on an interface but in one cell only."""
+    """Tell whether a solution lost digits, or lies on an interface but in one cell only."""
     return _digits(point, metric) < FEW_DIGITS or is_in_doubt(system, metric, point)
 
 
@@ -236,7 +238,7 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
     zero = vanishing(system, point.x, point.error, metric.scale)
-    found = fan(system, metric, point.x, point.error, zero)
+    found = tangent_cone(Corner.at(system, metric, point.x, point.error, zero))
     right = [
         ray.index if ray.interface_cells else ray.state.orientation
         for ray in found.rays
@@ -251,10 +253,10 @@ def _signs(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
 
 
 def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
-    """Return solutions at ``alpha`` to start from, each once; of a face, its corners.
+    """Return solutions at ``alpha`` to start from, each once; of a face, the corners.
 
     Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried once
-    in every cell, from the point within the bounds near z = 0, which may miss some.
+    in every cell, from the point within the bounds near z = 0, and solutions may be missed.
     """
     if isinstance(system, SlicewiseLinearSystem):
         slice_ = solve_surely(system, metric, alpha)
@@ -269,7 +271,7 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Fou
 
 
 def as_starts(found: Slice) -> list[Found]:
-    """Return the points of a slice, and the corners of its faces, as starts.
+    """Return the points of a slice, and the corners of the faces of the slice, as starts.
 
     A face without corners gives a start of unknown z, with an infinite error.
     """
@@ -297,7 +299,7 @@ def _nowhere(size: int, alpha: float) -> Found:
 
 
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
-    """Return the solution of one selection at ``alpha``, if it lies in the closed cell."""
+    """Return the solution of a selection at ``alpha``, None for one outside of the closed cell."""
     x = np.append(box.centre(curve.metric.scale[:-1]), alpha)
     along_alpha = last_unit(len(x)) * curve.metric.scale[-1]
     corrected = BorderedNewton(most_iterations=30).correct(curve, x, along_alpha)
@@ -313,7 +315,7 @@ def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
     return (x, state.error) if inside else None
 
 
-#: Most values of alpha that are listed one by one.
+#: Most values of alpha that the scope of a search names one by one.
 MANY_LISTED = 5
 #: Where a slice cuts its part of the interval: the smaller part of the golden section.
 OFFSET = 0.5 * (3.0 - 5.0**0.5)
@@ -325,10 +327,10 @@ class EndPoints(Search):
     """All solutions at both ends of the interval.
 
     A component of the zero set within the interval is a closed loop or ends at an end of the
-    interval. So this search finds every component but loops, wherever the enumeration is complete
-    and solutions stay bounded: a component that comes from infinity and returns there within the
-    interval meets no end. Where unknowns have bounds, a component may also end at a bound, and
-    nothing is promised.
+    interval. This search therefore finds every component except loops, if the enumeration is
+    complete and solutions stay bounded: a component that comes from infinity and returns to
+    infinity within the interval meets no end. Where unknowns have bounds, a component may also end
+    at a bound, and nothing is promised.
 
     Examples
     --------
@@ -346,7 +348,7 @@ class EndPoints(Search):
             yield from starts_at(system, metric, alpha)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Promise everything but loops for slices that can be enumerated."""
+        """Promise everything except loops for slices that can be enumerated."""
         if isinstance(system, SlicewiseLinearSystem):
             ends = Guarantee.NOTHING if Box.of(system).is_bounded else Guarantee.BUT_LOOPS
             return SearchScope("all solutions at both ends of the interval", ends)
@@ -356,10 +358,10 @@ class EndPoints(Search):
 @final
 @dataclass(frozen=True, slots=True)
 class Slices(Search):
-    """Solutions at some values of alpha in between, which find loops that cross them.
+    """Solutions at some values of alpha inside the interval, on loops that cross these values.
 
     Complete where the system is affine in z at fixed alpha; otherwise Newton is tried once in every
-    cell, which may miss some.
+    cell, and solutions may be missed.
 
     Attributes
     ----------
@@ -397,7 +399,7 @@ class Slices(Search):
         Raises
         ------
         InvalidInputError
-            If one lies outside the interval.
+            If a slice lies outside the interval.
         """
         lo, hi = interval
         alphas = finite_array("Slices.alphas", self.alphas)

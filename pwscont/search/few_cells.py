@@ -1,17 +1,18 @@
 """Solutions, and where test functions vanish, for systems of few cells: all cells in one batch.
 
-Where a test vanishes on the line of a cell is one system of linear equations, as is where alpha has
-a value. For few cells they are solved together; points that may lie in their closed cells are then
-corrected together, by the functions of the system themselves.
+The point at which a test vanishes on the line of a cell solves a system of linear equations, and so
+does the point at which alpha has a given value. For few cells all these equations are solved
+together; points that may lie in their closed cells are then corrected together, by the functions of
+the system. A study of many tiny systems takes 1.5 times as long without this batch.
 
 Failure modes and answers
 -------------------------
-- A line runs along the interface, or a cell has no line: its equations are singular, or nearly so.
-  Nothing is said then, and the search that decides ranks exactly does all the work.
-- The batch knows points to half of their digits only: what may be rounding is no reason to leave a
-  point out. What lies inside is decided by the errors of the corrected points.
-- A point of an interface is a solution in all cells that meet there, and where their equations are
-  regular the only one: it is listed once.
+- A line runs along the interface, or a cell has no line, so that equations are singular or nearly
+  singular: nothing is said, and the search that decides ranks exactly does all the work.
+- The batch knows points to half of all digits only: a sign that may be rounding leaves no point
+  out. The errors of the corrected points decide which points lie inside.
+- A point of an interface is a solution in all cells that meet there, and the only solution where
+  the equations of the cells are regular: the point is listed once.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, ref
 from pwscont.system.shapes import expect
 from pwscont.system.system import PiecewiseLinearSystem, characters, number_of_cells
 
-#: Systems of more unknowns gain nothing.
+#: Most unknowns of a system that is solved in a batch; larger systems gain nothing.
 FEW_UNKNOWNS = 64
-#: What a point of the batch may be wrong by, as a part of typical magnitudes and its own.
+#: Largest error of a point of the batch, as a part of typical magnitudes plus the point's own.
 ROUGH = 1e2 * EPS**0.5
 
 
@@ -54,13 +55,14 @@ class FewCells:
     system : PiecewiseLinearSystem
     metric : Metric
     x, scale : ndarray, shape (n + 1,)
-        At the lower end of the interval, and typical magnitudes of dx, of alpha the length of it.
+        A point at the lower end of the interval, and typical magnitudes of dx, for alpha the length
+        of the interval.
     cells : list of Character
     J, H : ndarray, shapes (c, n, n + 1) and (c, n)
     K, kappa : ndarray, shapes (m + 1, n + 1) and (m + 1,)
-        One function more than there are tests: alpha from the lower end on, which bounds no cell.
+        The tests and one more function: alpha from the lower end on, which bounds no cell.
     sides, bounding : ndarray, shape (c, m + 1)
-        By what functions are multiplied to be positive in each cell, and whether they bound it.
+        The factors that make functions positive in each cell, and which functions bound the cell.
     """
 
     system: PiecewiseLinearSystem
@@ -81,7 +83,7 @@ class FewCells:
     ) -> FewCells | None:
         """Return the lines of a system, whose functions are checked to be affine.
 
-        None where there are too many cells or unknowns. Its blocks have been checked.
+        None where cells or unknowns are too many. The blocks of the system have been checked.
         """
         blocks = system.blocks()
         if number_of_cells(blocks) > FEW_CELLS or system.size > FEW_UNKNOWNS:
@@ -103,10 +105,10 @@ class FewCells:
     def solutions(self) -> list[Found] | None:
         """Return all solutions at the lower end of the interval.
 
-        None where this way is not certain: where a point lies on an interface, or is known to few
-        digits, where there is none, or the signs of det(dH/dz) do not sum to the degree.
+        None where the batch is not certain: where a point lies on an interface, or is known to few
+        digits, where no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
-        checked_necessary(self.system, float(self.x[-1]))  # not needed, but refused if wrong
+        checked_necessary(self.system, float(self.x[-1]))  # refused if wrong, otherwise not needed
         points, _ = self._points
         if points is None:
             return None
@@ -121,8 +123,8 @@ class FewCells:
     def crossings(self) -> list[tuple[int, Found]] | None:
         """Return all points where a test that bounds a cell vanishes, each with the test.
 
-        Ordered by tests; alpha may be outside the interval by its error. None where this way is not
-        certain.
+        Ordered by tests; alpha may be outside the interval by the error of alpha. None where the
+        batch is not certain.
         """
         _, points = self._points
         if points is None:
@@ -138,7 +140,7 @@ class FewCells:
 
     @cached_property
     def _points(self) -> tuple[_OnLines | None, _OnLines | None]:
-        """The points at the lower end, and those where tests vanish: together, if they can be."""
+        """The points at the lower end, and where tests vanish, from one batch if regular."""
         tests, crossed = np.nonzero(self.bounding.T)
         cells = np.arange(len(self.cells))
         ends = np.full(len(cells), len(self.kappa) - 1)
@@ -149,9 +151,9 @@ class FewCells:
         return both.among(slice(number)), both.among(slice(number, None))
 
     def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
-        """Return where functions vanish on the lines of cells, but for points clearly outside.
+        """Return where functions vanish on the lines of cells, without points clearly outside.
 
-        None where one of the equations is nearly singular, or corrections do not become rounding.
+        None where equations are nearly singular, or corrections do not become rounding.
         """
         rows = np.concatenate([self.J[cells], self.K[functions, np.newaxis]], axis=1)
         equations = LinearBatch.of(rows, self.scale)
@@ -180,7 +182,7 @@ class FewCells:
     def _solved(
         self, cells: Indices, functions: Indices, equations: LinearBatch, y: Array
     ) -> _OnLines | None:
-        """Return points near those of the batch, by the functions of the system themselves."""
+        """Return points near the points of the batch, corrected by the functions of the system."""
         x = self.x + self.scale * y
         for _ in range(REFINEMENTS):
             values = self._values(x)
@@ -198,7 +200,7 @@ class FewCells:
         return None
 
     def _rest(self, cells: Indices, functions: Indices, x: Array, values: Array) -> Array:
-        """Return H, and of the values of functions that which shall vanish, shape (k, n + 1)."""
+        """Return H, and the value of the function that shall vanish, shape (k, n + 1)."""
         rest = np.empty_like(x)
         for row, cell, point in zip(rest, cells.tolist(), x, strict=True):
             check_budget()
@@ -241,9 +243,9 @@ class _OnLines:
     cells, functions : ndarray of int, shape (k,)
     equations : LinearBatch
     x, error : ndarray, shapes (k, n + 1) and (k, number, n + 1)
-        The points and samples of their errors.
+        The points and samples of the errors of the points.
     holding : ndarray of bool, shape (k, c)
-        In which closed cells they lie.
+        In which closed cells the points lie.
     """
 
     cells: Indices
@@ -260,7 +262,7 @@ class _OnLines:
         return _OnLines(*places, equations, *points, holding)
 
     def found(self) -> list[Found]:
-        """Return each point with the samples of its error."""
+        """Return each point with samples of the error of the point."""
         return list(zip(self.x, self.error, strict=True))
 
     def places(self) -> Iterator[tuple[int, int]]:
@@ -277,7 +279,7 @@ def _root(error: Array) -> Array:
 def _affine(
     system: PiecewiseLinearSystem, cells: list[Character], x: Array, dx: Array
 ) -> tuple[Array, Array]:
-    """Return the Jacobians of selections and their values at x; they must be affine to x + dx."""
+    """Return Jacobians and values of selections at x; refuse selections not affine to x + dx."""
 
     def values(at: Array) -> Array:
         return np.array([residual_at(system, at[:-1], float(at[-1]), cell) for cell in cells])
@@ -294,7 +296,7 @@ def _affine(
 def _borders(
     system: PiecewiseLinearSystem, cells: list[Character], tests: int
 ) -> tuple[Array, Signs]:
-    """Return the signs of all functions in each cell, and which of them bound it."""
+    """Return the signs of all functions in each cell, and which functions bound the cell."""
     sides, bounding = (
         np.ones((len(cells), tests + 1)),
         np.zeros((len(cells), tests + 1), dtype=bool),

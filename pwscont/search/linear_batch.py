@@ -1,4 +1,4 @@
-"""Linear equations of many points in one batch, and what rounding in them does to the points."""
+"""Linear equations of many points in one batch, and the errors of the points by rounding."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import samples
 
-#: Equations with a larger condition number are not solved in a batch.
+#: Largest condition number of equations that are solved in a batch: half of all digits are right.
 WORST = EPS**-0.5
 
 
@@ -23,9 +23,9 @@ class LinearBatch:
     Attributes
     ----------
     rows, inverse : ndarray, shape (k, l, l)
-        The coefficients, of which the largest of each row is one, and the inverse matrices.
+        The coefficients, the largest of each row being one, and the inverse matrices.
     largest : ndarray, shape (k, l)
-        What the rows were divided by.
+        The numbers by which the rows were divided.
     """
 
     rows: Array
@@ -36,7 +36,7 @@ class LinearBatch:
     def of(cls, rows: Array, scale: Array) -> LinearBatch | None:
         """Return the equations with these coefficients of unknowns of these magnitudes.
 
-        None where one of the matrices is nearly singular.
+        None if a matrix is nearly singular.
         """
         rows = rows * scale
         largest = np.abs(rows).max(axis=2)
@@ -62,7 +62,7 @@ class LinearBatch:
     def errors(self, sizes: Array) -> Array:
         """Return samples of the errors of unknowns of these sizes, shape (k, number, l).
 
-        They are those of :func:`~pwscont.curve.newton.uncertainty`.
+        The samples are defined as in :func:`~pwscont.curve.newton.uncertainty`.
         """
         rounding = EPS * (np.abs(self.rows) @ sizes[..., np.newaxis])
         found = self.inverse @ (rounding * samples(sizes.shape[1]).T)

@@ -22,8 +22,8 @@ from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
-#: Solutions closer than this in the metric are one: far above the error that Newton leaves.
-SAME = EPS**0.5
+#: Two solutions closer than this in the metric are one, far above the error that Newton leaves.
+SAME_SOLUTION = EPS**0.5
 
 
 @final
@@ -32,25 +32,25 @@ class MultiStart(Search):
     """Semismooth Newton at both ends of the interval from random starts, with deflation.
 
     A solution once found is divided out of H (Farrell, Birkisson and Funke 2015), so that the
-    same start may lead to the next one. Any number may be missed: nothing is promised. Runs
+    same start may lead to the next solution. Any number may be missed: nothing is promised. Runs
     with one seed are identical.
 
     Attributes
     ----------
     count : int
-        Number of starts at each end; the first is z = 0, or the point within the bounds near it.
+        Number of starts at each end; the first is z = 0, or the point within the bounds near zero.
     seed : int
     spread : float
         Starts are normally distributed with this many typical magnitudes as deviation, but evenly
         over a period, and between bounds that are not much further apart than the deviation.
     around : tuple of tuple of float
-        States to start from as well; every other random start is around one of them.
+        States to start from as well; every other random start is around a given state.
 
     Raises
     ------
     InvalidInputError
-        If count is no positive whole number, seed none from 0, around no states, or spread not
-        positive and finite.
+        If count is no positive whole number, seed no whole number from 0, around no sequence of
+        states, or spread not positive and finite.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class MultiStart(Search):
             yield from _found_at(system, metric, box, alpha, guesses)
 
     def guesses(self, box: Box, scale: Array, shown: int) -> list[Array]:
-        """Return all starts: the fixed ones, then random ones, every other around a fixed one."""
+        """Return all starts: fixed states, then random states, every other around a fixed state."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
         around = [_padded(z, shown, len(scale)) for z in self.around]
@@ -103,7 +103,7 @@ class MultiStart(Search):
 
 
 def _padded(z: tuple[float, ...], shown: int, size: int) -> Array:
-    """Return a given state with zeros for the unknowns that follow from it."""
+    """Return a given state with zeros for the unknowns that follow from the state."""
     return np.append(finite_array("around", z, (shown,)), np.zeros(size - shown))
 
 
@@ -123,7 +123,7 @@ def _found_at(
 def _another(
     system: PiecewiseSystem, metric: Metric, guess: Array, alpha: float, known: list[Found]
 ) -> Found | None:
-    """Return a solution to which a start leads, None where that is known, or is none."""
+    """Return the solution to which a start leads, None for a known solution or a failure."""
     found = semismooth_newton(system, metric, guess, alpha, [x for x, _ in known])
     if isinstance(found, Failure) or not _is_new(metric, found, known):
         return None
@@ -132,7 +132,7 @@ def _another(
 
 
 def _is_new(metric: Metric, found: Found, known: list[Found]) -> bool:
-    return all(metric.norm(metric.difference(found[0], x)) > SAME for x, _ in known)
+    return all(metric.norm(metric.difference(found[0], x)) > SAME_SOLUTION for x, _ in known)
 
 
 def _is_whole(number: object) -> bool:

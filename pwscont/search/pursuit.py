@@ -1,17 +1,17 @@
-"""Newton's method with few means, for the many rough starts of a search.
+"""Newton's method without error estimates, for the many rough starts of a search.
 
-Points are in typical magnitudes, y = (z, alpha) / scale. What is found is rough as well: the caller
-corrects it with all care.
+Points are in typical magnitudes, y = (z, alpha) / scale. The points found are rough as well: the
+caller corrects each point with all care.
 
 Failure modes and answers
 -------------------------
-- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
-- There is no solution at this alpha: a deflated Newton iteration creeps to a minimum of the merit.
-  It is given up where a few short steps do not reduce the merit. The minimum often lies beside a
-  fold of what is looked for: the pursuit goes on from there with alpha free, by steps of least
-  length (Gauss and Newton), which lead to a curve wherever one is near.
-- Functions that saturate: steps where H is nearly flat are endless. Each is limited to a few times
-  the distance from zero, and a pursuit that goes too far is given up.
+- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
+- No solution exists at this alpha: a deflated Newton iteration creeps to a minimum of the merit,
+  and is given up if a few short steps do not reduce the merit. The minimum often lies beside a fold
+  of the branch looked for: the pursuit goes on from there with alpha free, by steps of least length
+  (Gauss and Newton), which lead to a curve if a curve is near.
+- Functions that saturate make endless steps where H is nearly flat. Each step is limited to a few
+  times the distance from zero, and a pursuit that goes too far is given up.
 """
 
 from __future__ import annotations
@@ -30,28 +30,31 @@ from pwscont.curve.metric import Metric
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: Iterations at one alpha, and with alpha free.
+#: Most iterations at one alpha, and again with alpha free.
 MOST_ITERATIONS = 20
-#: Halvings of a step that does not reduce the merit.
+#: Most halvings of a step that does not reduce the merit.
 MOST_HALVINGS = 5
-#: The merit must fall by this part of what a Newton step promises.
+#: Least fall of the merit, as a part of the fall that a Newton step promises.
 DESCENT = 0.05
-#: A pursuit has arrived where its step is shorter than this part of its point.
+#: A pursuit has arrived if the step is shorter than this part of one plus the length of the point.
 ARRIVED = 1e-6
-#: A step is at most so many times as long as its point is far from zero, which counts as one.
+#: Longest step, as a multiple of one plus the distance of the point from zero.
 LONGEST = 4.0
-#: Pursuits that went so far have run away.
-FAR = 1e5
-#: A step at fixed alpha is regularised by so much of the merit where the Jacobian is singular.
+#: Length of a point, in typical magnitudes, from which on a pursuit has run away.
+RUN_AWAY = 1e5
+#: Regularisation of a shortest step, as a part of the merit: steps stay finite where the Jacobian
+#: is singular.
 DAMPED = 1e-2
+#: Most Newton iterations in a plane across a curve.
 MOST_CORRECTIONS = 5
-#: What is found by a free alpha is moved along the curve by this part of its length: a pursuit may
-#: have ended right beside a kink.
+#: A point found with alpha free is moved along the curve by this part of one plus the length of the
+#: point, because a pursuit may have ended right beside a kink.
 FARTHER = 0.01
-#: Farther away than so many typical magnitudes, alpha hardly changes below this slope.
+#: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
+#: which alpha hardly changes there.
 AWAY, ALMOST = 10.0, 1e-3
-#: How much of its length a point is moved before alpha is set free: a minimum of the merit may lie
-#: where H is flat by symmetry.
+#: A point is moved aside by this part of one plus the length of the point before alpha is set free,
+#: because a minimum of the merit may lie where H is flat by symmetry.
 ASIDE = 1e-3
 
 
@@ -68,7 +71,7 @@ class Pursuit:
     Attributes
     ----------
     iterations : int
-        How many were taken so far.
+        Number of Newton iterations taken so far.
     """
 
     def __init__(
@@ -80,7 +83,7 @@ class Pursuit:
         self.iterations = 0
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
-        """Return where Newton's method at fixed alpha leads, and whether that is a solution."""
+        """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
         size = len(y) - 1
         here = self._linear(y)
         for _ in range(MOST_ITERATIONS):
@@ -95,7 +98,7 @@ class Pursuit:
             if _length(step) <= ARRIVED * (1.0 + _length(y)):
                 return y + step, True
             moved = self._moved(y, residual, _limited(step, y), known)
-            if moved is None or _length(moved) > FAR:
+            if moved is None or _length(moved) > RUN_AWAY:
                 return y, False
             y = moved
             here = self._linear(y)
@@ -118,7 +121,7 @@ class Pursuit:
             if _length(step) <= ARRIVED * (1.0 + _length(y)):
                 return y + step
             moved = self._moved(y, residual, step, ())
-            if moved is None or _length(moved) > FAR:
+            if moved is None or _length(moved) > RUN_AWAY:
                 return None
             y = moved
         return None
@@ -126,7 +129,7 @@ class Pursuit:
     def leads_to(self, start: Array, y: Array) -> bool:
         """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
 
-        Each of its steps is normal to the curve at that point.
+        Each Newton step is normal to the curve at the point ``y``.
         """
         direction = self.direction(y)
         found = None if direction is None else self.across(start, y, direction)
@@ -137,7 +140,7 @@ class Pursuit:
     def across(self, start: Array, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which Newton leads in the plane normal to a direction.
 
-        The plane goes through ``y``.
+        The plane passes through ``y``.
         """
         for _ in range(MOST_CORRECTIONS):
             here = self._linear(start)
@@ -153,7 +156,7 @@ class Pursuit:
         return None
 
     def along(self, y: Array) -> Array:
-        """Return another point of the curve through a point, which may be a special one."""
+        """Return another point of the curve through a point, which may be a special point."""
         direction = self.direction(y)
         if direction is None:
             return y
@@ -172,9 +175,9 @@ class Pursuit:
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
     def is_flat(self, y: Array, direction: Array) -> bool:
-        """Tell whether alpha hardly changes along the curve, neither at a point nor beside it.
+        """Tell whether alpha hardly changes along the curve, neither at nor beside a point.
 
-        Far away that is so where a pursuit has run to infinity.
+        Far away, alpha hardly changes if a pursuit has run to infinity.
         """
         far = _length(y) > AWAY
         least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, ASIDE)
@@ -254,7 +257,7 @@ class Pursuit:
 
 
 def _newton_step(jacobian: Array, residual: Array) -> Array:
-    """Return the step of Newton; of Levenberg and Marquardt where the Jacobian is singular."""
+    """Return Newton's step, for a singular Jacobian the step of Levenberg and Marquardt."""
     try:
         step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
         if are_finite(step):
@@ -265,7 +268,7 @@ def _newton_step(jacobian: Array, residual: Array) -> Array:
 
 
 def _shortest_step(jacobian: Array, residual: Array) -> Array:
-    """Return the shortest of the steps that solve the linear equations, regularised a little."""
+    """Return the shortest step that solves the linear equations, regularised a little."""
     square = jacobian.dot(jacobian.T)
     square.flat[:: len(square) + 1] += DAMPED**2 * min(1.0, float(residual.dot(residual))) + EPS
     try:
@@ -276,7 +279,7 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
 
 
 def _limited(step: Array, y: Array) -> Array:
-    """Return a step, shortened where it is much longer than the way from zero."""
+    """Return a step, shortened if much longer than the way from zero to the point."""
     most = LONGEST * (1.0 + _length(y[:-1]))
     length = _length(step)
     return step * (most / length) if length > most else step

@@ -21,7 +21,7 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 
 class KnownBranches(ABC):
-    """The branches of a run so far; a search need not lead to them again."""
+    """The branches of a run so far; a search need not lead to these branches again."""
 
     @abstractmethod
     def at(self, alpha: float) -> list[Array]:
@@ -29,7 +29,7 @@ class KnownBranches(ABC):
 
     @abstractmethod
     def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest point between stored ones, where x may be on the same branch."""
+        """Return the nearest point between stored points, None if x can be on no known branch."""
 
     @abstractmethod
     def extremes(self) -> list[Array]:
@@ -53,13 +53,14 @@ class NothingKnown(KnownBranches):
         return []
 
 
-#: What a search should yield, for those that yield something near it.
+#: What a search should yield, said in errors about values that are nearly right.
 WANTED = (
     "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: Tests are zero to within this part of their terms, which typical magnitudes of z make as well.
+#: A test may be zero if smaller than this part of the sum of the magnitudes of the terms, which are
+#: taken at z plus typical magnitudes.
 ZERO = 1e-6
 
 
@@ -86,15 +87,15 @@ class Search(ABC):
         interval: tuple[float, float],
         known: KnownBranches,
     ) -> Iterator[Found]:
-        """Yield starts as :meth:`starts` does, of which some on known branches may be left out.
+        """Yield starts as :meth:`starts` does; starts on known branches may be left out.
 
-        The branches through a start are known when the next one is asked for. Default: the same
-        starts.
+        The branches through a start are known when the next start is asked for. Default: the
+        same starts as :meth:`starts`.
         """
         return self.starts(system, metric, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return what this search does for a system, in words, and what that promises.
+        """Return what this search does for a system, in words, and what the search promises.
 
         Default: the name of the class, and no promise.
         """
@@ -169,7 +170,7 @@ def starts_of(
     Raises
     ------
     InvalidInputError
-        If it yields something else than starts; the message names the search.
+        If the search yields something else than starts; the message names the search.
     """
     what = f"{type(search).__name__}.starts"
     found = search.starts_beside(system, metric, interval, known)
@@ -209,7 +210,7 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
 
 
 def _numbers(what: str, error: Any) -> Array:
-    """Return an estimate of an error as an array, or say that it is none."""
+    """Return an estimate of an error as an array, or refuse what is no array of numbers."""
     try:
         return np.asarray(error, dtype=float)
     except (TypeError, ValueError) as why:
@@ -221,9 +222,9 @@ def _numbers(what: str, error: Any) -> Array:
 def _refuse_off_curve(
     what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
 ) -> None:
-    """Refuse a start that its error does not bring to a solution.
+    """Refuse a start whose distance from the curve is more than the error of the start.
 
-    Straight pieces would not notice: from a start off the curve they run beside it.
+    Straight pieces would not notice: from a start off the curve, pieces run beside the curve.
     """
     if _is_between_cells(system, x, scale):
         return

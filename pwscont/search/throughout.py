@@ -1,15 +1,15 @@
-"""Newton at values of alpha all over the interval, with what is known deflated away.
+"""Newton at values of alpha all over the interval, with known solutions deflated away.
 
-Closed loops, and branches that come from infinity and return there, may lie inside of the interval
-(docs/theory, F19): solutions at its ends do not lead to them.
+Closed loops, and branches that come from infinity and return to infinity, may lie inside of the
+interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches.
 
 Failure modes and answers
 -------------------------
 - A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
-- Most starts would only repeat what is known: the solutions of all known branches are deflated
-  away, and what a free alpha leads to is compared with them before it is given on.
-- A start has run away, to where H is nearly flat: a solution of which no digit is certain at its
-  alpha is none.
+- Most starts would only repeat known solutions: the solutions of all known branches are deflated
+  away, and a point found with alpha free is compared with all known branches before the point is
+  passed on.
+- A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
 - The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
@@ -38,20 +38,23 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
-#: Newton iterations of a search; each costs about n + 2 evaluations of H.
+#: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
 EVALUATIONS = 12_000
-#: Iterations of one start, on average.
+#: Newton iterations of one start, on average.
 USUAL = 20
-#: Solutions closer than this in typical magnitudes are one.
-SAME = EPS**0.5
-#: Known solutions closer than this, found by few means, are one.
+#: Two solutions closer than this, in typical magnitudes and relative to one plus their length, are
+#: one.
+SAME_SOLUTION = EPS**0.5
+#: Two rough known solutions closer than this, measured in the same way, are one.
 DISTINCT = 1e-5
-#: Where more was found between the ends, or nothing at all, starts there are tried so many times.
+#: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
-#: Starts are spread over one typical magnitude, so many times as much, and so on.
+#: Starts are spread over one typical magnitude, over WIDER times as much, and so on for WIDTHS
+#: widths in turn.
 WIDER, WIDTHS = 4.0, 3
-#: A correction moves what a pursuit found by less than this.
+#: Largest correction of a point that a pursuit found, relative to one plus the length of the point.
 CORRECTED = 1e-3
+#: Most Newton iterations of such a correction.
 MOST_CORRECTIONS = 8
 
 
@@ -65,7 +68,7 @@ class Throughout(Search):
     ends : MultiStart
         The starts at both ends.
     slices, count : int
-        Number of values of alpha between, and of starts at each.
+        Number of values of alpha between the ends, and of starts at each value.
     """
 
     ends: MultiStart = field(default_factory=MultiStart)
@@ -110,7 +113,7 @@ class Throughout(Search):
     def _between(
         self, looking: _Looking, interval: tuple[float, float], turn: int
     ) -> Iterator[Found]:
-        """Yield what starts inside the interval lead to; at other alphas and states each turn."""
+        """Yield solutions from starts inside the interval, at other alphas and states each turn."""
         lo, hi = interval
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             guesses = map(looking.guess, range(k * self.count, (k + 1) * self.count))
@@ -138,10 +141,10 @@ class _Looking:
         self._system, self._metric, self._interval = system, metric, interval
         self.box, self._known = Box.of(system), known
         self._pursuit = Pursuit(system, metric, interval)
-        self._reach = metric.scale[:-1]  # or how far known branches reach where that is farther
+        self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
-        """Yield what starts at one alpha lead to."""
+        """Yield the new solutions to which starts at one alpha lead."""
         known, here = self._solutions(alpha), list[Array]()
         for number, rough in enumerate(guesses):
             z = completed(self._system, rough[: shown_size(self._system)], alpha)
@@ -171,14 +174,15 @@ class _Looking:
         return bool(lo <= y[-1] * self._metric.width <= hi)
 
     def _is_known(self, y: Array) -> bool:
-        """Tell whether a point of a curve is one of a known branch."""
+        """Tell whether a point of a curve lies on a known branch."""
         start = self._known.near(y * self._metric.scale, self._metric)
         return start is not None and self._pursuit.leads_to(start / self._metric.scale, y)
 
     def _standing(self, y: Array) -> Found | None:
-        """Return the solution beside a rough one, at an alpha of its own.
+        """Return the exact solution near a rough solution, at an alpha near the rough alpha.
 
-        None where alpha does not change along the curve, beside the solution either: it ran away.
+        None for a start that ran away: alpha hardly changes along the curve, at the solution and
+        beside the solution.
         """
         metric, x = self._metric, y * self._metric.scale
         curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
@@ -201,14 +205,14 @@ class _Looking:
         return self._distinct(found)
 
     def _distinct(self, points: list[Array]) -> list[Array]:
-        """Return points, each once: what is deflated away twice attracts from afar."""
+        """Return points, each once: a solution that is deflated away twice attracts from afar."""
         found: list[Array] = []
         for y in points:
             if self._is_new(y * self._metric.scale, found, DISTINCT):
                 found.append(y)
         return found
 
-    def _is_new(self, x: Array, known: list[Array], same: float = SAME) -> bool:
+    def _is_new(self, x: Array, known: list[Array], same: float = SAME_SOLUTION) -> bool:
         scale = self._metric.scale
         y = np.linalg.norm(x / scale)
         return all(
@@ -219,7 +223,7 @@ class _Looking:
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails.
 
-        Typical magnitudes may be those of one branch, and another one lie far from there.
+        Typical magnitudes may be the magnitudes of one branch, and another branch lie far away.
         """
         even = _filling(number, self._system.size)
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
@@ -227,7 +231,7 @@ class _Looking:
         return self.box.guess(spread, 0.5 * even, farther * self._reach)
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
-        """Return a solution near a rough one, None where there is none or no digit is certain."""
+        """Return the solution near a rough solution, None if not found or without a digit."""
         metric, x = self._metric, y * self._metric.scale
         found = semismooth_newton(self._system, metric, x[:-1], alpha)
         if isinstance(found, Failure):
@@ -236,7 +240,7 @@ class _Looking:
         return on_curve and self._usable(on_curve, x)
 
     def _usable(self, found: Found, rough: Array) -> Found | None:
-        """Return a solution, where it has digits, is inside the bounds and near a rough one."""
+        """Return a solution with digits, inside the bounds and near a rough solution, else None."""
         metric, (x, error) = self._metric, found
         if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
             return None
@@ -254,13 +258,13 @@ def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:
 
 
 def _part(number: int) -> float:
-    """Return a part of the interval; such parts are evenly spread and avoid special values."""
+    """Return the k-th of evenly spread parts of the interval, which avoid special values."""
     golden = 0.5 * (5.0**0.5 - 1.0)
     return float((0.5 + golden * (number + 0.118)) % 1.0)
 
 
 def _filling(number: int, size: int) -> Array:
-    """Return a point of (-1, 1)^n of a sequence that fills it evenly (Roberts 2018)."""
+    """Return a point of a sequence that fills (-1, 1)^n evenly (Roberts 2018)."""
     root = 2.0
     for _ in range(40):
         root = (1.0 + root) ** (1.0 / (size + 1))

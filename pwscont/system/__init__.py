@@ -1,1 +1,1 @@
-"""The system that a user writes, its selections, and the checks of systems."""
+"""The system that a user writes, the selections of the system, and the checks of systems."""

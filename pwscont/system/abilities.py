@@ -1,4 +1,9 @@
-"""What a system can do besides, each a class to derive from as well."""
+"""What a system can do besides: a class for each ability, and a single way to ask for an ability.
+
+A system has an ability if the system derives from the ability's class, and every room asks by
+``isinstance``. Where a system without the ability has a natural answer, the function beside the
+class gives the answer for all systems.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +21,17 @@ from pwscont.system.system import PiecewiseSystem
 
 
 class Compact(ABC):
-    """A system of whose special points only the essential components are stored.
+    """A system that knows which components of a solution determine the others.
 
-    Every other component is a multiple of one essential component, plus a constant.
+    Every other component is a multiple of one essential component, plus a constant. pwscont does
+    not ask for these components any more: graphs hold every point whole.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def essential(self, character: Character) -> Indices | None:
-        """Return which components of z determine the others on this selection, None for all."""
+        """Return the indices of the components of z that determine all components; None for all."""
 
     @abstractmethod
     def completed(self, values: Array, alpha: float, character: Character) -> Array:
@@ -41,9 +47,9 @@ class Ending(ABC):
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
         """Return why a curve in this cell ends where all of ``tests`` vanish.
 
-        None where it goes on in another cell. A corner where the curve of one cell ends is the end
-        of all curves that meet there; from a start at a corner, the curve of every cell is
-        followed, and none goes on as another.
+        None where the curve goes on in another cell. Where the curve of one cell ends at a corner,
+        all curves that meet at the corner end; from a start at a corner, the curve of every cell is
+        followed, and no curve goes on as another.
         """
 
 
@@ -59,10 +65,10 @@ def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int])
 
 
 class HidesUnknowns(ABC):
-    """A system whose last unknowns follow from the others, and are shown to nobody.
+    """A system whose last unknowns follow from its first unknowns, and are hidden from users.
 
     The methods of the system know all ``size`` unknowns. A user gives and gets the first ``shown``
-    of them: starts, solutions, special points, names, events, recorded quantities and files. A
+    unknowns: starts, solutions, special points, names, events, recorded quantities and files. A
     user's own detectors, steppers and searches see all.
 
     Attributes
@@ -111,10 +117,10 @@ def all_names(system: PiecewiseSystem) -> tuple[str, ...]:
 
 
 class BringsSearches(ABC):
-    """A system for which there are searches of its kind.
+    """A system that offers searches made for its kind.
 
-    They are added to the default of :func:`pwscont.explore` where trying every cell would take
-    too long.
+    :func:`pwscont.explore` adds these searches to its default search where trying every cell would
+    take too long.
     """
 
     __slots__ = ()
@@ -125,7 +131,7 @@ class BringsSearches(ABC):
 
 
 class Reducible(ABC):
-    """A system that may know a smaller one with the same solutions."""
+    """A system that may know a smaller system with the same solutions."""
 
     __slots__ = ()
 
@@ -133,7 +139,7 @@ class Reducible(ABC):
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Return the smaller system for alpha in [lo, hi], None if there is none.
 
-        Only what provably stays in one mode on the whole interval may be left out.
+        A part may be left out only if the part provably stays in one mode on the whole interval.
         """
 
 
@@ -152,9 +158,10 @@ class Reduction:
     system : PiecewiseSystem
         The smaller system.
     kept : ndarray of int
-        The places of its unknowns among those of the full system; all others are zero.
+        The places of the smaller system's unknowns among those of the full system; all other
+        unknowns are zero.
     tests : ndarray of int
-        The places of its test functions among those of the full system.
+        The places of the smaller system's test functions among those of the full system.
     idle : Character
         A character of the full system with the signs of the parts left out.
     reasons : tuple of str
@@ -186,12 +193,12 @@ class Reduction:
 
 
 ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
-#: The methods of all of them.
+#: The methods of all abilities.
 METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 
 
 def check_abilities(system: PiecewiseSystem) -> None:
-    """Refuse a method that would never be called, for the system does not say that it has it.
+    """Refuse a method that is never called as the system does not derive from its ability.
 
     Raises
     ------

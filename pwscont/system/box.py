@@ -1,9 +1,9 @@
-"""The box of the unknowns of a system: their bounds, and the periods of periodic ones.
+"""The box of the unknowns of a system: bounds of all unknowns, and periods of periodic unknowns.
 
 Failure modes and answers
 -------------------------
-- Rounding puts a solution on a bound to either side of it: a solution counts as outside only
-  where it is beyond the bound by more than its error.
+- Rounding puts a solution on a bound to either side of the bound: a solution counts as outside only
+  where the distance to the bound exceeds the error of the solution.
 - Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at
   points well inside.
 """
@@ -22,8 +22,9 @@ from pwscont.basics.errors import InvalidSystemError
 if TYPE_CHECKING:
     from pwscont.system.system import PiecewiseSystem
 
-#: A range is narrow up to this many deviations: a normal distribution would leave it too often.
-NARROW = 8.0
+#: A range of at most this many deviations is narrow: a normal distribution would leave the range
+#: too often.
+MOST_DEVIATIONS = 8.0
 
 
 @final
@@ -86,7 +87,7 @@ class Box:
         return cls(lower, upper, period)
 
     def contains(self, z: Array, error: Array) -> bool:
-        """Tell whether z is inside, or outside by no more than ``error``, both shape (n,)."""
+        """Tell whether z is inside, or outside by at most ``error``, both of shape (n,)."""
         return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
 
     def centre(self, scale: Array) -> Array:
@@ -103,18 +104,18 @@ class Box:
         """Return a random point inside, made of random numbers.
 
         ``normal`` are normally distributed, ``even`` evenly in (-1/2, 1/2). The point is normally
-        distributed with this deviation around ``near``, or around the centre. Around the centre,
-        an unknown with a narrow range or a short period is distributed evenly over it.
+        distributed with this deviation around ``near``, or around the centre. Around the centre, an
+        unknown with a narrow range or a short period is distributed evenly over its range.
         """
         if near is not None:
             return self.inside(near + deviation * normal)
         width = np.minimum(self.upper - self.lower, self.period)
-        narrow = width <= NARROW * deviation
+        narrow = width <= MOST_DEVIATIONS * deviation
         away = np.where(narrow, np.where(narrow, width, 0.0) * even, deviation * normal)
         return self.inside(self.centre(deviation) + away)
 
     def inside(self, z: Array) -> Array:
-        """Return z, mirrored at a bound that it is beyond, and moved onto one if still beyond."""
+        """Return z mirrored at the bounds that z exceeds, then clipped to the bounds."""
         z = np.where(z < self.lower, 2.0 * self.lower - z, z)
         z = np.where(z > self.upper, 2.0 * self.upper - z, z)
         return np.clip(z, self.lower, self.upper)
@@ -144,7 +145,7 @@ def _everywhere(size: int) -> Box:
 
 
 def _broadcast(what: str, values: Any, size: int) -> Array:
-    """Return values as numbers of shape (size,), infinite ones included."""
+    """Return values, which may be infinite, as numbers of shape (size,)."""
     try:
         array = np.array(np.broadcast_to(np.asarray(values, dtype=float), (size,)))
     except (TypeError, ValueError) as error:

@@ -14,12 +14,11 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
-from pwscont.system.abilities import check_abilities, completed_point, end_of, shown_size
+from pwscont.system.abilities import completed_point, end_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import (
-    check_attributes,
     check_contract,
-    check_names,
+    check_declaration,
     checked_scale,
     jacobian_at,
     kink_at,
@@ -35,7 +34,7 @@ STEPS_TO_INTERFACE = 20
 @final
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The outcome of :func:`check_system`; it is true when there are no defects."""
+    """The outcome of :func:`check_system`; a report is true when there are no defects."""
 
     defects: tuple[Defect, ...]
     points: int
@@ -61,25 +60,28 @@ def check_system(
     """Check what a system promises, at and near some points.
 
     - Jacobians agree with differences.
-    - From every point each test function is followed to its zero set; there the selections of
-      both sides must agree (H is continuous), and their Jacobians may differ only by a rank-one
-      matrix c grad(kappa_i)^T (F1): otherwise tracing would turn the wrong way at a kink.
+    - From every point each test function is followed to its zero set; there the selections of both
+      sides must agree (H is continuous), and their Jacobians may differ only by a rank-one matrix
+      ``c grad(kappa_i)^T`` (F1): otherwise tracing would turn the wrong way at a kink.
     - Within ``radius`` of every point selections and tests are smooth: a kink that no test
       announces, such as a maximum in a residual, is found by steps of different lengths.
     - Signs of tests that :meth:`~PiecewiseSystem.bounding_tests` leaves out change nothing.
-    - What is promised to be affine is affine; blocks own what depends on their modes.
-    - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and where
-      the system says ``unique`` there are no two at one alpha.
-    - At the alphas of the points, of a slicewise linear system of up to some thousand cells: the
-      signs of all solutions sum to ``degree``, and there is one only if ``unique`` says so. For
-      other systems a run tells: its graph is not balanced, or it refuses the promise.
+    - Functions that are promised to be affine are affine; every row that depends on a block's modes
+      belongs to the block.
+    - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and a system
+      that says ``unique`` has no two solutions at one alpha.
+    - At the alphas of the points, for a slicewise linear system of at most a few thousand cells:
+      the signs of all solutions sum to ``degree``, and a system that says ``unique`` has at most
+      one solution. For any other system a run shows the fault: the graph is not balanced, or the
+      run refuses the promise.
 
     Parameters
     ----------
     system : PiecewiseSystem
     points : iterable of (array_like, shape (n,)) and float
-        Pairs (z, alpha), on the curve or not; a handful of random ones does. Give some solutions
-        too, such as ``(s.z, s.alpha)`` of a graph: what holds for solutions only is checked there.
+        Pairs (z, alpha), on the curve or off the curve; a handful of random pairs is enough. Give
+        some solutions too, such as ``(s.z, s.alpha)`` of a graph: what holds for solutions only is
+        checked there.
     radius : float
         How far from the points is looked, relative to typical magnitudes.
 
@@ -102,14 +104,12 @@ def check_system(
     >>> print(check_system(Switched(1, lambda z, t, sw: z - sw.relu(t)), [([0.0], 0.5)]))
     no defects found at 1 point
     """
-    check_attributes(system)
+    check_declaration(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []
     solutions: list[Array] = []
     count = 0
-    check_names(system)
-    check_abilities(system)
     for x in _checked_points(system, points):
         _check_sizes(system, float(x[-1]))
         check_contract(system, x[:-1], float(x[-1]))
@@ -127,7 +127,7 @@ def _shown(system: PiecewiseSystem, defect: Defect) -> Defect:
 
 
 def _checked_points(system: PiecewiseSystem, points: Any) -> list[Array]:
-    """Return points (z, alpha) as vectors, or say which of them is no point."""
+    """Return points (z, alpha) as vectors, or say which entry is no point."""
     if not isinstance(points, Iterable):
         raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
     size = shown_size(system)
@@ -152,7 +152,7 @@ def _check_sizes(system: PiecewiseSystem, alpha: float) -> None:
 
 
 def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:
-    """Compare solutions at one alpha, where the system promises that there is one only."""
+    """Compare the solutions found at one alpha with the promise of at most one solution."""
     if not getattr(system, "unique", False):
         return
     for x, y in combinations(solutions, 2):
@@ -230,7 +230,7 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
 
 
 def _wrong_kink(system: PiecewiseSystem, sides: list[Character], test: int, c: Array) -> float:
-    """Return by how much what a system says of a kink, both ways, differs from c."""
+    """Return the differences between c and the two statements of a system about a kink."""
     if not isinstance(system, PiecewiseLinearSystem) or not system.knows_kinks:
         return 0.0
     if not all(test in system.bounding_tests(side) for side in sides):
@@ -243,7 +243,7 @@ def _wrong_kink(system: PiecewiseSystem, sides: list[Character], test: int, c: A
 def _wrong_bounds(
     system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
 ) -> Iterator[Defect]:
-    """Compare both sides of a test that bounds neither, off its zero set: one selection is due."""
+    """Compare two cells that differ in a test that bounds neither: selections must agree."""
     scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
     z = x[:-1] + scale[:-1] * generic(len(x) - 1)
     one, other = (residual_at(system, z, alpha, side) for side in sides)

@@ -23,7 +23,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
-from pwscont.system.abilities import shown_size
+from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.shapes import (
     checked_array,
     checked_matrix,
@@ -76,7 +76,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     Raises
     ------
     InvalidSystemError
-        Naming the method, what it returned and what it should return.
+        The message names the method, what the method returned and what it should return.
     """
     given, tests = z.copy(), system.test_functions(z, alpha)
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
@@ -101,7 +101,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
 
 
 def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
-    """Return the tests that bound a cell, or say that they are no numbers of tests."""
+    """Return the tests that bound a cell, or refuse indices that are no numbers of tests."""
     found = system.bounding_tests(character)
     if isinstance(found, range | list | tuple | np.ndarray):
         numbers = indices(found)
@@ -113,6 +113,18 @@ def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
     )
 
 
+def check_declaration(system: PiecewiseSystem) -> None:
+    """Refuse attributes, names or methods of a system that do not fit, before any method is used.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    check_attributes(system)
+    check_names(system)
+    check_abilities(system)
+
+
 def check_attributes(system: PiecewiseSystem) -> None:
     """Refuse a value where a method belongs, a method where a value does, and a wrong size.
 
@@ -120,11 +132,11 @@ def check_attributes(system: PiecewiseSystem) -> None:
     ------
     InvalidSystemError
     """
-    checked_size(system)
+    _check_size(system)
     kind = type(system).__name__
     if not _has_methods(system):
         for name, arguments in METHODS.items():
-            if not callable(given := getattr(system, name, checked_size)):
+            if not callable(given := getattr(system, name, _check_size)):
                 what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
                 raise InvalidSystemError(f"{kind}.{name} {what}")
     for name in VALUES:
@@ -135,18 +147,17 @@ def check_attributes(system: PiecewiseSystem) -> None:
 def _has_methods(system: PiecewiseSystem) -> bool:
     """Tell whether all methods are those of the class, and functions: nearly always."""
     kind = type(system)
-    given = [getattr(kind, name, checked_size) for name in METHODS]
+    given = [getattr(kind, name, _check_size) for name in METHODS]
     return all(map(callable, given)) and METHODS.keys().isdisjoint(vars(system))
 
 
-def checked_size(system: PiecewiseSystem) -> int:
-    """Return the number of unknowns, or say that the system has none."""
+def _check_size(system: PiecewiseSystem) -> None:
+    """Refuse a system without a number of unknowns."""
     size = getattr(system, "size", None)
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise InvalidSystemError(
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )
-    return int(size)
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
@@ -155,7 +166,7 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
     Raises
     ------
     InvalidInputError, InvalidSystemError
-        If they are not as many positive numbers as there are unknowns.
+        If there are not as many positive numbers as unknowns.
     """
     scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
     if scale.shape != (system.size,) or not is_everywhere(scale > 0.0):
@@ -171,7 +182,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
     Raises
     ------
     InvalidInputError
-        If they are not positive numbers that can be broadcast to that shape.
+        If the numbers are not positive or cannot be broadcast to that shape.
     """
     if magnitudes is None:
         return None
@@ -182,7 +193,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names that are not texts, one for each unknown, all different.
+    """Refuse names unless there is one text for each unknown and all names differ.
 
     Raises
     ------
@@ -206,32 +217,32 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     Raises
     ------
     InvalidSystemError
-        If the shape is wrong here, even if it was right at other points.
+        If the shape is wrong at this point, even if the shape was right at other points.
     """
     value = system.residual(z, alpha, character)
     return own_array(system, "residual", value, (system.size,))
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return c of H_after - H_before = c kappa_test as a system knows it, shape (n,).
+    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as the system states it.
 
-    In an array that the system may use for the next one.
+    The system may reuse the array for its next value.
 
     Raises
     ------
     InvalidSystemError
-        If it is no vector of that length.
+        If the value is no vector of that length.
     """
     return checked_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
-    """Return dH_chi / d(z, alpha), shape (n, n + 1); dense or sparse, a matrix of its own.
+    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a dense or sparse copy.
 
     Raises
     ------
     InvalidSystemError
-        If the shape is wrong here, even if it was right at other points.
+        If the shape is wrong at this point, even if the shape was right at other points.
     """
     return own_matrix(lent_jacobian_at(system, z, alpha, character))
 
@@ -239,6 +250,6 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 def lent_jacobian_at(
     system: PiecewiseSystem, z: Array, alpha: float, character: Character
 ) -> Matrix:
-    """Return the same, in an array that the system may use for the next one."""
+    """Return dH_chi / d(z, alpha) without a copy, for use before the next value."""
     jacobian = system.jacobian(z, alpha, character)
     return checked_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))

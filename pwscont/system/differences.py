@@ -2,18 +2,20 @@
 
 Failure modes and answers
 -------------------------
-- A step that fits an unknown of size one is rounding to one of size 1e20, and too long for one of
-  size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the interval.
+- A step that fits an unknown of size one is rounding to an unknown of size 1e20, and too long for
+  an unknown of size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the
+  interval.
 - A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
-  end differences are one-sided, of the same order of accuracy.
+  end differences are one-sided, with the same order of accuracy.
 - x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
   difference of the rounded arguments, which is exact.
-- A direction may be long (a null vector of a matrix that is nearly regular): a step has a length of
-  its own, and four of them fit into the interval.
+- A direction may be long (a null vector of a matrix that is nearly regular): a step has a length
+  that does not depend on the direction's, and four steps fit into the interval.
 - A function changes within less than a step, as in a cell that is thinner: Newton converges slowly
-  or not at all, however short the steps along the curve. Whoever sees that asks for finer ones,
-  and puts the usual ones back where they are no better: beside an end of the model, or with noise.
-- A function may return one and the same array again and again: its values are copied.
+  or not at all, however short the steps along the curve. A caller who sees slow convergence asks
+  for finer steps, and puts the usual steps back where finer steps do not help: beside an end of the
+  model, or with noise.
+- A function may return the same array at every call: its values are copied.
 """
 
 from __future__ import annotations
@@ -32,9 +34,9 @@ from pwscont.basics.rounding import EPS
 STEP = EPS ** (1.0 / 3.0)
 #: The same for differences of fourth order.
 FINE_STEP = EPS**0.2
-#: Finer steps are this part of the ones before; of the finest, seven digits are left.
-FINER, FINEST = 1.0 / 16.0, 1.0 / 16.0**3
-#: Changes of a value by no more than this part of it are rounding.
+#: A finer step is this part of the step before; the finest step leaves seven digits.
+REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
+#: A change of a value by at most this part of the value is rounding.
 ROUNDED = 4.0 * EPS
 #: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
@@ -66,12 +68,12 @@ class Differences:
 
     @property
     def base(self) -> float:
-        """A value of alpha in the interval: its lower end, or the finite one nearest to zero."""
+        """A value of alpha in the interval: the lower end, or the finite end nearest to zero."""
         return self.lo if np.isfinite(self.lo) else min(0.0, self.hi)
 
     @property
     def far(self) -> float:
-        """Another value of alpha in the interval, as far from the first as it may be."""
+        """Another value of alpha in the interval, as far from the first as possible."""
         return self.hi if np.isfinite(self.hi - self.lo) else self.base + self._towards_far()
 
     def _towards_far(self) -> float:
@@ -108,7 +110,7 @@ class Differences:
     def exact_in_z(self, function: Function, x: Array) -> Array:
         """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every fixed alpha.
 
-        Its columns of z are right to rounding, and zero where the function does not change.
+        The columns of z are right to rounding, and zero where the function does not change.
         """
         start = np.append(np.zeros(len(x) - 1), x[-1])
         columns = _chords(function, start, _power_of_two(self.scale[:-1]))
@@ -160,7 +162,7 @@ class Differences:
         return self.by_parameter(at, float(x[-1]))
 
     def _beside_an_end(self, function: Callable[[float], Array], alpha: float, h: float) -> Array:
-        """Return a one-sided derivative, as central differences would leave the interval."""
+        """Return a one-sided derivative where central differences would leave the interval."""
         h *= self._inward(alpha, h)
         near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
@@ -181,7 +183,7 @@ def _central(function: Function, x: Array, j: int, h: float) -> Array:
 
 
 def _change(before: Array, after: Array) -> Array:
-    """Return the difference of two values, or say that they are not alike."""
+    """Return the difference of two values, or raise an error if their shapes differ."""
     if before.shape != after.shape:
         raise InvalidSystemError(
             f"arrays of shape {before.shape} and of shape {after.shape} were returned at different "
@@ -191,12 +193,12 @@ def _change(before: Array, after: Array) -> Array:
 
 
 def _value(function: Callable[[T], Array], x: T) -> Array:
-    """Return a value of its own, also where the function returns one buffer again and again."""
+    """Return a copy of a value, as a function may return the same buffer at every call."""
     return np.array(function(x), dtype=float)
 
 
 def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
-    """Return the slopes of ``function`` from ``x`` to where one entry after the other is changed.
+    """Return the slopes of ``function`` as one entry of ``x`` at a time moves to ``ends``.
 
     Where entries are changed from zero to powers of two, the quotients are not rounded.
     """

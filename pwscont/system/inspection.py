@@ -2,8 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- A kink between samples: second differences show it, for they shrink like the step, not like its
-  square; a bump as narrow as a step shrinks in the end, so three lengths of steps are compared.
+- A kink between samples: second differences of a kink shrink like the step, those of a smooth
+  function like the square of the step; a bump as narrow as a step shrinks in the end, so three
+  lengths of steps are compared.
 - Rounding looks like a kink: differences below a part of the values are left alone.
 - What holds for solutions only is checked only where H is zero to rounding.
 """
@@ -28,16 +29,16 @@ from pwscont.system.promises import check_blocks, check_promises, checked_necess
 from pwscont.system.selection import signs_of_solutions
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
-#: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
+#: Central differences are right to about EPS^(2/3); a relative difference above this is a defect.
 TOLERANCE = EPS**0.4
 #: Directions along which kinks are looked for, and samples along each.
-DIRECTIONS, SAMPLES = 4, 33
-#: By how much steps are shortened, twice, and by how much second differences of a smooth function
-#: then shrink at least: half way between that of a kink and that of a parabola, on a log scale.
-FINER = 8
-SHRINK = float(FINER) ** 1.5
-#: A solution larger than its typical magnitude by this factor refutes that magnitude.
-FAR = 1e3
+KINK_DIRECTIONS, KINK_SAMPLES = 4, 33
+#: The steps are divided by STEP_RATIO, twice; second differences of a smooth function then shrink
+#: at least by the factor SHRINK, half way between a kink's and a parabola's, on a log scale.
+STEP_RATIO = 8
+SHRINK = float(STEP_RATIO) ** 1.5
+#: A solution larger than its typical magnitude by this factor refutes the magnitude.
+MOST_MAGNITUDES = 1e3
 #: Most modes of a block that are compared.
 MOST_MODES = 64
 
@@ -50,9 +51,9 @@ class Defect:
     Attributes
     ----------
     what : str
-        Which promise, and which method or test function broke it.
+        The broken promise, and the method or test function that breaks the promise.
     z, alpha
-        Where.
+        The point.
     size : float
         How far off, relative to the size of what was compared; nan where nothing was.
     """
@@ -116,7 +117,7 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
         "test_functions have": lambda y: np.array(system.test_functions(y[:-1], float(y[-1]))),
     }
     for what, function in functions.items():
-        for shift in range(DIRECTIONS):
+        for shift in range(KINK_DIRECTIONS):
             step = radius * differences.scale * generic(len(x), float(shift))
             if not all(differences.contains(alpha + sign * step[-1]) for sign in (-1.0, 1.0)):
                 step[-1] = 0.0
@@ -133,10 +134,10 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
 
 
 def _kink(function: Callable[[float], Array]) -> float | None:
-    """Return where in (-1, 1) a function has a kink, None where it is smooth or not finite."""
+    """Return the place in (-1, 1) of a kink of a function, None without a kink."""
     lo, hi, before, size = -1.0, 1.0, None, 0.0
     for _ in range(3):
-        t = np.linspace(lo, hi, SAMPLES)
+        t = np.linspace(lo, hi, KINK_SAMPLES)
         with np.errstate(all="ignore"):
             values = np.array([function(float(s)) for s in t])
         if not np.isfinite(values).all():
@@ -151,7 +152,7 @@ def _kink(function: Callable[[float], Array]) -> float | None:
 
 
 def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Check that H and the tests are affine as promised, and that the blocks own their rows."""
+    """Check that H and the tests are affine as promised, and that blocks own their rows."""
     z, alpha = x[:-1], float(x[-1])
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
@@ -214,7 +215,7 @@ def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
 
 
 def _with_each_mode(character: Character, block: Block) -> Iterator[tuple[Character, Character]]:
-    """Yield the character with the first mode of a block, and with each of the others."""
+    """Yield pairs of characters: with the first mode of a block, and with each further mode."""
     first = _with_mode(character, block.tests, block.modes[0])
     for mode in block.modes[1:]:
         yield first, _with_mode(character, block.tests, mode)
@@ -231,7 +232,7 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     scale = system.differences(float(x[-1])).scale[:-1]
     ratios = np.abs(x[:-1]) / scale
     j = int(np.argmax(ratios))
-    if system.gives_scale and ratios[j] > FAR:
+    if system.gives_scale and ratios[j] > MOST_MAGNITUDES:
         name = all_names(system)[j]
         what = f"scale() says {scale[j]:.3g} for {name}, which is {x[j]:.3g}"
         yield Defect(what, x[:-1], float(x[-1]), float(ratios[j]))

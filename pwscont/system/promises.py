@@ -2,17 +2,17 @@
 
 Failure modes and answers
 -------------------------
-- A residual or test function that is promised to be affine and is not: the function is compared
-  with its affine model, one evaluation away from where the matrix came from. The difference is
+- A residual or test function that is promised to be affine and is curved: the function is compared
+  with its affine model, one evaluation away from the point of the matrix. The difference is
   measured by the terms, so that neither units nor conditioning raise an alarm.
-- All terms of a row cancel in one cell, and rounding is left of them: how large they are is seen in
-  other cells.
-- H jumps at an interface: the residuals of both selections there differ by more than rounding of
-  their terms, and by more than the error of the point can change them.
-- Selections agree at one point of an interface, and not at others: the direction that one of them
-  promises beyond is not one of the other.
+- All terms of a row cancel in one cell and leave rounding: other cells show how large the terms
+  are.
+- H jumps at an interface: the residuals of both selections differ there by more than rounding of
+  the terms, and by more than the error of the point can change the residuals.
+- Selections agree at one point of an interface, and not at other points: the direction promised
+  beyond the interface is no direction of the selection there.
 - H is not finite wherever solutions are looked for: nothing is found, which is no answer.
-- Blocks claim the same rows, so that one switch decides what belongs to another.
+- Several blocks claim the same rows, so that one switch decides what belongs to another block.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from pwscont.system.system import (
 )
 from pwscont.system.units import refuse_extreme_tests
 
-#: A function promised to be affine may differ from its affine model by this part of its terms: far
-#: more than rounding, far less than a curved function does over typical magnitudes.
-BENT = EPS**0.5
-#: Tests below this part of their terms may vanish at the same corner.
-NEAR = EPS**0.5
+#: A function promised to be affine may differ from its affine model by this part of the function's
+#: terms: far more than rounding, far less than a curved function does over typical magnitudes.
+AFFINE_DEFECT = EPS**0.5
+#: Several tests, each below this part of its terms, may vanish at the same corner.
+AT_CORNER = EPS**0.5
 #: Points at which H is evaluated where a search found nothing.
 PROBES = 8
 #: Cells in which the size of a row is asked for.
@@ -51,7 +51,7 @@ CELLS = 8
 
 
 def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
-    """Test what a system promises by its class, before any work, from one point to a far one.
+    """Compare a system with the promises of its class at one point and a far point.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def refuse_bent_tests(
 def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
     """Tell whether ``value`` is not ``origin + matrix @ dx``, by more than a part of the terms.
 
-    What is not finite cannot be told from it, and counts as bent.
+    A value that is not finite cannot be compared, and counts as bent.
     """
     return not (_bend(value, origin, matrix @ dx, abs(matrix) @ np.abs(dx)) <= 0.0).all()
 
@@ -136,12 +136,12 @@ def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms
-    excess: Array = np.abs(value - origin - change) - BENT * terms
+    excess: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
     return excess
 
 
 def _sizes(system: PiecewiseSystem, x: Array, character: Character) -> Array:
-    """Return the size of each row of H in cells of all kinds: in one cell its terms may cancel."""
+    """Return the size of each row of H over several cells: in one cell terms may cancel."""
     tests = len(character.array)
     cells = (Character.of(generic(tests, shift)) for shift in range(CELLS))
     rows = [residual_at(system, x[:-1], float(x[-1]), cell) for cell in cells]
@@ -161,7 +161,8 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> str:
 def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
     """Refuse a selection that is not affine along the ray from ``x`` to ``x + dx``.
 
-    Only its second difference is looked at, which an error of the direction does not change.
+    Only the second difference along the ray is compared, which an error of the direction does not
+    change.
 
     Raises
     ------
@@ -171,14 +172,14 @@ def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> 
     sizes = abs(selection.jacobian(x))
     terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
     rounding = GUARD * EPS * (sizes @ scale)
-    if (np.abs(start - 2.0 * middle + end) > BENT * terms + rounding).any():
+    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + rounding).any():
         raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
 
 
 def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
     """Refuse a ray from ``x`` to ``x + dx`` that is not a direction of its selection.
 
-    It was found from the cell before (docs/theory, F11), whose Jacobian promises another one.
+    The ray was found from the Jacobian of the cell before (docs/theory, F11).
 
     Raises
     ------
@@ -187,8 +188,8 @@ def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) ->
     rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
     terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
-    row = int(np.argmax(rest - BENT * terms))
-    if rest[row] > BENT * terms[row]:
+    row = int(np.argmax(rest - AFFINE_DEFECT * terms))
+    if rest[row] > AFFINE_DEFECT * terms[row]:
         raise InvalidSystemError(
             f"{type(selection.system).__name__}.residual and jacobian disagree in row {row} in "
             f"{selection.label}, reached at alpha = {x[-1]:.10g}: a Jacobian is wrong, or this "
@@ -203,7 +204,7 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     ----------
     one, other : Selection
     x : ndarray, shape (n + 1,)
-        A point of both closed cells, but for its error.
+        A point of both closed cells, up to the error of the point.
     error : ndarray, shape (n + 1,)
         Estimate of the error of each component.
     scale : ndarray, shape (n + 1,)
@@ -219,7 +220,9 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     jacobians = one.jacobian(x), other.jacobian(x)
     excess = jump - sum(abs(jacobian) @ uncertain for jacobian in jacobians)
     if (excess > 0.0).any() and _is_corner((one, other), x, scale):
-        excess -= NEAR * (jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians))
+        excess -= AT_CORNER * (
+            jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians)
+        )
     row = int(np.argmax(excess))
     if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
         name, size = type(one.system).__name__, float(jump[row])
@@ -234,20 +237,21 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
     """Tell whether several tests are next to zero at a point.
 
     The signs of such tests are rounding, and may name a cell whose selection agrees with the other
-    selection at the corner only. Next to the corner both differ in proportion to its distance.
+    selection at the corner only. Next to the corner the two selections differ in proportion to the
+    distance from the corner.
     """
     near: set[int] = set()
     for side in sides:
         sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
-        near |= set(side.bounding[np.abs(side.tests(x)) <= NEAR * sizes].tolist())
+        near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
     return len(near) > 1
 
 
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
-    """Tell whether a point lies in the closed cells of both selections, as far as tests can tell.
+    """Tell whether a point lies in the closed cells of both selections, for all tests show.
 
-    A test tells nothing where rounding of one of its terms hides another term: with a friction
-    coefficient of 1e13 its sign says nothing about the cell.
+    A test tells nothing where rounding of one term hides another term: with a friction coefficient
+    of 1e13 the sign of the test says nothing about the cell.
     """
     for side in sides:
         gradients = np.abs(dense(side.test_gradients(x)))
@@ -318,7 +322,7 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
     Raises
     ------
     InvalidSystemError
-        If they are no matrix with one column for each unknown and one number for each row.
+        If A has not one column for each unknown, or b not one number for each row.
     """
     necessary, name = system.necessary(alpha), f"{type(system).__name__}.necessary()"
     if not (isinstance(necessary, tuple | list) and len(necessary) == 2):

@@ -21,17 +21,17 @@ from pwscont.system.system import (
     number_of_cells,
 )
 
-#: The side of a test that is negative, and of one that is not.
+#: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
 #: Constant gradients of no more entries are kept.
-FEW = 4096
+MOST_KEPT_ENTRIES = 4096
 
 
 @final
 class Selection:
     """The selection H_chi of a system together with the tests that bound its cell.
 
-    Test values are signed so that they are positive inside the cell.
+    Test values are signed so that the values are positive inside the cell.
 
     Parameters
     ----------
@@ -39,7 +39,8 @@ class Selection:
     character : Character
         The frozen character chi.
     adjacent_cells : tuple of Character
-        For a curve along an interface, all cells that it belongs to: their tests end it as well.
+        For a curve along an interface, all cells to which the curve belongs: the tests of these
+        cells end the curve, too.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Selection:
         self._cell: bytes | None = None
         self._gradients: Matrix | None = None
         self.bounding: Indices = tests
-        #: +1 or -1 for each bounding test, by which it is positive inside.
+        #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
 
     def __repr__(self) -> str:
@@ -68,13 +69,8 @@ class Selection:
 
     @cached_property
     def is_straight(self) -> bool:
-        """Whether the selection and its tests are affine, so that its curve is a straight line."""
+        """Whether the selection and its tests are affine, so that the curve is a straight line."""
         return isinstance(self.system, PiecewiseLinearSystem)
-
-    @cached_property
-    def knows_jacobian(self) -> bool:
-        """Whether the system gives derivatives of its own, and not differences."""
-        return knows_jacobian(self.system)
 
     @property
     def cell(self) -> bytes:
@@ -100,11 +96,11 @@ class Selection:
         return bool(len(self.bounding)) and is_anywhere(self.bounding == test)
 
     def residual(self, x: Array) -> Array:
-        """Return H_chi(x), shape (n,), in an array of its own."""
+        """Return a copy of H_chi(x), shape (n,)."""
         return residual_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def residual_and(self, x: Array, value: float) -> Array:
-        """Return H_chi(x) and one value more, shape (n + 1,): the bordered equations at x."""
+        """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
         both = np.empty(len(x))
         value_there = self.system.residual(x[:-1], float(x[-1]), self.character)
         both[:-1] = checked_array(self.system, "residual", value_there, (len(both) - 1,))
@@ -121,7 +117,7 @@ class Selection:
 
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""
-        system = cast("PiecewiseLinearSystem", self.system)  # asking it takes a while
+        system = cast("PiecewiseLinearSystem", self.system)  # the answer takes a while
         return kink_at(system, before.character, self.character, test)
 
     def tests(self, x: Array) -> Array:
@@ -129,20 +125,20 @@ class Selection:
         return self.side * self.system.some_tests(x[:-1], float(x[-1]), self.bounding)
 
     def test(self, x: Array, index: int) -> float:
-        """Return one of :meth:`tests`."""
+        """Return the value of the bounding test with this index."""
         which = self.bounding[index : index + 1]
         values = self.system.some_tests(x[:-1], float(x[-1]), which)
         return float(self.side[index] * values[0])
 
     def unsigned_gradients(self, x: Array) -> Matrix:
-        """Return the gradients of the bounding tests themselves, without their :attr:`side`.
+        """Return the gradients of the bounding tests themselves, without the factor :attr:`side`.
 
         Those of a straight cell are constant, and a few are kept: not to be written to.
         """
         if self._gradients is not None:
             return self._gradients
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
-        if self.is_straight and rows.size <= FEW:
+        if self.is_straight and rows.size <= MOST_KEPT_ENTRIES:
             self._gradients = own_matrix(rows)
         return rows
 
@@ -152,17 +148,11 @@ class Selection:
         return side * rows if isinstance(rows, np.ndarray) else rows.multiply(side).tocsr()
 
     def test_gradient(self, x: Array, index: int) -> Array:
-        """Return the gradient of one of :meth:`tests`, shape (n + 1,)."""
+        """Return the gradient of the bounding test with this index, shape (n + 1,)."""
         which = self.bounding[index : index + 1]
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
         gradient: Array = self.side[index] * dense(rows)[0]
         return gradient
-
-
-def knows_jacobian(system: PiecewiseSystem) -> bool:
-    """Tell whether a system gives derivatives of its own, which do not hang on magnitudes."""
-    given = type(system).jacobian is not PiecewiseSystem.jacobian
-    return bool(getattr(system, "knows_jacobian", given))
 
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:
@@ -171,8 +161,8 @@ def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Sig
     return tests, character.array[tests]
 
 
-#: Most cells that are tried.
-MOST_CELLS = 4096
+#: Most cells of a system that are tried for solutions.
+MOST_CELLS_TO_TRY = 4096
 #: A test that is smaller than this part of its terms has no certain sign.
 UNCERTAIN = EPS**0.5
 
@@ -180,11 +170,11 @@ UNCERTAIN = EPS**0.5
 def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int] | None:
     """Return the signs of det(dH/dz) of all solutions at one alpha.
 
-    None where there are too many cells, or where a matrix is singular or a solution so close to an
+    None if there are too many cells, a matrix is singular, or a solution is so close to an
     interface that its cell is not certain.
     """
     blocks = system.blocks()
-    if number_of_cells(blocks) > MOST_CELLS:
+    if number_of_cells(blocks) > MOST_CELLS_TO_TRY:
         return None
     signs = []
     tests = 1 + max((max(block.tests, default=-1) for block in blocks), default=-1)
@@ -197,7 +187,7 @@ def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int]
 
 
 def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Character) -> int | None:
-    """Return sign det(dH/dz) at the solution in a cell, 0 without one, None where in doubt."""
+    """Return sign det(dH/dz) at the solution in a cell, 0 without one, None if in doubt."""
     zero = np.zeros(system.size)
     matrix = dense(system.jacobian(zero, alpha, character))[:, :-1]
     rest = np.array(system.residual(zero, alpha, character), dtype=float)

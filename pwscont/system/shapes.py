@@ -1,4 +1,4 @@
-"""Values of a user's methods: copied, and checked for their shape."""
+"""Values of a user's methods: copied, with a check of their shape."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FLOAT = np.dtype(float)
 
 
 def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return a copy of a value: its owner may use the same array for the next one.
+    """Return a copy of a value, as the value's owner may reuse the array.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
 
 
 def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return a value itself where it is an array of that shape, to be copied or used up at once.
+    """Return a value itself if it is an array of that shape, for use before the next value.
 
     Raises
     ------
@@ -48,17 +48,17 @@ def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...
 
 
 def own_matrix(matrix: Matrix) -> Matrix:
-    """Return a copy of a matrix, dense or sparse: its owner may use the same one for the next."""
+    """Return a copy of a dense or sparse matrix, as the matrix's owner may reuse its memory."""
     return matrix.copy() if isinstance(matrix, np.ndarray) or sp.issparse(matrix) else matrix
 
 
 def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
-    """Return a matrix itself where it is one of that shape, to be used up at once.
+    """Return a matrix itself if it has that shape, for use before the next value.
 
     Raises
     ------
     InvalidSystemError
-        If it is no matrix of that shape, even if earlier ones were.
+        If the value is no matrix of that shape, even if earlier values were.
     """
     if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
         return matrix  # nearly always
@@ -96,14 +96,14 @@ def refuse_unusual(system: object, method: str, matrix: Matrix) -> None:
 
 
 def _has_scalar_products(matrix: Matrix) -> bool:
-    """Tell whether scipy takes the products of a matrix of one row for scalars."""
+    """Tell whether scipy mistakes the products of a matrix of a single row for scalars."""
     return isinstance(matrix, sp.coo_array) and matrix.shape[0] == 1
 
 
 def refuse_infinite(
     system: object, what: str, matrix: Matrix, why: str = "linear pieces have finite derivatives"
 ) -> None:
-    """Refuse derivatives that are not finite where they must be, as those of linear pieces.
+    """Refuse derivatives that are not finite where finite derivatives are due, as in linear pieces.
 
     Raises
     ------

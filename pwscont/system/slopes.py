@@ -1,7 +1,7 @@
 """Whether derivatives that a user gives are those of the user's functions.
 
-A Jacobian that is wrong in one number sends every step astray, or turns the wrong way at a fold,
-without a word. One generic direction shows a wrong number in its row, at the cost of two values.
+A Jacobian with one wrong number sends every step astray, or turns the wrong way at a fold, without
+a word. A single generic direction shows a wrong number in its row, at the cost of two values.
 
 Failure modes and answers
 -------------------------
@@ -28,15 +28,16 @@ from pwscont.system.differences import Differences
 from pwscont.system.system import PiecewiseSystem
 
 #: How far beside a point derivatives are compared, in typical magnitudes.
-ASIDE = 0.01
-#: Lengths of steps, the first of which nearly always confirms the derivative.
+DISTANCE_TO_POINT = 0.01
+#: Lengths of steps; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: By what part of its terms a derivative may be off, and quotients may differ from each other.
-WRONG, ALIKE = 1e-4, 1e-5
+#: A derivative that is off by more than the part WRONG_SLOPE of its terms is wrong; quotients that
+#: differ by at most the part EQUAL_QUOTIENTS of the terms agree.
+WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
 
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
-    """Refuse a Jacobian that is not that of H next to a point; one by differences always is.
+    """Refuse a Jacobian that is not the derivative of H next to a point; differences need no check.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
 def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
     """Return a point beside x, and a direction in which all steps stay in the interval."""
     direction = differences.scale * generic(len(x))
-    y, reach = x + ASIDE * direction, max(STEPS) * abs(direction[-1])
+    y, reach = x + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
     if differences.hi - differences.lo <= 2.0 * reach:
         direction[-1] = 0.0
     else:
@@ -88,19 +89,21 @@ def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
 def _wrong_row(
     function: Callable[[Array], Array], given: Matrix, x: Array, direction: Array
 ) -> int | None:
-    """Return the row in which a derivative is not that of a function, None where it is."""
+    """Return the row in which a derivative is not the function's; None if there is no such row."""
     slopes, terms = product(given, direction), product(abs(given), np.abs(direction))
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)
     for step in STEPS:
         ahead, behind = x + step * direction, x - step * direction
-        if (np.abs((ahead - behind) / (2.0 * step) - direction) > ALIKE * np.abs(direction)).any():
+        if (
+            np.abs((ahead - behind) / (2.0 * step) - direction) > WRONG_SLOPE * np.abs(direction)
+        ).any():
             return None
         quotients.append((function(ahead) - function(behind)) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
-        wrong &= np.abs(quotients[-1] - slopes) > WRONG * sizes
+        wrong &= np.abs(quotients[-1] - slopes) > WRONG_SLOPE * sizes
         for one, other in pairwise(quotients):
-            wrong &= np.abs(one - other) <= ALIKE * sizes
+            wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
         if not wrong.any():
             return None  # nearly always at once
     return int(np.flatnonzero(wrong)[0])

@@ -1,4 +1,4 @@
-"""Whether H holds at a point, to the rounding of its terms."""
+"""Whether H vanishes at a point, to the rounding of the terms of H."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pwscont.basics.character import Character
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: H is rounding where it is at most this part of its own terms, or this part of the largest terms
-#: of all equations, which a solve mixes.
+#: H is rounding where H is at most OWN_TERMS of its own terms, or at most ALL_TERMS of the largest
+#: terms of all equations, which a solve mixes.
 OWN_TERMS, ALL_TERMS = 1e-6, 1e-12
 #: An error of a point is an estimate, which may be too small by this factor.
 ESTIMATED = 10.0
@@ -33,7 +33,7 @@ def unexplained(
     x, scale : ndarray, shape (n + 1,)
         The point (z, alpha), and typical magnitudes.
     error : ndarray, shape (k, n + 1), optional
-        Samples of its error; default none.
+        Samples of the error of the point; default none.
     """
     z, alpha = x[:-1], float(x[-1])
     value = residual_at(system, z, alpha, character)

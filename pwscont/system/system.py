@@ -25,7 +25,7 @@ from pwscont.system.undefined import Undefined
 @final
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a system that is in one of several modes, whatever the others do.
+    """A part of a system that is in one of several modes, independent of the modes of other parts.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Block:
     rows : tuple of int
         The rows of H that depend on the mode.
     modes : tuple of tuple of bool
-        For every mode the signs of these tests in some character that has it.
+        For every mode the signs of the tests in some character with this mode.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def number_of_cells(blocks: Iterable[Block]) -> int:
 def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
     """Yield one character for each combination of the modes of some blocks.
 
-    Of so many tests, those that no block decides are positive.
+    Of the ``tests`` tests, every test that no block decides is positive.
     """
     positive = Character([True] * tests)
     decided = [test for block in blocks for test in block.tests]
@@ -64,8 +64,9 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
         yield positive.with_signs(decided, chain.from_iterable(modes))
 
 
-#: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
-MANY_TESTS = 16
+#: The default of ``cells`` tries every sign pattern; beyond this number of tests the default asks
+#: for help.
+MOST_TESTS_TO_TRY = 16
 #: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
 
@@ -73,13 +74,13 @@ OWN = ("__weakref__", "_differences")
 class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
-    The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells,
-    each named by its :class:`~pwscont.Character`. On a cell, H equals one smooth *selection*.
-    Selections of neighbouring cells must agree on the interface between them, and each must
-    stay evaluable a little beyond its own cell: Newton freezes the character.
+    The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells; each
+    cell has a name, its :class:`~pwscont.Character`. On a cell, H equals a smooth *selection*.
+    Selections of neighbouring cells must agree on the interface between the cells, and each
+    selection must stay evaluable a little beyond its own cell: Newton freezes the character.
 
-    A subclass sets ``size`` and writes :meth:`test_functions` and :meth:`residual`;
-    everything else has a default. Try it with :func:`pwscont.check_system`.
+    A subclass sets ``size`` and writes :meth:`test_functions` and :meth:`residual`; everything else
+    has a default. Try a system with :func:`pwscont.check_system`.
 
     Attributes
     ----------
@@ -88,13 +89,15 @@ class PiecewiseSystem(Undefined, ABC):
     domain : tuple of float
         Values of the parameter for which the system makes sense; default all.
     degree : int or None
-        The sum of the signs of det(dH/dz) over all solutions at any regular alpha, where it is
-        known to be one and the same; default None, not known.
+        The sum of the signs of det(dH/dz) over all solutions, if known to be the same at every
+        regular alpha; default None, not known.
     unique : bool
-        The promise that there is never more than one solution at one alpha (a P-matrix, a convex
-        problem); default False. One found is then all, and two are an error in the promise.
+        The promise that there is at most one solution at every alpha (a P-matrix, a convex
+        problem); default False. A solution found is then all solutions, and two solutions are an
+        error in the promise.
     line_styles : mapping of str to matplotlib's line styles
-        How pictures draw the pieces of a label; default in the order in which they occur.
+        How pictures draw the pieces of a label; default one style after another, in
+        the order in which labels occur.
 
     Examples
     --------
@@ -150,10 +153,10 @@ class PiecewiseSystem(Undefined, ABC):
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
 
-        In a run the steps fit its interval, and stay in it; where Newton converges slowly however
-        short the steps along the curve, they become finer. Elsewhere they fit :meth:`scale` at
-        this alpha, stay in :attr:`domain`, and take one, or alpha if it is larger, for a typical
-        change of alpha.
+        In a run the steps fit the run's interval, and stay in the interval; where Newton converges
+        slowly however short the steps along the curve, the differences become finer. Outside a run
+        the steps fit :meth:`scale` at this alpha, stay in :attr:`domain`, and take max(1,
+        abs(alpha)) for a typical change of alpha.
         """
         if self._is_fitted:
             return self._differences
@@ -163,7 +166,8 @@ class PiecewiseSystem(Undefined, ABC):
     def within(self, lo: float, hi: float, magnitudes: Array | None = None) -> Self:
         """Return the same system for work on an interval of alpha.
 
-        It shares all attributes with this one, but has :meth:`differences` of its own.
+        The returned system shares all attributes with this system, except that :meth:`differences`
+        fits the interval.
 
         Parameters
         ----------
@@ -181,7 +185,7 @@ class PiecewiseSystem(Undefined, ABC):
         return twin
 
     def refine_differences(self, part: float) -> None:
-        """Let the :meth:`differences` of this run take this part of their usual steps."""
+        """Multiply the usual steps of the :meth:`differences` of this run by ``part``."""
         if self._is_fitted and part != self._differences.part:
             object.__setattr__(self, "_differences", replace(self._differences, part=part))
 
@@ -192,15 +196,20 @@ class PiecewiseSystem(Undefined, ABC):
         return own or bool((PiecewiseSystem.scale(self, 0.0, 0.0) != 1.0).any())
 
     @property
+    def knows_jacobian(self) -> bool:
+        """Whether the derivatives are the system's own, which no typical magnitude changes."""
+        return type(self).jacobian is not PiecewiseSystem.jacobian
+
+    @property
     def _is_fitted(self) -> bool:
         return hasattr(self, "_differences")
 
     def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
         """Return only some of the test functions, shape (len(which),).
 
-        Along a piece only the tests that bound its cell are asked for. Default: all are
-        evaluated, and some taken; override it, and :meth:`some_test_gradients`, where each test
-        costs something of its own.
+        Along a piece the run asks only for the tests that bound the piece's cell. Default: evaluate
+        all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
+        test has a cost of its own.
         """
         taken: Array = self._some(self.test_functions(z, alpha), alpha, which)
         return taken
@@ -223,7 +232,8 @@ class PiecewiseSystem(Undefined, ABC):
     def bounding_tests(self, character: Character) -> Sequence[int] | Indices:
         """Return the indices of the tests whose zero sets bound this cell; default all.
 
-        All characters that agree with this one on these tests must name the same selection.
+        All characters that agree with this character on the returned tests must name the same
+        selection.
         """
         return range(character.array.size)
 
@@ -242,23 +252,23 @@ class PiecewiseSystem(Undefined, ABC):
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of z over the interval, shape (n,).
 
-        They make arc length, and with it every result, independent of units. Default: ones, and
-        in a run that finds solutions of other magnitudes, those.
+        Typical magnitudes make arc length, and with arc length every result, independent of units.
+        Default: ones, or the magnitudes of the solutions that a run finds.
         """
         return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
 
     def bounds(self) -> tuple[Any, Any]:
         """Return between which values z makes sense, each broadcastable to (n,); default all.
 
-        Solutions outside are no starts, and a branch that leaves its bounds ends there.
+        Solutions outside the bounds are no starts, and a branch that leaves the bounds ends there.
         """
         return -np.inf, np.inf
 
     def periods(self) -> Any:
         """Return after what each unknown repeats itself, broadcastable to (n,); default infinite.
 
-        A promise about H and the tests, such as 2 pi for an angle: solutions that differ by
-        whole periods are one. Infinite, or zero, is not periodic.
+        A promise about H and the tests, such as 2 pi for an angle: solutions that differ by whole
+        periods are the same solution. Infinite, or zero, is not periodic.
         """
         return np.inf
 
@@ -300,7 +310,7 @@ class PiecewiseSystem(Undefined, ABC):
 
     @property
     def somewhere(self) -> float:
-        """A value of alpha for which the system is defined: in a run, one of its interval."""
+        """A value of alpha for which the system is defined: in a run, a value in its interval."""
         anywhere = Differences(np.ones(1), *self.domain)
         return (self._differences if self._is_fitted else anywhere).base
 
@@ -309,9 +319,10 @@ class PiecewiseSystem(Undefined, ABC):
         return Character.of(self.test_functions(z, alpha))
 
     def cell(self, character: Character) -> bytes:
-        """Return the signs that matter: characters with equal cells name one selection.
+        """Return the signs that matter: characters with equal cells name the same selection.
 
-        One byte per test function: 0 for a test that does not bound the cell, else its sign.
+        A byte for each test function: 0 for a test that does not bound the cell, else the sign of
+        the test.
         """
         return character.among(indices(self.bounding_tests(character)))
 
@@ -321,15 +332,15 @@ def _number_of_tests(system: PiecewiseSystem) -> int:
 
 
 def has_too_many_tests(system: PiecewiseSystem) -> bool:
-    """Tell whether a system without cells of its own has too many sign patterns to try all."""
+    """Tell whether a system without its own ``cells`` has too many sign patterns to try."""
     is_default = type(system).cells is PiecewiseSystem.cells
-    return is_default and _number_of_tests(system) > MANY_TESTS
+    return is_default and _number_of_tests(system) > MOST_TESTS_TO_TRY
 
 
 class SlicewiseLinearSystem(PiecewiseSystem):
     """A system whose selections and test functions are affine in z at every fixed alpha.
 
-    The promise lets pwscont list all solutions at one alpha by solving one linear system per
+    The promise lets pwscont list all solutions at a fixed alpha by solving one linear system per
     cell. A system whose cells are all combinations of the modes of independent parts (contact
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
 
@@ -359,7 +370,7 @@ class SlicewiseLinearSystem(PiecewiseSystem):
         )
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the parts whose modes combine freely; default one part with all cells."""
+        """Return the parts whose modes combine freely; default a single part with all cells."""
         modes = tuple(character.signs for character in self.cells())
         return (Block(tuple(range(len(modes[0]))), tuple(range(self.size)), modes),)
 
@@ -375,8 +386,8 @@ class SlicewiseLinearSystem(PiecewiseSystem):
 class PiecewiseLinearSystem(SlicewiseLinearSystem):
     """A system whose selections and test functions are affine in (z, alpha) together.
 
-    Its curves are polygons: :class:`~pwscont.ExactLinear` follows them from corner
-    to corner without a step size. The default Jacobians are exact here, because differences
+    The curves of such a system are polygons: :class:`~pwscont.ExactLinear` follows polygons from
+    corner to corner without a step size. The default Jacobians are exact here, because differences
     of affine functions are.
 
     Examples
@@ -403,16 +414,17 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     def kink(self, before: Character, after: Character, test: int) -> Array | None:
         """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).
 
-        It is all that changes from one cell to the next. A system that knows it saves a run two
-        residuals, or a Jacobian, at every transition; default None: it is computed from those. A
-        system that overrides it knows c at every interface.
+        The product of c and the test's gradient is all that changes from one cell to the next. A
+        system that knows c saves a run two residuals, or a Jacobian, at every transition; default
+        None: a run computes c from these. A system that overrides this method knows c at every
+        interface.
 
         Parameters
         ----------
         before, after : Character
-            Cells on both sides of the interface where kappa_test vanishes, and nothing else.
+            Neighbouring cells that differ in the sign of kappa_test only.
         test : int
-            It bounds both cells.
+            The test bounds both cells.
         """
         return None
 

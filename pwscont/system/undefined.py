@@ -1,4 +1,4 @@
-"""A user's function that raises an error where it is not defined, as math.exp(1000) does.
+"""A user's function that raises an error outside its domain, as math.exp(1000) does.
 
 Where NumPy returns an infinite number or none, math and plain Python raise. Trial points lie
 anywhere: such an error there says what nan says, that H is not defined at the point.
@@ -7,7 +7,7 @@ Failure modes and answers
 -------------------------
 - A mistake of the user raises a ValueError as well, for shapes that do not fit: only errors of
   arithmetic and those that functions of math raise are taken for nan.
-- The number of test functions is not known where these raise: they are called elsewhere.
+- The number of test functions is not known where the tests raise: the tests are called elsewhere.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from pwscont.basics.errors import InvalidSystemError
 
 #: What is guarded: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
-#: What functions of math say of an argument outside of their domain, in all versions of Python.
+#: What functions of math say of an argument outside their domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
-#: Points at which tests are counted, if the first ones are not defined.
+#: Points at which tests are counted if the tests are not defined at the first points.
 PROBES = 8
 
 
 class Undefined:
-    """Lets the methods of its subclasses return nan where these are not defined."""
+    """Lets the methods of subclasses return nan where a method is not defined."""
 
     __slots__ = ()
 
@@ -72,13 +72,13 @@ def _shape(system: Any, name: str, args: tuple[Any, ...], error: Exception) -> t
 
 
 def _number_of_tests(system: Any, args: tuple[Any, ...], error: Exception) -> int:
-    """Return how many test functions there are, from the first point where they are defined."""
+    """Return the number of test functions, from the first point where the tests are defined."""
     tests, alpha = type(system).test_functions, args[1] if len(args) > 1 else system.somewhere
     tests = getattr(tests, "__wrapped__", tests)
     for shift in range(PROBES):
         try:
             return len(tests(system, generic(system.size, float(shift)), alpha))
-        except (ArithmeticError, ValueError):  # it is not defined there either
+        except (ArithmeticError, ValueError):  # the method is not defined there either
             continue
     raise InvalidSystemError(
         f"{type(system).__name__}.test_functions raises {type(error).__name__}: {error}, at all "

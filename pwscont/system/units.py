@@ -9,14 +9,14 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 from pwscont.system.system import PiecewiseSystem
 
-#: Squares of magnitudes up to this one, and of its inverse, are numbers.
-LARGEST = 1e150
+#: Squares of magnitudes up to this number, and of its inverse, are normal numbers.
+LARGEST_TO_SQUARE = 1e150
 #: Values of H whose terms are smaller than this lose digits to underflow.
-LEAST = float(np.finfo(float).tiny) / EPS
+LEAST_TERMS = float(np.finfo(float).tiny) / EPS
 
 
 def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
-    """Refuse tests whose typical changes are so large or small that their squares are no numbers.
+    """Refuse tests whose typical changes have squares that overflow or underflow.
 
     Parameters
     ----------
@@ -28,19 +28,26 @@ def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
     ------
     InvalidSystemError
     """
-    if len(changes) and largest(changes) <= LARGEST and smallest(changes) >= 1.0 / LARGEST:
+    if (
+        len(changes)
+        and largest(changes) <= LARGEST_TO_SQUARE
+        and smallest(changes) >= 1.0 / LARGEST_TO_SQUARE
+    ):
         return  # nearly always
-    bad = np.flatnonzero((changes > LARGEST) | ((changes < 1.0 / LARGEST) & (changes > 0.0)))
+    bad = np.flatnonzero(
+        (changes > LARGEST_TO_SQUARE) | ((changes < 1.0 / LARGEST_TO_SQUARE) & (changes > 0.0))
+    )
     if len(bad):
         raise InvalidSystemError(
             f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
-            f"{changes[bad[0]]:.3g}, outside the range [{1.0 / LARGEST:g}, {LARGEST:g}] in which "
-            "squares can be computed: multiply the test function by a constant"
+            f"{changes[bad[0]]:.3g}, outside the range [{1.0 / LARGEST_TO_SQUARE:g}, "
+            f"{LARGEST_TO_SQUARE:g}] in which squares can be computed: multiply the test function "
+            "by a constant"
         )
 
 
 def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
-    """Refuse equations whose terms are so small that their values lose digits to underflow.
+    """Refuse equations whose terms are so small that the values lose digits to underflow.
 
     Parameters
     ----------
@@ -52,9 +59,9 @@ def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
     ------
     InvalidSystemError
     """
-    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST))
+    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
     if len(bad):
         raise InvalidSystemError(
             f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
-            f"less than {LEAST:.3g}, where numbers lose digits: multiply it by a constant"
+            f"less than {LEAST_TERMS:.3g}, where numbers lose digits: multiply it by a constant"
         )

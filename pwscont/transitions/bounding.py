@@ -1,21 +1,22 @@
 """Transitions: the bounding tests of a cell, and the way across each.
 
 Where the slope of a test along the curve is -s, and k the curvature of the test, the curve leads
-s^2 / (2 k) beyond the interface before it turns back. Where that is within the rounding of the
-test, and the values of the test there do not follow that parabola, the curve has not crossed.
+s^2 / (2 k) beyond the interface before the curve turns back. Where this depth is within the
+rounding of the test, and the values of the test there do not follow the parabola of s and k, the
+curve has not crossed.
 
 Failure modes and answers
 -------------------------
-- A double zero is located to the square root of rounding, so that slopes there are far from zero
-  by their own rounding, and no matrix is singular: the depth is what counts.
-- Terms of a test cancel of which its gradient knows nothing, or are known to more digits than is
-  typical: values, not estimates, tell whether the test is negative between its zeros.
-- The curvature from differences is that of another part of the curve: both places are a millionth
+- A double zero is located to the square root of rounding, so that slopes there differ from zero by
+  more than their own rounding, and no matrix is singular: the depth is what counts.
+- A test has terms that cancel and do not show in its gradient, or terms known to more digits than
+  is typical: values, not estimates, tell whether the test is negative between its zeros.
+- The curvature from differences belongs to another part of the curve: both places are a millionth
   of the interval apart, and a zero that is farther from the lowest point is a crossing.
-- Another interface is met before the place where the piece would go on: that piece would begin
+- Another interface is met before the place where the piece would go on: the piece would begin
   outside of its cell, and never meet this interface.
-- From the zero the test falls again: the piece goes on beyond the lowest point, as far as the zero
-  is before it.
+- The test falls again beyond the zero: the piece goes on beyond the lowest point, at the distance
+  of the zero from the lowest point.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.corner.complementary import SLANT
-from pwscont.transitions.corner.cone import TangentCone, fan, opposite, same_piece
+from pwscont.transitions.corner.cells import SLANT, Corner
+from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import (
@@ -47,43 +48,44 @@ from pwscont.transitions.rays import (
     beyond,
     check_continuity,
     inward_ray,
-    ray_beyond,
     vanishing,
 )
 
-#: A place that is known better than this is where a test falls clearly: touching it would have a
-#: curvature of more than 1 / EPS^(1/2).
-CLEAR = EPS**0.75
+#: A place with an error below this bound belongs to a test that falls clearly: touching would need
+#: a curvature of more than 1 / EPS^(1/2).
+CLEAR_CROSSING = EPS**0.75
 #: Distance over which the slope changes, in the metric.
-NEARBY = 1e-6
-#: Where between both zeros values of the test are compared with the parabola, as parts of the
-#: distance to the lowest point, and how far they may be off, as a part of the depth.
-BETWEEN, OFF = (0.5, 1.0, 1.5), 0.25
+DISTANCE_TO_CURVATURE = 1e-6
+#: Places between both zeros where values of the test are compared with the parabola, as parts of
+#: the distance to the lowest point; and the largest difference allowed, as a part of the depth.
+PARABOLA_PLACES, PARABOLA_DEFECT = (0.5, 1.0, 1.5), 0.25
 
 
 def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
-    """Return the point where a curve touches an interface, None where it crosses, or may.
+    """Return the point where a curve touches an interface; None if the curve crosses, or may cross.
 
     Parameters
     ----------
     curve : Curve
     state : State
-        Where a test that bounds its cell vanishes, and falls along the tangent.
+        A point where a test that bounds the curve's cell vanishes, and falls along the tangent.
     test : int
     """
-    if curve.metric.norm(state.size) <= CLEAR:
+    if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
     index = int(np.flatnonzero(curve.selection.bounding == test)[0])
-    slope, further = -_slope(curve, state, index), _at(curve, state, NEARBY)
+    slope, further = -_slope(curve, state, index), _at(curve, state, DISTANCE_TO_CURVATURE)
     if further is None or not slope > 0.0:
         return None
     turn = slope + _slope(curve, further, index)
-    lowest = NEARBY * slope / turn if turn > 0.0 else np.inf
-    if not (lowest <= NEARBY and 0.5 * slope * lowest <= _rounding(curve, state, index)):
+    lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
+    if not (
+        lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= _rounding(curve, state, index)
+    ):
         return None
-    places = [_at(curve, state, part * lowest) for part in (*BETWEEN, 2.0)]
+    places = [_at(curve, state, part * lowest) for part in (*PARABOLA_PLACES, 2.0)]
     *between, rising = (place for place in places if place is not None)
-    if len(between) < len(BETWEEN) or _dips(curve, between, index, slope * lowest):
+    if len(between) < len(PARABOLA_PLACES) or _dips(curve, between, index, slope * lowest):
         return None
     if _leaves(curve, rising, index):
         return None
@@ -93,9 +95,9 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
 def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
     """Tell whether a test follows the parabola that begins at zero and is half of twice deep."""
     values = np.array([curve.selection.test(state.x, index) for state in between])
-    parts = np.array(BETWEEN)
+    parts = np.array(PARABOLA_PLACES)
     parabola = twice * (0.5 * parts**2 - parts)
-    return bool((np.abs(values - parabola) <= 0.5 * OFF * twice).all())
+    return bool((np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * twice).all())
 
 
 def _leaves(curve: Curve, rising: State, index: int) -> bool:
@@ -108,14 +110,14 @@ def _slope(curve: Curve, state: State, index: int) -> float:
 
 
 def _rounding(curve: Curve, state: State, index: int) -> float:
-    """Return a bound on the rounding of a test, whose terms may be as large as typical ones."""
+    """Return a bound on the rounding of a test, whose terms may be as large as typical terms."""
     row = curve.selection.test_gradient(state.x, index)[np.newaxis]
     size = magnitude_of_values(row, state.x, state.error) + EPS * (abs(row) @ curve.metric.scale)
     return CONFIDENCE * float(size[0])
 
 
 def _touched(curve: Curve, state: State, rising: State, test: int) -> SpecialPointFound:
-    """Return the special point, uncertain by as much as both ways on begin apart."""
+    """Return the special point, with an error that covers the beginnings of both rays."""
     name = curve.selection.system.test_name(test)
     error = np.vstack([state.error, rising.x - state.x])
     onwards = State(rising.x, rising.tangent, error, state.orientation)
@@ -131,10 +133,11 @@ def _at(curve: Curve, state: State, s: float) -> State | None:
 
 
 #: Tests smaller than this part of their own terms are looked at more closely; on straight pieces,
-#: than this part of the largest, or of the largest slope times the length of the interval.
-NEAR = 1e-9
+#: tests smaller than this part of the largest test, or of the largest slope times the length of the
+#: interval.
+NEXT_TO_ZERO = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
-LONG = 0.05
+LONG_STEP = 0.05
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
@@ -144,7 +147,7 @@ NONE = np.zeros(0, dtype=np.intp)
 @final
 @dataclass(frozen=True, slots=True)
 class BoundingTests(TransitionDetector):
-    """Watches the test functions that bound the current cell, and no others."""
+    """Watches the test functions that bound the current cell."""
 
     is_affine = True
 
@@ -159,25 +162,23 @@ class BoundingTests(TransitionDetector):
         rows = selection.unsigned_gradients(state.x)
         values, slopes = selection.tests(state.x), selection.side * rows.dot(state.tangent)
         scale = curve.metric.scale
-        riding = _next_to_zero(values, _terms(rows, state.x, scale))
-        if len(riding):
-            riding = riding[
-                is_zero_along(rows[riding], values[riding], slopes[riding], state, scale)
-            ]
-            values[riding], slopes[riding] = 1.0, 0.0
+        idle = _next_to_zero(values, _terms(rows, state.x, scale))
+        if len(idle):
+            idle = idle[is_zero_along(rows[idle], values[idle], slopes[idle], state, scale)]
+            values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say that a test that is positive at both ends is negative inside, or all along.
+        """Say that a test is positive at both ends and negative inside, or negative all along.
 
         A dip that is rounding of the test is none; affine tests have none.
         """
         selection = segment.curve.selection
         if selection.is_straight or not len(start.values):
             return None
-        if start.least < 0.0 and _is_outside(segment, start, end):
+        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
         for x in _looked_at(segment):
             values = selection.tests(x)
@@ -202,7 +203,7 @@ class BoundingTests(TransitionDetector):
         return locate_zero(segment, self.border(segment.curve, index), bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Cross the interface, unless it is only touched; where several meet, take every way on."""
+        """Cross the interface unless the curve only touches it; at a corner, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
         zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
@@ -221,20 +222,20 @@ class BoundingTests(TransitionDetector):
 
 
 def next_to_zero(values: Array, slopes: Array) -> Indices:
-    """Return the tests that are so small that they may be zero all along a straight piece."""
+    """Return the tests small enough that each may be zero all along a straight piece."""
     sizes = np.abs(values)
-    near = NEAR * max(largest(sizes), largest(np.abs(slopes)))
+    near = NEXT_TO_ZERO * max(largest(sizes), largest(np.abs(slopes)))
     if smallest(sizes) > near:
         return NONE  # nearly always
     return np.flatnonzero(sizes <= near)
 
 
 def _next_to_zero(values: Array, terms: Array) -> Indices:
-    """Return the tests that are so small beside their terms that they may be zero along a piece.
+    """Return the tests that, next to their own terms, may be zero along a piece.
 
-    Each is measured in its own unit: all others may be zero as well, or far larger.
+    Every test is measured in its own unit: the other tests may be zero as well, or far larger.
     """
-    above = plus(np.abs(values), -NEAR, terms)
+    above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
     return NONE if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
 
 
@@ -254,7 +255,7 @@ def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
 
 def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
     """Return the points inside a step in which the tests are looked at, all in the interval."""
-    if segment.length <= LONG:
+    if segment.length <= LONG_STEP:
         x = segment.inside
         return (x,) if segment.curve.metric.admits(x) else ()
     points = (segment.near(part * segment.length) for part in THIRDS)
@@ -264,31 +265,31 @@ def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
 def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
     """Tell whether a test is clearly negative at the beginning of a step, and falls.
 
-    It was not seen to vanish, and will not be: the piece is not one of this cell.
+    Such a test was not seen to vanish, and will not be: the piece does not belong to this cell.
     """
     selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
     rows = selection.unsigned_gradients(state.x)
-    clear = NEAR * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
+    clear = NEXT_TO_ZERO * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
     return bool(((start.values < -clear) & (end.values < start.values)).any())
 
 
 def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
-    """Tell whether a test is negative inside a step and positive at both ends.
+    """Tell whether any test is negative inside a step and positive at both ends.
 
     A test that is zero all along, which has no slope at either end, does not count.
     """
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
-    rides = (start.slopes == 0.0) & (end.slopes == 0.0)
+    stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
     sizes = np.maximum(np.abs(start.values), np.abs(end.values))
-    deep = inside < -NEAR * np.maximum(terms, sizes)
-    return bool((deep & positive & ~rides).any())
+    deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
+    return bool((deep & positive & ~stays_zero).any())
 
 
 def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
-    """Tell whether tests that vanish within rounding still vanish one after the other.
+    """Tell whether tests that vanish together within rounding still vanish one after another.
 
-    Where no ray of their corner is the piece that was followed, the piece lies between the
-    interfaces, and meets one after the other.
+    If no ray of the tests' corner is the piece that was followed, the piece lies between the
+    interfaces, and meets one interface after another.
     """
     return met.kind == Kind.STOPPED and len(zero) > 1
 
@@ -296,16 +297,17 @@ def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
 def is_zero_along(
     gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
 ) -> Signs:
-    """Tell which tests are zero along a piece, to the rounding of their own terms.
+    """Tell which tests are zero along a piece, to the rounding of the tests' own terms.
 
-    A slope is zero if it would not lift the test out of its rounding within the length of the
-    interval, which is one. Where nothing moves, values and slopes are rounding of typical values.
+    A slope is zero if the slope would not lift the test out of its rounding within the length of
+    the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
+    typical values.
     """
     rounding = magnitude_of_values(gradients, state.x, state.error)
     zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
     flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    rides: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
-    return rides
+    stays_zero: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    return stays_zero
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:
@@ -316,7 +318,7 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     """
     new = Selection(curve.selection.system, beyond(curve.selection, state.x, test))
     there = Curve(new, curve.metric)
-    ray = ray_beyond(there, state, test) or inward_ray(there, state.x, state.error, test)
+    ray = inward_ray(there, state.x, state.error, test)
     check_continuity(curve, new, ray, state.x, state.error)
     return ray if ray and ray.state.orientation == state.orientation else None
 
@@ -324,9 +326,9 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
 def corner(
     curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
 ) -> SpecialPointFound:
-    """Return the special point at which several interfaces meet, or a tangent one is met."""
+    """Return the special point at which several interfaces meet, or the curve is tangent to one."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
-    found = fan(curve.selection.system, curve.metric, x, error, zero, back)
+    found = tangent_cone(Corner.at(curve.selection.system, curve.metric, x, error, zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -349,7 +351,7 @@ def corner(
 def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
     """Return the ray with an error that covers where along the ray each of these tests vanishes.
 
-    Rounding of one test may be far more than the place where another vanishes is uncertain.
+    The rounding of one test may exceed the uncertainty of the place where another test vanishes.
     """
     state, which = back.state, np.array(sorted(zero), dtype=np.intp)
     system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
@@ -364,9 +366,10 @@ def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
 
 
 def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
-    """Return the tests that vanish as well where one does not bound the cell on its other side.
+    """Return further tests that vanish if a test does not bound the cell on its other side.
 
-    That cell was named by signs that are rounding: so are the tests that do bound the cell.
+    The cell on the other side was named by signs that are rounding: the tests that bound this cell
+    are rounding, too.
     """
     if len(zero) != 1:
         return frozenset()
@@ -376,7 +379,7 @@ def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozen
 
 
 def turns(back: Ray, forth: Ray) -> bool:
-    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse it."""
+    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 

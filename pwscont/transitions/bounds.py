@@ -3,12 +3,12 @@
 Failure modes and answers
 -------------------------
 - A piece may run along a bound, as a multiplier that stays zero does, or touch a bound: Newton
-  leaves its points on either side. An unknown leaves its bounds only where it is beyond them by
-  more than the error of the point.
+  leaves the piece's points on either side. An unknown leaves its bounds only where it is beyond a
+  bound by more than the error of the point.
 - The last correction of Newton may be smaller than rounding by chance: where a point is beyond a
-  bound by next to nothing its error is estimated anew.
-- Where branches cross on a bound, those that leave the bounds are not followed: the point says so,
-  for they take their sign out of the sum of signs.
+  bound by next to nothing, the error of the point is estimated anew.
+- Where branches cross on a bound, branches that leave the bounds are not followed: the point says
+  so, as the signs of these branches are missing from the sum of signs.
 - A test may vanish where a bound is met, as the test of a complementarity does: the rays of that
   transition that stay within the bounds are followed.
 """
@@ -34,13 +34,13 @@ from pwscont.transitions.location import locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
-LEVEL = EPS**0.5
+LEVEL_SLOPE = EPS**0.5
 EVERY = slice(None)
 
 
 @final
 class Bounds(TransitionDetector):
-    """Watches z - lower and upper - z, where they are finite.
+    """Watches z - lower and upper - z for all finite bounds.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Bounds(TransitionDetector):
         self._names = names
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the distances to the bounds; one that the state is on is positive."""
+        """Return the distances to the bounds; the distance to a bound at the state is positive."""
         values, slopes = self._distances(state), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
         values[on] = self._rounding(curve, on)
@@ -72,7 +72,7 @@ class Bounds(TransitionDetector):
         return inside
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
-        """Tell for which bounds the state is on them, but for its error."""
+        """Tell on which bounds the state lies, up to its error."""
         off, rounding = np.abs(self._distances(state)), self._rounding(curve)
         on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
         doubtful = ~on & (off <= self._level(curve, state))
@@ -88,7 +88,7 @@ class Bounds(TransitionDetector):
 
     def _level(self, curve: Curve, state: State) -> Array:
         """Return slopes that are none, and distances that may be the error of a point."""
-        level = GUARD * EPS if curve.selection.is_straight else LEVEL
+        level = GUARD * EPS if curve.selection.is_straight else LEVEL_SLOPE
         sizes: Array = level * (curve.metric.scale + np.abs(state.x))[self._which]
         return sizes
 
@@ -117,7 +117,7 @@ class Bounds(TransitionDetector):
 
         state = locate_zero(segment, function, bracket)
         if isinstance(state, State):
-            state.x[which] = limit  # equal but for the rounding of the solve
+            state.x[which] = limit  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:

@@ -1,4 +1,4 @@
-"""Smooth branch points: two curves of one selection cross, and both are followed.
+"""Smooth branch points: two curves of the same selection cross, and both curves are followed.
 
 Failure modes and answers
 -------------------------
@@ -6,11 +6,11 @@ Failure modes and answers
   the point is the regular solution of an extended system (:mod:`pwscont.curve.crossing`), and
   the curve is bisected only while the step is too long for that.
 - The sign of a state next to the point is rounding: a point just outside the step counts as well.
-- The step jumped from one curve to another that passes close by: the sign flips and no branch
-  point is there. That is a failure, on which the step is shortened until the steps follow the bend.
+- The step jumped from one curve to another that passes close by: the sign flips without a branch
+  point. Such a jump is a failure, on which the step is shortened until the steps follow the bend.
 - Two branch points within one step flip the sign twice and go unseen: allow shorter steps. Points
   where the sign does not flip go unseen, too: where an even number of eigenvalues vanishes
-  together, as symmetry makes it, and where curves touch.
+  together, as under symmetry, and where curves touch.
 - Curves that cross to higher order flip the sign but have no two directions to tell apart: the
   piece stops there and says that two branches meet.
 """
@@ -32,11 +32,11 @@ from pwscont.linear.factorise import bordered
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
 
-#: A branch point outside a step belongs to the step within this part of its length.
-SLACK = 0.1
-MOST_HALVINGS = 10
-#: Distance at which the sign of det[J; t^T] is read off, where no walk has brought it along.
-NEARBY = EPS**0.25
+#: A branch point outside a step, within this part of the step's length, belongs to the step.
+OUTSIDE_STEP = 0.1
+MOST_BISECTIONS = 10
+#: Distance at which the sign of det[J; t^T] is evaluated if no walk carries the sign along.
+DISTANCE_TO_SIGN = EPS**0.25
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
@@ -50,13 +50,9 @@ class SmoothBranchPoints(TransitionDetector):
         """Return the sign and its negative."""
         return _READINGS[state.orientation]
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that the sign is the same, and known, at both ends."""
-        return segment.start.orientation * segment.end.orientation > 0
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
-        assert isinstance(segment, CurvedSegment)  # straight curves of one selection do not cross
+        assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         found = _locate(segment, bracket, before := 1 if index == 0 else -1)
         if isinstance(found, Failure):
             return found
@@ -64,9 +60,9 @@ class SmoothBranchPoints(TransitionDetector):
         return State(found.x, own, found.error, before)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Go on along the same curve, and both ways along the other."""
+        """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
-        if isinstance(found, Failure):  # not after it has been located
+        if isinstance(found, Failure):  # not after the point has been located
             return SpecialPointFound(
                 Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),)
             )
@@ -76,16 +72,16 @@ class SmoothBranchPoints(TransitionDetector):
 def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFound:
     """Return a branch point with its four rays.
 
-    The signs of det[J; t^T] on the rays, each seen leaving the point, alternate around it: a piece
-    that arrives on one curve with a positive sign goes on with a negative one, and both halves of
-    the other curve leave with a positive one.
+    The signs of det[J; t^T] on the rays, each ray seen leaving the point, alternate around the
+    point: a piece that arrives on one curve with a positive sign goes on with a negative sign, and
+    both halves of the other curve leave with a positive sign.
 
     Parameters
     ----------
     curve : Curve
     found : Crossing
     state : State
-        The point as an arrival on one of the curves, with the sign before it.
+        The point as an arrival on either curve, with the sign before the point.
     """
     cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
     other = found.directions[int(np.argmin(cosines))]
@@ -109,9 +105,9 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
         return None
     tangent = found.directions[0]
     differences = curve.selection.system.differences(float(found.x[-1]))
-    if not differences.contains(found.x[-1] - NEARBY * tangent[-1]):
+    if not differences.contains(found.x[-1] - DISTANCE_TO_SIGN * tangent[-1]):
         tangent = -tangent
-    near = curve.selection.jacobian(found.x - NEARBY * tangent)
+    near = curve.selection.jacobian(found.x - DISTANCE_TO_SIGN * tangent)
     sign = bordered(near, curve.metric.covector(tangent), curve.metric.binary).sign
     return branch_point(curve, found, State(found.x, tangent, found.error, sign))
 
@@ -119,9 +115,9 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
 def _locate(
     segment: CurvedSegment, bracket: tuple[float, float], before: int
 ) -> Crossing | Failure:
-    """Return the branch point on a segment, bisecting while Newton does not find it."""
+    """Return the branch point on a segment, bisecting until Newton finds the point."""
     lo, hi = bracket
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         if isinstance(found, Crossing) and _belongs(segment, found.x):
@@ -134,8 +130,8 @@ def _locate(
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
-    """Tell whether a branch point lies on the segment, or too close to its ends to tell."""
-    s, slack = segment.position(x), SLACK * segment.length
+    """Tell whether a branch point lies on the segment, or too close to its ends to decide."""
+    s, slack = segment.position(x), OUTSIDE_STEP * segment.length
     aside = segment.curve.metric.norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)
 
@@ -143,7 +139,8 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 def _own(segment: CurvedSegment, found: Crossing) -> Array:
     """Return the direction of the segment's own curve, pointing forward.
 
-    Of the two directions, the one closest to the slope of the cubic through the segment's ends.
+    Of the two directions, return the direction closest to the slope of the cubic through the
+    segment's ends.
     """
     covector = segment.curve.metric.covector(_slope(segment, segment.position(found.x)))
     cosines = [float(covector.dot(direction)) for direction in found.directions]

@@ -3,8 +3,8 @@
 Failure modes and answers
 -------------------------
 - Near a fold the residual is as small as the square of the distance: where dH/dz is singular,
-  Newton at fixed alpha may stand still beside the fold, beyond it even, where there is no solution.
-  With another unknown held fixed, Newton leads to the curve, at the alpha at which it is.
+  Newton at fixed alpha may stand still beside the fold, or beyond the fold, where there is no
+  solution. With another unknown held fixed, Newton leads to the curve, at the curve's own alpha.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, are_finite
+from pwscont.basics.arrays import Array, Matrix, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.curve.curve import Curve, Held, State
+from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
@@ -46,9 +46,9 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     x, _ = found
     curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
     held = regular_border(curve, x)
-    if held is None or held.row[-1]:
+    if held is None or held[1][-1]:
         return found
-    row = held.row
+    row = held[1]
     root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
     if isinstance(root, Failure):
         return None
@@ -56,10 +56,11 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
 
 
-def regular_border(curve: Curve, x: Array) -> Held | None:
-    """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
+def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
+    """Return J, the unit row e_j that borders J to a regular matrix, and the factorisation.
 
-    It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
+    The row holds one unknown fixed: alpha, except at a fold, where alpha fails. At a branch point
+    all fail.
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):
@@ -67,7 +68,7 @@ def regular_border(curve: Curve, x: Array) -> Held | None:
         row[j] = 1.0
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
-            return Held(jacobian, row, factor)
+            return jacobian, row, factor
     return None
 
 
@@ -85,7 +86,7 @@ class Standing:
     curve : Curve
         Of the cell whose signs the tests have, or seem to have.
     other : Curve or None
-        Of the cell on the other side, where exactly one test vanishes that bounds a cell.
+        The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
     """
 
     x: Array
@@ -118,9 +119,9 @@ class Standing:
         return cls(x, error, zero, curve, other)
 
     def departures(self) -> SpecialPointFound:
-        """Return the solution as a special point, with its kind and its rays.
+        """Return the solution as a special point, with the point's kind and rays.
 
-        A point inside a cell has two rays on one curve and the kind START.
+        A point inside a cell has two rays on the same curve and the kind START.
         """
         if not self.zero:
             return _inside(self.curve, self.x, self.error)
@@ -140,17 +141,15 @@ def _beyond(here: Selection, test: int) -> Selection:
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
-    held = curve.held or regular_border(curve, x)
+    held = regular_border(curve, x)
     if held is None:
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
-    if curve.selection.is_straight:
-        curve.held = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
-    # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: one sign
+    # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
     rays = forth, forth.reversed()
@@ -160,7 +159,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
 
 
 def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
-    """Return the special point on an interface with a ray into each cell, if there are both."""
+    """Return the special point on an interface with a ray into each cell; None without two rays."""
     (test,), curve, x, error = standing.zero, standing.curve, standing.x, standing.error
     rays = [inward_ray(side, x, error, test) for side in (curve, other)]
     check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)

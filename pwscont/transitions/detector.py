@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, smallest
+from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS
@@ -20,10 +20,10 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
-FARTHEST = 0.1 / EPS**0.75
-#: Any number may be divided by this one, and by no smaller one.
+FARTHEST_ZERO = 0.1 / EPS**0.75
+#: The smallest number by which any number may be divided without overflow.
 TINIEST = float(np.finfo(float).tiny)
-#: A message, or what returns it: thousands of messages are never read.
+#: A message, or a function that returns the message: thousands of messages are never read.
 Said = str | Callable[[], str]
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
@@ -31,11 +31,11 @@ UNKNOWN.setflags(write=False)
 
 
 #: Places on a straight piece at which functions without a slope are read.
-PLACES = 64
+PLACES_ON_RAY = 64
 
 
 def worded(said: Said) -> str:
-    """Return a message, made now if it was not yet."""
+    """Return a message in words, calling a message that is a function."""
     return said if isinstance(said, str) else said()
 
 
@@ -49,18 +49,18 @@ def soonest(values: Array, slopes: Array) -> tuple[int, float]:
     first = int((slopes / np.maximum(values, TINIEST)).argmin())
     value, slope = float(values[first]), float(slopes[first])
     nearest = max(value, 0.0) / -slope if slope < 0.0 else math.inf
-    return first, nearest if nearest <= FARTHEST else math.inf
+    return first, nearest if nearest <= FARTHEST_ZERO else math.inf
 
 
 def ratio_test(values: Array, slopes: Array) -> Array:
-    """Return the distances at which affine functions fall to zero, infinite where they do not.
+    """Return the distances at which affine functions fall to zero, infinite for other functions.
 
     A function that is negative already falls at distance zero.
     """
     falling = slopes < 0.0
     distances = np.full(len(falling), np.inf)
     np.divide(np.maximum(values, 0.0), -slopes, out=distances, where=falling)
-    distances[distances > FARTHEST] = np.inf
+    distances[distances > FARTHEST_ZERO] = np.inf
     return distances
 
 
@@ -74,24 +74,16 @@ class Reading:
     values : ndarray, shape (k,)
         Positive while nothing happens; a change to zero or below is an event.
     slopes : ndarray, shape (k,)
-        Derivatives along the tangent; zero where they are not known.
+        Derivatives along the tangent; zero where unknown.
     """
 
     values: Array
     slopes: Array
-    _least: float | None = field(default=None, init=False, repr=False)
-
-    @property
-    def least(self) -> float:
-        """The smallest value, of one at least; looked for once."""
-        if self._least is None:
-            self._least = smallest(self.values)
-        return self._least
 
 
 @final
 class SpecialPointFound:
-    """A special point reached, and the ways on from it.
+    """A special point reached, and the rays that leave the point.
 
     Parameters
     ----------
@@ -99,9 +91,11 @@ class SpecialPointFound:
         A word of the detector's own, where none of :class:`Kind` fits.
     x : ndarray, shape (n + 1,)
     message : str or callable
-        What happens there, for the user; a function without arguments returns it when it is asked.
+        What happens at the point, for the user; a function without arguments is called when the
+        message is read.
     rays : tuple of Ray
-        Every piece that is known to end here, first the one that was followed, pointing back.
+        Every piece that is known to end here; the first ray is the piece that was followed,
+        pointing back.
     """
 
     __slots__ = ("kind", "rays", "said", "x")
@@ -125,20 +119,21 @@ class SpecialPointFound:
 
 
 class TransitionDetector(ABC):
-    """Watches functions along a piece; where one falls to zero is a special point.
+    """Watches functions along a piece; a function that falls to zero makes a special point.
 
-    The contract: :meth:`read` returns the same number of functions all along a piece. Each is
-    positive while nothing happens; where it changes from positive to zero or below, the zero is
-    located and a special point made. A function that is zero or negative is not watched until it
-    is positive again, so return g and -g where sign changes both ways matter. Right after its own
-    special point a function must be zero but for rounding, or negative, or rise. Values at
-    a point of a curve depend on that point, not on the way there.
+    The contract: :meth:`read` returns the same number of functions all along a piece. Each function
+    is positive while nothing happens; where a function changes from positive to zero or below, the
+    zero is located and a special point made. A function that is zero or negative is not watched
+    until the function is positive again, so return g and -g where sign changes in both directions
+    matter. Right after its own special point a function must be zero up to rounding, or negative,
+    or rise. Values at a point of a curve depend on that point, not on the way there.
 
     Attributes
     ----------
     is_affine : bool
         A promise that along straight pieces all functions are affine, read with their slopes, and
-        not negative but at the end: the ratio test then finds where they vanish; default False.
+        negative at most at the end of the piece: the ratio test then finds the zeros; default
+        False.
 
     Examples
     --------
@@ -159,7 +154,7 @@ class TransitionDetector(ABC):
         curve : Curve
             The selection that is followed, and the metric.
         state : State
-            A point of it, and the tangent in the direction of travel.
+            A point of the curve, and the tangent in the direction of travel.
 
         Returns
         -------
@@ -182,9 +177,9 @@ class TransitionDetector(ABC):
         -------
         ndarray, shape (k,)
             Infinite for functions that do not fall. The default takes functions with a slope to be
-            affine along straight pieces (the ratio test), and reads functions whose slope is not
-            known at a number of places; override it for other functions. Functions that are zero
-            or negative fall at once where :attr:`is_affine` is promised.
+            affine along straight pieces (the ratio test), and evaluates functions with unknown
+            slopes at a number of places; override ``falls`` for other functions. Functions that are
+            zero or negative fall at once where :attr:`is_affine` is promised.
         """
         if self.is_affine:
             return ratio_test(start.values, start.slopes)
@@ -197,7 +192,7 @@ class TransitionDetector(ABC):
 
     def _falls_by_reading(self, segment: Segment, which: Indices, farthest: float) -> Array:
         """Return where functions without a slope fall to zero on a ray, between places."""
-        places = np.linspace(0.0, farthest, PLACES + 1)[:-1]
+        places = np.linspace(0.0, farthest, PLACES_ON_RAY + 1)[:-1]
         read = np.array([values_on(self, segment, s)[which] for s in places])
         distances = np.full(len(which), np.inf)
         for k, row in enumerate(read.T):
@@ -217,8 +212,8 @@ class TransitionDetector(ABC):
     def border(self, curve: Curve, index: int) -> Border | None:
         """Return function ``index`` of a point with its gradient, x -> (value, gradient).
 
-        With it a step may end where the function vanishes, instead of beyond. None, the default,
-        where there is no gradient.
+        With a gradient, a step may end where the function vanishes, instead of beyond. None, the
+        default, where there is no gradient.
         """
         return None
 
@@ -233,27 +228,18 @@ class TransitionDetector(ABC):
             Place of the function in the reading of :meth:`read`.
         bracket : tuple of float
             Distances along the segment; the function is positive at the first. On a straight
-            segment both are the same.
+            segment both distances are equal.
 
         Returns
         -------
         State or Failure
-            Its tangent points in the direction of the segment.
+            The state's tangent points in the direction of the segment.
         """
-
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell, from both ends of a step alone, that nothing of this detector's is on it.
-
-        True says that no function vanishes on the step, by the signs that :meth:`read` returns at
-        both ends, and that :meth:`needs_shorter_step` returns None: neither is called then. False,
-        the default, has them called.
-        """
-        return False
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say why a shorter step must be taken, if this one may hide a special point.
+        """Say why a shorter step must be taken, if this step may hide a special point.
 
         Parameters
         ----------
@@ -272,15 +258,15 @@ class TransitionDetector(ABC):
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Return the special point at ``state``, where function ``index`` vanishes.
 
-        Its rays are all known ways from there, the way back first. A detector that only
-        marks a point goes on along the same curve::
+        The rays of the point are all known ways from there, the way back first. A detector that
+        only marks a point goes on along the same curve::
 
             forth = Ray(curve, state)
             return SpecialPointFound("my kind", state.x, "what happened", (forth.reversed(), forth))
         """
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component, changed if it is a special point of this detector's.
+        """Return the start of a component, changed if it is a special point of this detector.
 
         Default: unchanged.
         """

@@ -1,22 +1,22 @@
 """Events: zeros of functions that a user names, along a branch.
 
-An event is a zero of a user's function g(z, alpha). It divides a piece in two, and changes neither
-the solutions nor their signs: counts and balances are the same without it. No step depends on
-events: they are looked for on steps that are taken, and divide pieces that are followed.
+An event is a zero of a user's function g(z, alpha). An event divides a piece in two, and changes
+neither the solutions nor their signs: counts and balances are the same without events. No step
+depends on events: events are searched on steps that are taken, and divide pieces that are followed.
 
 Failure modes and answers
 -------------------------
-- g has several zeros on one step: g is looked at in places on the way, and where it comes closest
-  to zero between them. Two zeros around such a place are both found; of zeros closer than places
-  some are not seen where g has several extrema between two places.
-- g is zero on a stretch, as max(0, z) is: its edges are events.
-- g has no sign where a piece begins, for it is level there or nothing but rounding: it is watched
-  from where it has one.
-- Between two points of a step the curve is known by a cubic: where g seems to vanish there, points
-  of the curve itself tell whether it does.
-- Events at one point: the point has the names of all of them.
-- An event at a transition, a fold or an end of the interval: both are one point, which is what it
-  is without the event, and has the name of the event.
+- g has several zeros on one step: g is evaluated in places along the step, and where g comes
+  closest to zero between the places. Both zeros around such a place are found; zeros closer than
+  the places may go unseen if g has several extrema between two places.
+- g is zero on a stretch, as max(0, z) is: the edges of the stretch are events.
+- g has no sign where a piece begins, because g is level there or nothing but rounding: g is watched
+  from the first place where g has a sign.
+- Between two points of a step the curve is known by a cubic: where g seems to vanish on the cubic,
+  points of the curve itself decide.
+- Events at the same point: the point has the names of all events.
+- An event at a transition, a fold or an end of the interval: the special point keeps its kind, and
+  has the name of the event.
 """
 
 from __future__ import annotations
@@ -44,28 +44,30 @@ GRADED = 10.0 ** np.arange(-7.0, -1.0)
 #: How closely the place is found where g comes closest to zero, as a part of the step.
 CLOSEST = EPS**0.5
 NONE = np.empty(0)
-#: Where g comes no closer to zero than this part of its values, points of the cubic tell so.
-SHALLOW = 1e-3
-#: So far beside an end of a step, as a part of the way to the next place, g tells how it changes.
-ASIDE = 1e-3
+#: If g comes no closer to zero than this part of its values, points of the cubic prove the sign.
+SHALLOW_DIP = 1e-3
+#: Distance beside an end of a step, as a part of the way to the next place, at which g shows how it
+#: changes.
+DISTANCE_TO_PLACE = 1e-3
 #: Where between two places, as a part of the way, g is compared with that of a single zero.
 PLAIN = 0.3
 
 
 def _places(count: int) -> Array:
-    """Return parts of a stretch: evenly many, and others closer and closer to both ends."""
+    """Return parts of a stretch: evenly spaced, and graded towards both ends."""
     even = np.linspace(0.0, 1.0, count + 1)[1:]
     return np.sort(np.concatenate([even, GRADED, 1.0 - GRADED]))
 
 
 #: Places on a step, and on a straight piece, at which g is evaluated.
 ON_STEP, ON_RAY = _places(16), _places(64)
-#: Where g comes closer to zero than this part of its values, it is looked at beside that place.
-NEAR = 0.1
+#: If g comes closer to zero than this part of its values, g is evaluated around the closest place,
+#: too.
+CLOSE_TO_ZERO = 0.1
 #: At what distances from there, as parts of the stretch.
 AROUND = np.outer(GRADED, [1.0, 2.0, 5.0]).ravel()
 #: An event closer than this to a special point, in the metric, may be at that point.
-BESIDE = 1e-6
+AT_SPECIAL_POINT = 1e-6
 
 
 @final
@@ -80,7 +82,7 @@ class EventMark:
     after : int
         How many of the points of the piece come before.
     position : float
-        Distance along the stretch from the last one of these.
+        Distance along the stretch from the last of these points.
     """
 
     state: State
@@ -106,7 +108,7 @@ class EventsAlong:
         self._watched = [_Watched(event, curve, *begin) for event in events]
 
     def look(self, segment: Segment, length: float, after: int) -> Sequence[EventMark]:
-        """Return the events on a stretch of the piece, and keep them."""
+        """Return the events on a stretch of the piece, and keep these events."""
         found = [
             EventMark(state, (watched.event,), after, s)
             for watched in self._watched
@@ -123,34 +125,34 @@ class EventsAlong:
         return self._marks[known:]
 
     def before(self, x: Array, error: Array) -> Sequence[EventMark]:
-        """Return the events on the piece but those at the special point in which it ends."""
+        """Return the events on the piece except those at the special point that ends the piece."""
         end = len(self._marks)
         while end and self._is_at(self._marks[end - 1], x, error):
             end -= 1
         return self._marks[:end]
 
     def _is_one(self, one: EventMark, other: EventMark) -> bool:
-        """Tell whether two events are at one place."""
+        """Tell whether two events are at the same place."""
         metric, x = self._curve.metric, one.state.x
         return metric.norm(x - other.state.x) <= metric.slack(x, CONVERGED)
 
     def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
         """Tell whether events are at a special point, to the accuracy of that point."""
         metric, way = self._curve.metric, mark.state.x - x
-        if metric.norm(way) > BESIDE:
+        if metric.norm(way) > AT_SPECIAL_POINT:
             return False
         return all(event.is_near(metric, x, error, way) for event in mark.events)
 
 
 class _Watched:
-    """An event and the sign that it has; 0 on a stretch of zeros, None while there is no sign."""
+    """An event and its current sign; 0 on a stretch of zeros, None while there is no sign."""
 
     def __init__(self, event: UserEvent, curve: Curve, x: Array, size: Array) -> None:
         self.event, self._curve = event, curve
         self._sign = self._sign_at(x, size)
 
     def zeros(self, segment: Segment, length: float) -> Iterator[tuple[float, State]]:
-        """Yield where on a stretch the sign changes, and go on with the sign at its end."""
+        """Yield places on a stretch where the sign changes; keep the sign at the end."""
         places = length * (ON_STEP if isinstance(segment, CurvedSegment) else ON_RAY)
         values = np.array([self.event.value(x) for x in self._points(segment, places)])
         if len(more := self._beside_least(segment, places, values)):
@@ -165,7 +167,7 @@ class _Watched:
     def _walk(
         self, segment: Segment, before: float, places: Array, is_fine: bool = False
     ) -> Iterator[tuple[float, State]]:
-        """Yield where the sign changes between places, and go on with the sign at the last one."""
+        """Yield where the sign changes between places; keep the sign at the last place."""
         for s in map(float, places):
             sign = self._sign_at(*self._exact(segment, s))
             if sign is None:
@@ -180,7 +182,7 @@ class _Watched:
             self._sign, before = sign, s
 
     def _around(self, segment: Segment, lo: float, zero: float, hi: float) -> Array:
-        """Return places between two others that tell three zeros from one, none where one is clear.
+        """Return places between ``lo`` and ``hi`` that tell three zeros from one clear zero.
 
         Where g has a single zero, g divided by the distance to the zero hardly changes.
         """
@@ -189,12 +191,17 @@ class _Watched:
             return NONE
 
         def divided(s: float) -> float:
-            """Return what is positive at both ends, and all between if the zero is the only one."""
+            """Return g over the distance to the zero, positive if the zero is the only zero."""
             places.append(s)
             value = self.event.value(self._exact(segment, s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
-        beside = [lo + PLAIN * cell, hi - PLAIN * cell, zero - ASIDE * cell, zero + ASIDE * cell]
+        beside = [
+            lo + PLAIN * cell,
+            hi - PLAIN * cell,
+            zero - DISTANCE_TO_PLACE * cell,
+            zero + DISTANCE_TO_PLACE * cell,
+        ]
         sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
             return NONE
@@ -202,13 +209,13 @@ class _Watched:
 
         options = {"xatol": CLOSEST * cell}
         found = minimize_scalar(divided, bounds=(lo, hi), method="bounded", options=options)
-        if found.fun < 0.0:  # two more: one on either side of this place
-            apart = ASIDE * abs(found.x - zero)
+        if found.fun < 0.0:  # two more zeros: on either side of this place
+            apart = DISTANCE_TO_PLACE * abs(found.x - zero)
             places += [zero - apart, zero + apart]
         return np.unique([s for s in places if lo < s < hi])
 
     def _points(self, segment: Segment, places: Array) -> Iterator[Array]:
-        """Yield points of a stretch at places in the interval, the last one exactly."""
+        """Yield points of a stretch at places in the interval, the last point corrected."""
         for s in places[:-1]:
             x = segment.near(float(s))
             self._curve.metric.admits(x)
@@ -216,7 +223,7 @@ class _Watched:
         yield self._exact(segment, float(places[-1]))[0]
 
     def _exact(self, segment: Segment, s: float) -> tuple[Array, Array]:
-        """Return a point of the curve, and the size of its error."""
+        """Return a point of the curve, and the size of the point's error."""
         if not isinstance(segment, CurvedSegment):
             return segment.near(s), np.zeros_like(segment.start.x)
         if s in (0.0, segment.length):
@@ -228,13 +235,13 @@ class _Watched:
         return found.x, found.size
 
     def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
-        """Return places closer and closer to where g seems to vanish, if it comes near to that.
+        """Return graded places around the place where g seems to vanish, if g comes close to zero.
 
-        There may be more zeros close to one.
+        There may be more zeros next to a zero.
         """
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
-        if not sizes[i] <= NEAR * sizes.max() or not sizes.any():
+        if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
             return NONE
         s = np.concatenate([[0.0], places])
         lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
@@ -254,10 +261,10 @@ class _Watched:
         return float(found.x)
 
     def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
-        """Yield where between places g has another sign, next to where it comes close to zero."""
+        """Yield the lowest places where g has another sign than at the places around."""
         s = np.concatenate([[0.0], places])
         values = np.concatenate([[self.event.value(segment.start.x)], values])
-        shallow = SHALLOW * float(np.abs(values).max())
+        shallow = SHALLOW_DIP * float(np.abs(values).max())
         for lo, hi, sign in self._valleys(segment, s, values):
             low, least = self._lowest(segment.near, sign, lo, hi)
             if abs(least) <= shallow and isinstance(segment, CurvedSegment):
@@ -268,14 +275,14 @@ class _Watched:
     def _valleys(
         self, segment: Segment, s: Array, values: Array
     ) -> Iterator[tuple[float, float, float]]:
-        """Yield the stretches in which g comes closer to zero than at their ends, and its sign."""
+        """Yield the stretches inside which g comes closest to zero, with the sign of g."""
         sizes, signs = np.abs(values), np.sign(values)
         inside = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
         inside &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
         for i in np.flatnonzero(inside):
             yield float(s[i]), float(s[i + 2]), float(signs[i])
         for at, beyond in ((0, 1), (-1, -2)):
-            beside = float(s[at] + ASIDE * (s[beyond] - s[at]))
+            beside = float(s[at] + DISTANCE_TO_PLACE * (s[beyond] - s[at]))
             is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
             if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
                 lo, hi = sorted((float(s[at]), float(s[beyond])))
@@ -284,7 +291,7 @@ class _Watched:
     def _lowest(
         self, point: Callable[[float], Array], sign: float, lo: float, hi: float
     ) -> tuple[float, float]:
-        """Return where between two places g is lowest, and g there, both by a sign."""
+        """Return the place where sign * g is lowest between two places, and the lowest value."""
         from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
         found = minimize_scalar(
@@ -296,7 +303,7 @@ class _Watched:
         return float(found.x), float(found.fun)
 
     def _sign_at(self, x: Array, size: Array) -> float | None:
-        """Return the sign of g, 0 where it is zero all around, None where it is rounding."""
+        """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
         metric = self._curve.metric
         if value := self.event.cleared(metric, x, size):
             return float(np.sign(value))
@@ -304,11 +311,11 @@ class _Watched:
         return 0.0 if is_flat else None
 
     def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State] | None:
-        """Return where between two places the sign changes; None where it cannot be located."""
+        """Return the place where the sign changes between two places; None if location fails."""
         sign = self._sign
         assert sign is not None
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
-            hi = lo  # it is rounding there already
+            hi = lo  # g is rounding there already
         if not isinstance(segment, CurvedSegment):
             s = hi if hi == lo else self._on_ray(segment, sign, lo, hi)
             found = locate_point(segment, s)
@@ -339,7 +346,7 @@ ALWAYS = (
 def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -> Events | None:
     """Return the detector of events given by name, None where there are none.
 
-    Their functions are given the first ``shown`` unknowns, default all.
+    Event functions are given the first ``shown`` unknowns, default all.
 
     Raises
     ------
@@ -398,11 +405,11 @@ class Events:
 
     @property
     def names(self) -> str:
-        """The names of all of them."""
+        """The names of all events at the point."""
         return _named(self.events)
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component; refuse events that are zero all around it.
+        """Return the start of a component; refuse events that are zero all around the start.
 
         Raises
         ------
@@ -420,9 +427,9 @@ class Events:
         ----------
         metric : Metric
         x, error : ndarray, shape (n + 1,)
-            The point and the estimate of its error.
+            The point and the estimate of the point's error.
         beyond : sequence of ndarray, shape (n + 1,)
-            A point of each piece that it joins.
+            A point of each piece that the special point joins.
         """
         return _named([e for e in self.events if e.meets(metric, x, error, beyond)])
 

@@ -2,13 +2,13 @@
 
 Failure modes and answers
 -------------------------
-- Where the curve turns at an end, its place along the curve is known to the square root of rounding
-  only: two ways to the end would be two ends. The place where the slope of alpha vanishes is known,
-  and is one for both.
-- A fold beyond the end cuts the curve there, however close the fold is, unless its alpha is that of
-  the end to rounding.
-- From a fold at an end the tangent leads along that end, and a prediction to either side of it:
-  the tangent leans into the interval by as much as its own rounding.
+- Where the curve turns at an end, the turning place along the curve is known to the square root of
+  rounding only: the rays to the end on both sides would make two ends. The place where the slope of
+  alpha vanishes is well known, and serves both rays.
+- A fold beyond the end: the curve is cut at the end, however close the fold is, unless alpha at the
+  fold is the end's alpha to rounding.
+- From a fold at an end the tangent leads along the end, and a prediction to either side of the end:
+  the tangent leans into the interval by as much as the tangent's own rounding.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW, locate_sign_change
+from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change
 from pwscont.transitions.rays import Ray
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
-SHALLOW = 1e-4
+SHALLOW_TURN = 1e-4
 
 
 @final
@@ -39,26 +39,19 @@ class SmoothFolds(TransitionDetector):
     """Watches the alpha component of the tangent, which is proportional to det(dH/dz)."""
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the component and its negative; zero to rounding counts as zero."""
+        """Return the component and the negative component; zero to rounding counts as zero."""
         slope = curve.slope(state)
         return Reading(np.array([slope, -slope]), UNKNOWN)
-
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that alpha goes the same way at both ends, and does not turn between them."""
-        curve = segment.curve
-        if curve.slope(segment.start) * curve.slope(segment.end) <= 0.0:
-            return False
-        return curve.selection.is_straight or not _turns_twice(segment)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say that alpha turns twice on the cubic of the segment, or does not change at its end.
+        """Say that alpha turns twice on the cubic of the segment, or has slope zero at its end.
 
-        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone.
-        On the step after a fold, which begins with slope zero, alpha may turn once. A step that
-        ends with slope zero must be shorter, but along a vertical piece, on which alpha is the same
-        at both ends; where every shorter one does, the branch is flat.
+        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone. On
+        the step after a fold, which begins with slope zero, alpha may turn once. A step that ends
+        with slope zero must be shorter, except along a vertical piece, on which alpha is the same
+        at both ends; if every shorter step ends with slope zero, the branch is flat.
         """
         first, last = float(start.values[0]), float(end.values[0])
         if not last:
@@ -74,12 +67,12 @@ class SmoothFolds(TransitionDetector):
             return sign * float(state.tangent[-1])
 
         def exact_slope(state: State) -> float:
-            return slope(polished(segment.curve, state).state)
+            return slope(polished(segment.curve, state)[0])
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)
         if isinstance(found, Failure):  # right at an end the change may be polished away
-            narrow = max(narrow, NARROW)
+            narrow = max(narrow, NARROW_BRACKET)
             found = locate_sign_change(segment, slope, bracket, narrow)
         return found if isinstance(found, Failure) else _settled(segment, found, narrow)
 
@@ -91,7 +84,7 @@ class SmoothFolds(TransitionDetector):
 
 
 def _rises(segment: CurvedSegment) -> bool:
-    """Tell whether alpha at both ends of a segment differs by more than Newton leaves."""
+    """Tell whether alpha at both ends of a segment differs by more than Newton's remainder."""
     rise = segment.end.alpha - segment.start.alpha
     return abs(rise) > CONVERGED * segment.curve.metric.width
 
@@ -102,11 +95,11 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
         return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-    return bool(least * (first + last) < -SHALLOW * largest * abs(first + last))
+    return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
 
 
 def _place(segment: CurvedSegment, off: float) -> float:
-    """Return to what part of a segment the place of a fold on it is known.
+    """Return the accuracy of the place of a fold on a segment, as a part of the segment.
 
     The tangent may be off by so much, and the place along the curve by that over the rate at which
     the tangent turns.
@@ -116,38 +109,38 @@ def _place(segment: CurvedSegment, off: float) -> float:
 
 
 def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
-    """Return a located fold with an exactly vertical tangent and an estimate of its error.
+    """Return a located fold with an exactly vertical tangent and an estimate of the fold's error.
 
-    Alpha is stationary there: its error is of second order.
+    Alpha is stationary at a fold: the error of alpha is of second order.
     """
     state, off = polished(segment.curve, state)
     narrow, tangent = max(narrow, _place(segment, off)), state.tangent.copy()
-    tangent[-1] = 0.0  # by definition of a fold; rounding in its place would be a fold again
+    tangent[-1] = 0.0  # exactly: rounding would be found as a fold again
     beside = uncertainty_beside(segment.curve, state)
     error = np.vstack([state.error, beside, narrow * segment.length * tangent])
     return State(state.x, tangent, error, state.orientation)
 
 
 #: A curve steeper than this at an end has no fold there.
-LEVEL = 1e-2
-#: How far from the end, in the metric, the slope of alpha is compared at first.
-BESIDE = 1e-4
+STEEPEST_AT_FOLD = 1e-2
+#: Distance from the end, in the metric, at which the slope of alpha is compared first.
+FIRST_SECANT = 1e-4
 MOST_SECANTS = 8
-#: How much the tangent leans at a fold at an end.
-LEAN = EPS**0.5
+#: The tangent of a fold at an end leans into the interval by this part of its length.
+LEAN_INWARDS = EPS**0.5
 
 
 def fold_at_end(curve: Curve, state: State) -> State | None:
-    """Return the fold that ``state`` is, if an end of the interval is its alpha to rounding.
+    """Return the fold that ``state`` is, if alpha there is an end of the interval to rounding.
 
-    None where it is not at an end, or alpha goes on beyond.
+    None if the state is not at an end, or alpha goes on beyond the end.
     """
     if curve.selection.is_straight:
         return None
     side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > LEVEL:
+    if not side or abs(slope) > STEEPEST_AT_FOLD:
         return None
-    inwards = BESIDE if side * slope > 0.0 else -BESIDE
+    inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
     here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
     if here is None or there is None or _side(curve, there):
         return None
@@ -155,30 +148,30 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     fold = None if s is None else _beside(curve, state, s)
     if fold is None or not _side(curve, fold):
         return None
-    along = max(abs(s or 0.0), GUARD * EPS * BESIDE / abs(curve.slope(there)))
+    along = max(abs(s or 0.0), GUARD * EPS * FIRST_SECANT / abs(curve.slope(there)))
     return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
 def leaning(ray: Ray) -> Ray:
-    """Return a ray that leads along an end of the interval so that it leads into the interval."""
+    """Return a ray along an end of the interval, leant so that the ray leads into the interval."""
     curve, state = ray.curve, ray.state
     side = _side(curve, state)
     if not side or curve.slope(state) or curve.selection.is_straight:
         return ray
     tangent = state.tangent.copy()
-    tangent[-1] = side * LEAN * curve.metric.scale[-1]
+    tangent[-1] = side * LEAN_INWARDS * curve.metric.scale[-1]
     return replace(ray, state=State(state.x, tangent, state.error, state.orientation))
 
 
 def _side(curve: Curve, state: State) -> int:
-    """Return the sign with which alpha enters the interval at an end, 0 away from its ends."""
+    """Return the sign with which alpha enters the interval at an end, 0 away from the ends."""
     (lo, hi), alpha = curve.metric.interval, state.alpha
     same = SAME_ALPHA * max(hi - lo, abs(alpha))
     return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
 
 
 def _beside(curve: Curve, state: State, s: float) -> State | None:
-    """Return the state of the curve at a distance along the tangent, with a tangent of its own."""
+    """Return the curve's own state at a distance along the tangent."""
     x = state.x + s * state.tangent
     x[-1] = np.clip(x[-1], *curve.metric.interval)
     found = BorderedNewton().correct(curve, x, state.tangent)
@@ -188,13 +181,13 @@ def _beside(curve: Curve, state: State, s: float) -> State | None:
 def _level(
     curve: Curve, state: State, first: tuple[float, float], second: tuple[float, float]
 ) -> float | None:
-    """Return the distance at which the slope of alpha vanishes, by secants from two others."""
+    """Return the distance at which the slope of alpha vanishes, by secants."""
     for _ in range(MOST_SECANTS):
         (s, before), (t, slope) = first, second
         if slope in (0.0, before):
             break
         first, s = second, t - slope * (t - s) / (slope - before)
-        there = _beside(curve, state, s) if abs(s) <= BESIDE else None
+        there = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
         if there is None:
             return None
         second = s, curve.slope(there)

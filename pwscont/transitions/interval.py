@@ -3,10 +3,10 @@
 Failure modes and answers
 -------------------------
 - A corner is reached from a cell that goes on there, and curves of other cells that meet there end:
-  it ends all of them, or what is found would depend on the side one comes from.
-- A start is such a corner, and no cell is the one that the curve comes from: all are asked.
-- A curve that runs along an interface does not end because it lies on it: a point that all curves
-  pass within one cell is none where they could end.
+  the corner ends all curves that meet there, or the result would depend on the cell of arrival.
+- A start is such a corner, without a cell of arrival: all cells are asked.
+- A curve that runs along an interface does not end because of this interface: a point that all
+  curves pass within a single cell ends no curve.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import last_unit
 from pwscont.system.abilities import Ending, end_of
-from pwscont.transitions.corner.cone import fan, same_piece
+from pwscont.transitions.corner.cells import Corner
+from pwscont.transitions.corner.cone import same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.fold import fold_at_end
 from pwscont.transitions.location import locate_sign_change, locate_zero
@@ -31,7 +32,7 @@ from pwscont.transitions.rays import Ray, vanishing
 
 
 def ended(arrival: SpecialPointFound) -> SpecialPointFound:
-    """Return a special point as an end of all its rays, where the system ends a curve of one.
+    """Return a special point as the end of all its rays, if the system ends the curve of any.
 
     Systems that are not :class:`~pwscont.extending.Ending` end none.
     """
@@ -69,13 +70,6 @@ class IntervalEnds(TransitionDetector):
         distances = (down if down > same else 0.0, up if up > same else 0.0)
         return Reading(np.array(distances), np.array((slope, -slope)))
 
-    def is_quiet(self, segment: CurvedSegment) -> bool:
-        """Tell that a step ends inside the interval, and alpha does not turn on the step."""
-        alpha, same = segment.end.alpha, SAME_ALPHA * (self.hi - self.lo)
-        if not (alpha - self.lo > same and self.hi - alpha > same):
-            return False
-        return float(segment.start.tangent[-1]) * float(segment.end.tangent[-1]) >= 0.0
-
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
@@ -88,7 +82,7 @@ class IntervalEnds(TransitionDetector):
         if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
             return fold
         if isinstance(state, State):
-            state.x[-1] = end  # equal but for the rounding of the solve
+            state.x[-1] = end  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
@@ -103,13 +97,15 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     zero = vanishing(system, state.x, state.error, metric.scale)
     if not zero and (fold := fold_at_end(curve, state)):
         return _turning(Ray(curve, fold))
-    rays = fan(system, metric, state.x, state.error, zero, back).rays if zero else ()
+    rays: tuple[Ray, ...] = ()
+    if zero:
+        rays = tangent_cone(Corner.at(system, metric, state.x, state.error, zero), back).rays
     inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
-    """Return the fold at which a step turns at an end, by rounding, instead of crossing it."""
+    """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
     near = found
     if isinstance(near, Failure):
         near = locate_sign_change(segment, segment.curve.slope, (0.0, segment.length))

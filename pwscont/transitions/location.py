@@ -2,9 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- Newton runs off to another zero, or to another sheet: its point counts only within the bracket and
-  beside the cubic of the segment. Otherwise the bracket is halved on the curve itself.
-- A straight segment needs no bracket: its prediction is exact and one correction removes the
+- Newton runs off to another zero, or to another sheet: Newton's point counts only within the
+  bracket and beside the cubic of the segment. Otherwise the bracket is halved on the curve itself.
+- A straight segment needs no bracket: the prediction is exact, and a single correction removes the
   rounding that a long ray has gathered.
 """
 
@@ -20,12 +20,13 @@ from pwscont.curve.newton import Border, corrected
 from pwscont.curve.stepper import CurvedSegment, Segment
 
 #: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
-#: flat: its error is the square of this. Much closer, changes of the tangent are rounding.
-NARROW = EPS**0.6
+#: flat: the error of alpha is the square of this number. Much closer, changes of the tangent are
+#: rounding.
+NARROW_BRACKET = EPS**0.6
 #: A bracket in double precision cannot be halved more often.
-MOST_HALVINGS = 60
+MOST_BRACKET_HALVINGS = 60
 #: Brent's method takes no more steps than the square of these halvings; many where a zero is flat.
-MOST_BRENT = MOST_HALVINGS**2
+MOST_BRENT = MOST_BRACKET_HALVINGS**2
 
 
 def locate_zero(
@@ -41,11 +42,11 @@ def locate_zero(
     bracket : tuple of float
         Distances along the segment; equal where the zero is known in advance.
     guess : float, optional
-        Where in the bracket to begin; in its middle by default.
+        Where in the bracket to begin; default the middle.
     """
     lo, hi = bracket
     guess = 0.5 * (lo + hi) if guess is None else guess
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         found = _newton(segment, border, guess)
         if isinstance(found, State) and _within(segment, found, lo, hi):
             return found
@@ -60,7 +61,7 @@ def locate_zero(
 
 
 def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
-    """Tell whether a point lies in the bracket, but for the accuracy of its location."""
+    """Tell whether a point lies in the bracket, up to the accuracy of the location."""
     if lo == hi:
         return True
     s, slack = segment.position(found.x), segment.curve.metric.slack(found.x, CONVERGED)
@@ -100,7 +101,7 @@ def locate_sign_change(
     segment: Segment,
     function: Callable[[State], float],
     bracket: tuple[float, float],
-    narrow: float = NARROW,
+    narrow: float = NARROW_BRACKET,
 ) -> State | Failure:
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 

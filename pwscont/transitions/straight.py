@@ -1,7 +1,7 @@
 """Transitions of straight pieces: from cell to cell by one solve (docs/theory, F11).
 
-A piece that the fast way cannot leave, because tests vanish together, the piece is nearly vertical
-or nearly in the interface, or something is wrong with the system, is left as every other one, see
+A piece whose end is hard to find, because tests vanish together, the piece is nearly vertical or
+nearly in the interface, or something is wrong with the system, is left by the general detector, see
 :mod:`pwscont.transitions.bounding`.
 """
 
@@ -25,7 +25,7 @@ from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
-from pwscont.transitions.corner.complementary import SLANT
+from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,
@@ -36,13 +36,13 @@ from pwscont.transitions.interval import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
 #: Tests that change by more than this part of typical terms are not looked at more closely.
-FLAT = 1e-4
-#: A piece goes on in the direction in which it began, but for this part of it.
+FLAT_SLOPE = 1e-4
+#: A piece keeps the direction in which it began up to this part of the direction.
 ALIGNED = EPS**0.5
 
 
 class Entered(NamedTuple):
-    """A cell that a piece has entered, or inside of which it begins.
+    """A cell that a piece has entered, or inside which the piece begins.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ class Entered(NamedTuple):
     ray : Ray
         The piece.
     cell : StraightCell
-        Its cell.
+        The cell of the piece.
     tests, rates : ndarray, shape (m,)
-        All tests at the point, and how they change with alpha along the piece.
+        All tests at the point, and the derivatives of the tests by alpha along the piece.
     """
 
     state: State
@@ -65,8 +65,8 @@ class Entered(NamedTuple):
     def ahead(self) -> tuple[int, float]:
         """Return which bounding test of the piece vanishes first, and at what distance.
 
-        But for the test that was crossed none is zero at the point: the piece runs along none. The
-        distance is infinite where no test falls.
+        Apart from the test that was crossed no test is zero at the point: the piece runs along no
+        interface. The distance is infinite where no test falls.
         """
         selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
         values = selection.side * self.tests[selection.bounding]
@@ -96,12 +96,12 @@ class StraightTests(TransitionDetector):
         gradients = self._gradients_of(curve, state.x)
         values = selection.tests(state.x)
         slopes = selection.side * gradients.rows.dot(state.tangent)[selection.bounding]
-        riding = next_to_zero(values, slopes)
-        riding = riding[gradients.are_flat(selection.bounding[riding], slopes[riding])]
-        if len(riding):
-            rows = gradients.rows.some(selection.bounding[riding])
-            riding = riding[is_zero_along(rows, values[riding], slopes[riding], state, scale)]
-            values[riding], slopes[riding] = 1.0, 0.0
+        idle = next_to_zero(values, slopes)
+        idle = idle[gradients.are_flat(selection.bounding[idle], slopes[idle])]
+        if len(idle):
+            rows = gradients.rows.some(selection.bounding[idle])
+            idle = idle[is_zero_along(rows, values[idle], slopes[idle], state, scale)]
+            values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -113,7 +113,7 @@ class StraightTests(TransitionDetector):
         return self._last.state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Cross the interface; where several meet, take every way on."""
+        """Cross the interface; at a corner, take every way on."""
         if self._last is None or self._last.state is not state:
             return self._slowly.arrive(curve, state, index)
         return crossed(state.x, Ray(curve, state.reversed()), self._last.ray)
@@ -121,8 +121,8 @@ class StraightTests(TransitionDetector):
     def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
-        None where that is hard, or if the ray begins at an interface but is not the one beyond the
-        last that was crossed: :meth:`read` and :meth:`locate` serve them all.
+        None where that is hard, or if the ray begins at an interface but is not the ray beyond the
+        last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
         last, state = self._last, ray.state
         if last is None or last.ray.state is not state:
@@ -149,7 +149,7 @@ class StraightTests(TransitionDetector):
     def _at_end(
         self, last: Entered, room: float, interval: tuple[float, float]
     ) -> SpecialPointFound | None:
-        """Return the end of the interval, which a piece reaches at this distance; its cell is left.
+        """Return the end of the interval, which a piece reaches at this distance; leave the cell.
 
         None where that is hard.
         """
@@ -161,7 +161,7 @@ class StraightTests(TransitionDetector):
         found = last.cell.settled(x, last_unit(len(x)), 0.0)
         if found is None:
             return None
-        found.x[-1] = end  # equal but for rounding
+        found.x[-1] = end  # equal up to rounding
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
         return at_end(last.ray.curve, here)
 
@@ -195,7 +195,7 @@ class StraightTests(TransitionDetector):
         return _entered(cell, start, settled, here, rates)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
-        """Return the cell of a piece, factorised afresh where the last one is another."""
+        """Return the cell of a piece, factorised afresh if the last cell is another cell."""
         cell = self._last.cell if self._last else None
         if cell is None or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
@@ -222,17 +222,17 @@ class Gradients:
         self.may_end = isinstance(self._system, Ending)
 
     def tests_at(self, x: Array) -> Array:
-        """Return all tests at a point, shape (m,), in an array of their own."""
+        """Return a copy of all tests at a point, shape (m,)."""
         values = self._system.test_functions(x[:-1], float(x[-1]))
         return own_array(self._system, "test_functions", values, self._typical.shape)
 
     def are_of(self, curve: Curve) -> bool:
-        """Tell whether these are the gradients of the tests of a curve's system."""
+        """Tell whether these gradients belong to the tests of a curve's system."""
         return self._system is curve.selection.system and self._scale is curve.metric.scale
 
     def are_flat(self, which: Indices, slopes: Array) -> Signs:
         """Tell which of some tests hardly change along a piece: most that are zero clearly do."""
-        flat: Signs = np.abs(slopes) <= FLAT * self._typical[which]
+        flat: Signs = np.abs(slopes) <= FLAT_SLOPE * self._typical[which]
         return flat
 
     def changes(self, found: Settled, rates: Array) -> Array:
@@ -246,7 +246,7 @@ class Gradients:
         """Tell whether a piece leads clearly through the interface where a test vanishes."""
         slope = abs(float(gradient.dot(start.tangent)))
         if slope > SLANT * float(self._typical[test]):
-            return True  # nearly always, for tangents have length one
+            return True  # nearly always, because tangents have length one
         return bool(slope > SLANT * np.abs(gradient).dot(np.abs(start.tangent)))
 
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
@@ -261,8 +261,8 @@ class Gradients:
     def near_zero(self, tests: Array, extent: tuple[float, float]) -> Indices:
         """Return the tests that an error may have made zero, or a correction.
 
-        All others are larger than errors and corrections of this extent make them, measured by
-        typical magnitudes, see :class:`Settled`.
+        Every other test exceeds what errors and corrections of this extent contribute to the test,
+        measured by typical magnitudes, see :class:`Settled`.
         """
         reach = GUARD * EPS * (1.0 + extent[0]) + 2.0 * CONFIDENCE * extent[1]
         near: Indices = (np.abs(tests) <= reach * self._typical).nonzero()[0]
@@ -307,7 +307,7 @@ def _room(state: State, interval: tuple[float, float]) -> float:
 
 
 def _agree(cell: StraightCell, start: State) -> bool:
-    """Tell whether a piece has the direction of its cell, whichever way it is followed."""
+    """Tell whether a piece has the direction of its cell, in either sense of travel."""
     metric = cell.curve.metric
     row = metric.covector(metric.normalised(cell.along))
     return bool(abs(row.dot(start.tangent)) > 1.0 - ALIGNED)

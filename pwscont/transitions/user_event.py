@@ -1,14 +1,14 @@
-"""An event: a function that a user gives by name, and when it is zero.
+"""A user's event: a named function, and the test whether the function is zero.
 
 Failure modes and answers
 -------------------------
 - Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
   accuracy of the point explains is zero.
-- g is zero but for rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is, or a residual on
-  all branches: how much of g is rounding is seen where nothing but rounding changes its arguments.
-- g is zero, to rounding, wherever it is tried: it is no event, and is refused at the start.
-- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: the
-  user hears of it by its name.
+- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is, or a residual on all
+  branches: the rounding of g is measured where nothing but rounding changes the arguments of g.
+- g is zero, to rounding, at every place tried: g is no event, and is refused at the start.
+- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: an
+  error tells the user the name of the event.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.transitions.rays import Ray
 
-#: In so many places along and off a branch a function is tried that is zero where it begins.
-PLACES = 18
-#: How far from there, in the metric: farther than across most intervals.
-FAR = 4.0
-#: So many points are as good as one, and tell what of a function is rounding.
+#: Number of places along and off a branch at which a function is tried that is zero where the
+#: branch begins.
+PLACES_TRIED = 18
+#: Distance of the farthest place, in the metric: longer than most intervals.
+FARTHEST_TRIED = 4.0
+#: Number of shaken points that tell how much of a function is rounding.
 SHAKEN = 16
-#: A function that is zero within this distance may be zero but for rounding, in the metric.
-REACH = 1e-2
-#: Over this distance a function hardly changes; where it does, the change is rounding.
-APART = 1e-9
-TINY = float(np.finfo(float).tiny)
+#: A function whose zero lies within this distance, in the metric, may be zero up to rounding.
+REACHABLE = 1e-2
+#: Over this distance a function hardly changes; if the function does, the change is rounding.
+ROUNDING_DISTANCE = 1e-9
+TINIEST = float(np.finfo(float).tiny)
 
 
 @final
@@ -49,7 +50,7 @@ class Stop:
     Attributes
     ----------
     function : callable
-        (z, alpha) -> float; the branch ends where it is zero.
+        (z, alpha) -> float; the branch ends where the function is zero.
 
     Examples
     --------
@@ -68,7 +69,7 @@ class Stop:
 class UserEvent:
     """A named function whose zeros are special points of kind "event".
 
-    It is given the first ``shown`` unknowns, default all.
+    The function is given the first ``shown`` unknowns, default all.
     """
 
     name: str
@@ -82,27 +83,28 @@ class UserEvent:
         Raises
         ------
         InvalidInputError
-            If it fails, or is not a finite number.
+            If the function fails, or returns no finite number.
         """
         return evaluated(
             f"the event {self.name!r}", self._number, x[:-1][: self.shown], float(x[-1])
         )
 
     def _number(self, z: Array, alpha: float) -> Any:
-        """Return what the function returns; the entry of an array that has one."""
+        """Return what the function returns; the entry of an array with a single entry."""
         given = self.function(z, alpha)
         return given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
 
     def read(self, curve: Curve, state: State) -> tuple[float, float, bool]:
         """Return g, its derivative along the tangent, and whether g is zero from here on.
 
-        Each is zero where rounding, or the place of the state, explains it.
+        The value and the slope are zero where rounding, or the place of the state, explains the
+        number.
         """
         metric, x = curve.metric, state.x
         value, slope, steep = self._differences(metric, x, state.tangent)
         if not (value or slope):
             return 0.0, 0.0, self._is_zero_beyond(metric, x, state.tangent)
-        if slope and abs(value) > REACH * steep:
+        if slope and abs(value) > REACHABLE * steep:
             return value, slope, False
         noise = self.noise(metric, x, state.size)
         is_zero = abs(value) <= max(steep * metric.slack(x, CONVERGED), noise)
@@ -110,7 +112,7 @@ class UserEvent:
         return (0.0 if is_zero else value), (0.0 if is_level else slope), False
 
     def crosses(self, curve: Curve, state: State) -> bool:
-        """Tell whether g is zero at a state, and not around it."""
+        """Tell whether g is zero at a state, and not around the state."""
         value, slope, _ = self.read(curve, state)
         return value == 0.0 != slope
 
@@ -132,7 +134,7 @@ class UserEvent:
         return value <= self._nearly(metric, x, way) or value <= self.noise(metric, x, error)
 
     def _nearly(self, metric: Metric, x: Array, way: Array) -> float:
-        """Return how large g is where an event on the way is taken to be at its beginning."""
+        """Return the value of g below which an event on the way counts as at the beginning."""
         length = metric.norm(way)
         if not length:
             return 0.0
@@ -141,7 +143,7 @@ class UserEvent:
         return steep * (metric.slack(x, CONVERGED) + 2.0 * CONVERGED * length)
 
     def cleared(self, metric: Metric, x: Array, error: Array) -> float:
-        """Return g, zero where rounding, or the error of ``x``, explains it."""
+        """Return g, or zero where rounding or the error of ``x`` explains g."""
         value = self.value(x)
         return value if value and abs(value) > self.noise(metric, x, error) else 0.0
 
@@ -151,12 +153,12 @@ class UserEvent:
         Without a sign g is zero, and keeps to that.
         """
         value = self.value(x)
-        return sign * value or -TINY if sign else 1.0 if value == 0.0 else -1.0
+        return sign * value or -TINIEST if sign else 1.0 if value == 0.0 else -1.0
 
     def noise(self, metric: Metric, x: Array, error: Array) -> float:
-        """Return how far from zero g may be computed where it is zero.
+        """Return a bound on the computed g at a point where g is zero.
 
-        It is seen by how much g changes where nothing but rounding changes the point.
+        The bound is the change of g where nothing but rounding changes the point.
         """
         size = error + GUARD * EPS * (metric.scale + np.abs(x))
         return CONFIDENCE * self._shaken(metric, x, size)
@@ -169,7 +171,7 @@ class UserEvent:
         return max([self._change(value, y) for y in beside])
 
     def _change(self, value: float, x: Array) -> float:
-        """Return how far g is from a value; 0 where it is not defined, as beyond a square root."""
+        """Return the distance of g from a value; 0 where g is undefined."""
         try:
             return abs(self.value(x) - value)
         except InvalidInputError:
@@ -191,20 +193,20 @@ class UserEvent:
         return self.noise(metric, ahead, np.zeros_like(x)) == 0.0
 
     def _differences(self, metric: Metric, x: Array, tangent: Array) -> tuple[float, float, float]:
-        """Return g, its derivative by a difference within the interval, and its steepness."""
+        """Return g, the difference quotient of g within the interval, and the steepness of g."""
         (lo, hi), step = metric.interval, _step(metric, x, tangent)
         value, ahead = self.value(x), self.value(x + step * tangent)
         slope = (ahead - value) / step
         behind = x - step * tangent
-        if ahead == 0.0 != value and lo <= behind[-1] <= hi:  # perhaps it is zero from here on
+        if ahead == 0.0 != value and lo <= behind[-1] <= hi:  # perhaps g is zero from here on
             return value, slope, max(abs(slope), abs((value - self.value(behind)) / step))
         return value, slope, abs(slope)
 
     def is_zero_around(self, ray: Ray) -> bool:
-        """Tell whether g is nothing but rounding where a ray begins, and wherever it is tried."""
+        """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
         metric, x = ray.curve.metric, ray.state.x
         value, slope, steep = self._differences(metric, x, ray.state.tangent)
-        if slope and abs(value) > REACH * steep:
+        if slope and abs(value) > REACHABLE * steep:
             return False
         try:
             tried = np.array([self._tried(metric, y) for y in _around(ray)])
@@ -213,15 +215,18 @@ class UserEvent:
         return bool(tried[:, 0].max() <= CONFIDENCE * tried[:, 1].max())
 
     def _tried(self, metric: Metric, x: Array) -> tuple[float, float]:
-        """Return the size of g at a place, and how much is noise, for it changes at once."""
-        return abs(self.value(x)), self._shaken(metric, x, APART * metric.scale)
+        """Return the size of g at a place, and the part of g that is noise."""
+        return abs(self.value(x)), self._shaken(metric, x, ROUNDING_DISTANCE * metric.scale)
 
 
 def _around(ray: Ray) -> Iterator[Array]:
     """Yield places along and off a branch, all in the interval."""
     metric, x = ray.curve.metric, ray.state.x
     lo, hi = metric.interval
-    distances, alphas = np.linspace(-FAR, FAR, PLACES), np.linspace(lo, hi, PLACES)
+    distances, alphas = (
+        np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED),
+        np.linspace(lo, hi, PLACES_TRIED),
+    )
     for i, (s, alpha) in enumerate(zip(distances, alphas, strict=True)):
         along, aside = x + s * ray.state.tangent, x + s * metric.scale * generic(len(x), i)
         aside[-1] = alpha

@@ -3,13 +3,13 @@
 Failure modes and answers
 -------------------------
 - A cell thinner than the step: the character is frozen, so the far end of the step lies
-  outside the cell whatever is beyond it (docs/theory, F7).
-- A test that dips below zero and comes back within one step: its slopes at both ends differ in
-  sign, and where the tangent lines at both ends cross below zero, the dip is searched. A dip
+  outside the cell whatever lies beyond the cell (docs/theory, F7).
+- A test that dips below zero and comes back within a step: the slopes of the test at the two ends
+  differ in sign, and where the two tangent lines cross below zero, the dip is searched. A dip
   that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
-  step, at one point of a short one.
-- A fold is at an interface but for rounding: of events that only errors tell apart the one that was
-  located first counts. A piece that begins with a test below zero never meets it again.
+  step, at a single point of a short step.
+- A fold lies at an interface up to rounding: of events that only errors tell apart the event that
+  was located first counts. A piece that begins with a test below zero never meets that test again.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
   says that the step is inside, and a bracket starts where the value of the test is positive.
 """
@@ -29,18 +29,23 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import BENT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_HALVINGS, locate_sign_change
+from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
 
-#: Closer to its beginning than this, in intervals, a piece has no event of a user's detector.
-CLOSE = 1e-10
+#: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
+#: user's detector is rounding.
+AT_BEGINNING = 1e-10
+#: The value, in any unit, of a function just before the function vanishes.
 TINY = float(np.finfo(float).tiny)
+#: A function that is zero at the start of a step is watched if the slope makes that function
+#: positive after this part of the step.
+RISES = 1e-3
 
 
 @final
@@ -65,41 +70,83 @@ class Event:
 
 
 @final
+@dataclass(slots=True, eq=False)
+class Readings:
+    """What all detectors read at one state.
+
+    Attributes
+    ----------
+    parts : sequence of Reading
+        The reading of each detector.
+    values, slopes : ndarray
+        The values and slopes of all parts, end to end.
+    """
+
+    parts: Sequence[Reading]
+    values: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, parts: Sequence[Reading]) -> Readings:
+        """Join the readings of all detectors."""
+        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        half = len(joined) // 2
+        return cls(parts, joined[:half], joined[half:])
+
+
+@final
 class Watch:
-    """All detectors of a run as one: their readings are joined end to end."""
+    """All detectors of a run.
+
+    Parameters
+    ----------
+    detectors : sequence of TransitionDetector
+        All detectors, in the order in which their functions are numbered.
+    added : sequence of TransitionDetector
+        Those detectors that a user gave.
+    """
 
     def __init__(
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        self._copied = [detector in added for detector in detectors]
         self._are_affine = all(detector.is_affine for detector in detectors)
-        self._looking = [
-            (i, detector)
-            for i, detector in enumerate(detectors)
-            if type(detector).needs_shorter_step is not TransitionDetector.needs_shorter_step
-        ]
-        self._aimed_at = [
-            (i, detector)
-            for i, detector in enumerate(detectors)
-            if type(detector).border is not TransitionDetector.border
+        self._shortening = self._overriding("needs_shorter_step")
+        self._with_gradients = self._overriding("border")
+
+    def _overriding(self, method: str) -> list[tuple[int, TransitionDetector]]:
+        """Return the detectors that override a method, and their places."""
+        default = getattr(TransitionDetector, method)
+        return [
+            (i, each)
+            for i, each in enumerate(self._detectors)
+            if getattr(type(each), method) is not default
         ]
 
     def read(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read at ``state``, each when it is asked for."""
-        return Readings(self._detectors, self._copied, curve, state)
+        """Return what all detectors read at a state.
+
+        The readings of a user's detector are copied, because the detector may use the same arrays
+        for the next state.
+        """
+        return Readings.of([self._part(each, curve, state) for each in self._detectors])
+
+    def _part(self, detector: TransitionDetector, curve: Curve, state: State) -> Reading:
+        part = detector.read(curve, state)
+        if detector not in self._added:
+            return part
+        return Reading(np.array(part.values), np.array(part.slopes))
 
     def first(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read where a piece begins, and check those of users' own.
+        """Return what all detectors read where a piece begins, and check users' detectors.
 
         Raises
         ------
         InvalidInputError
-            If a detector returns something else than its contract says.
+            If a detector returns something else than the contract says.
         """
-        reading = self.read(curve, state)
-        for i, detector in enumerate(self._detectors):
-            if not self._copied[i]:
+        for detector in self._detectors:
+            if detector not in self._added:
                 continue
             part = detector.read(curve, state)
             if not isinstance(part, Reading):
@@ -107,38 +154,38 @@ class Watch:
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 what = "values and slopes that are vectors alike"
                 raise broken(detector, "read", what, part)
-            reading.keep(i, part)
-        return reading
+        return self.read(curve, state)
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
-        """Tell whether the event of a user's detector is so close to where the piece begins.
+        """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
 
-        Right after its own special point a function is zero, but for rounding that is positive.
+        Right after its own special point a function is zero, up to rounding that may be positive.
         """
-        reach = CLOSE * (1.0 + curve.metric.norm(event.state.x))
+        reach = AT_BEGINNING * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
     def without(self, reading: Readings, event: Event) -> Readings:
-        """Return a reading in which the function of an event is zero, and level.
+        """Return a reading in which the function of an event is zero, with slope zero.
 
-        It is watched once it is positive. Falling from zero, it would be found again.
+        The function is watched again once it is positive. With a negative slope, the same zero
+        would be found again.
         """
-        return self._with(reading, event, 0.0, 0.0)
+        return self._changed(reading, event, 0.0, 0.0)
 
     def before(self, reading: Readings, event: Event) -> Readings:
-        """Return the reading at an event as it was just before: the function is still positive."""
-        part = reading.part(self._detectors.index(event.detector))
-        return self._with(reading, event, TINY, float(part.slopes[event.index]))
+        """Return the reading just before an event, where the function is still positive."""
+        part = reading.parts[self._detectors.index(event.detector)]
+        return self._changed(reading, event, TINY, float(part.slopes[event.index]))
 
-    def _with(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
+    def _changed(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
-        place = self._detectors.index(event.detector)
-        part = reading.part(place)
-        values, slopes = np.array(part.values), np.array(part.slopes)
+        place, parts = self._detectors.index(event.detector), list(reading.parts)
+        values, slopes = np.array(parts[place].values), np.array(parts[place].slopes)
         values[event.index], slopes[event.index] = value, slope
-        return reading.having(place, Reading(values, slopes))
+        parts[place] = Reading(values, slopes)
+        return Readings.of(parts)
 
-    def check(self, start: Joined, end: Joined) -> None:
+    def check(self, start: Readings, end: Readings) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan.
 
         Raises
@@ -153,21 +200,11 @@ class Watch:
             if detector in self._added and np.isnan(last.values).any():
                 raise broken(detector, "read", "finite values", last)
 
-    def is_quiet(self, segment: CurvedSegment, start: Readings, end: Readings) -> bool:
-        """Tell that nothing happens on a step, by what little tells it of nearly every step."""
-        for i, detector in enumerate(self._detectors):
-            if detector.is_quiet(segment):
-                continue
-            first, last = start.part(i), end.part(i)
-            if not _keeps_signs(first, last) or detector.needs_shorter_step(segment, first, last):
-                return False
-        return True
-
     def needs_shorter_step(
-        self, segment: CurvedSegment, start: Joined, end: Joined
+        self, segment: CurvedSegment, start: Readings, end: Readings
     ) -> Failure | None:
-        """Say why a shorter step must be taken, if a detector asks for one."""
-        for i, detector in self._looking:
+        """Return the reason for which a detector asks for a shorter step, None without one."""
+        for i, detector in self._shortening:
             if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
@@ -175,18 +212,14 @@ class Watch:
     def ahead(self, reading: Readings) -> tuple[float, TransitionDetector, int] | None:
         """Return the distance at which a function with a gradient seems to vanish first, and which.
 
-        None where none falls.
+        The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in self._aimed_at:
-            part = reading.part(i)
-            values, slopes = part.values, part.slopes
+        for i, detector in self._with_gradients:
+            values, slopes = reading.parts[i].values, reading.parts[i].slopes
             if not len(values):
                 continue
-            if part.least > 0.0:  # nearly always
-                rates = slopes / values
-            else:
-                rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
             if (rate := rates.item(fastest)) < 0.0:
                 distance = -1.0 / rate
@@ -194,10 +227,10 @@ class Watch:
                     soonest = distance, detector, int(fastest)
         return soonest
 
-    def falls(self, segment: Segment, start: Joined) -> Array:
+    def falls(self, segment: Segment, start: Readings) -> Array:
         """Return the distance at which each function falls to zero on a straight segment.
 
-        Each detector looks only as far as the nearest zero found by the detectors before it.
+        Each detector looks only as far as the nearest zero of the detectors before it.
         """
         if self._are_affine:
             return ratio_test(start.values, start.slopes)
@@ -208,13 +241,13 @@ class Watch:
         return np.concatenate(distances)
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point, or the end of the branch if a detector ends it there."""
+        """Return a special point, or the end of the branch if a detector ends the branch there."""
         for detector in self._detectors:
             arrival = detector.ended(arrival)
         return arrival
 
-    def owner(self, reading: Joined, index: int) -> tuple[TransitionDetector, int]:
-        """Return the detector that an index of a joined reading belongs to, and its own index."""
+    def owner(self, reading: Readings, index: int) -> tuple[TransitionDetector, int]:
+        """Return the detector of a function, and the number of the function in that detector."""
         for detector, part in zip(self._detectors, reading.parts, strict=True):
             if index < len(part.values):
                 return detector, index
@@ -222,101 +255,16 @@ class Watch:
         raise IndexError(index)
 
 
-@final
-class Readings:
-    """What all detectors read at a state, each when it is first asked for.
-
-    Values depend on the state alone: read late, they are what they were. Those of users' detectors,
-    which may use the same arrays for the next state, are copied.
-    """
-
-    __slots__ = ("_copied", "_curve", "_detectors", "_parts", "_state")
-
-    def __init__(
-        self,
-        detectors: Sequence[TransitionDetector],
-        copied: Sequence[bool],
-        curve: Curve,
-        state: State,
-    ) -> None:
-        self._detectors, self._copied = detectors, copied
-        self._curve, self._state = curve, state
-        self._parts: list[Reading | None] = [None] * len(detectors)
-
-    def part(self, place: int) -> Reading:
-        """Return what one of the detectors reads."""
-        part = self._parts[place]
-        if part is None:
-            part = self.keep(place, self._detectors[place].read(self._curve, self._state))
-        return part
-
-    def keep(self, place: int, part: Reading) -> Reading:
-        """Keep what one of the detectors has read, and return it."""
-        if self._copied[place]:
-            part = Reading(np.array(part.values), np.array(part.slopes))
-        self._parts[place] = part
-        return part
-
-    @property
-    def parts(self) -> list[Reading]:
-        """What each of the detectors reads."""
-        return [self.part(place) for place in range(len(self._parts))]
-
-    def having(self, place: int, part: Reading) -> Readings:
-        """Return the same with another reading of one detector."""
-        other = Readings(self._detectors, self._copied, self._curve, self._state)
-        other._parts = [*self._parts[:place], part, *self._parts[place + 1 :]]
-        return other
-
-    def joined(self) -> Joined:
-        """Return what all of them read, end to end."""
-        return Joined.of(self.parts)
-
-
-@final
-@dataclass(slots=True, eq=False)
-class Joined:
-    """The readings of all detectors, and their values and slopes end to end."""
-
-    parts: Sequence[Reading]
-    values: Array
-    slopes: Array
-
-    @classmethod
-    def of(cls, parts: Sequence[Reading]) -> Joined:
-        """Join readings."""
-        both = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
-        half = len(both) // 2
-        return cls(parts, both[:half], both[half:])
-
-
-def _keeps_signs(first: Reading, last: Reading) -> bool:
-    """Tell that no function may vanish on a step: all are positive, and no slope changes sign."""
-    before, after = first.values, last.values
-    if not before.shape == after.shape == first.slopes.shape == last.slopes.shape:
-        return False
-    if not len(after):
-        return True
-    if not (first.least > 0.0 < last.least):
-        return False
-    return smallest(first.slopes * last.slopes) >= 0.0
-
-
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
-    """Return the error that says what a detector returned instead of what it must."""
+    """Return the error that names what a detector returned and what it should return."""
     return InvalidInputError(
         f"{type(detector).__name__}.{method} must return {what}, got {got!r}; check_detector tells "
         "what else is wrong"
     )
 
 
-#: A function that is positive after this part of a step, by its slope, is watched from there on.
-RISES = 1e-3
-
-
-def first_on_ray(watch: Watch, segment: Segment, reading: Readings) -> Event | Failure:
-    """Return the first event on a straight segment."""
-    start = reading.joined()
+def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Failure:
+    """Return the first event on a straight segment, from the readings at the start."""
     if np.isnan(start.values).any():
         watch.check(start, start)
         return Failure(FailureReason.NOT_FINITE)
@@ -333,7 +281,7 @@ def first_on_ray(watch: Watch, segment: Segment, reading: Readings) -> Event | F
 def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
     """Refuse a selection that leaves its ray: the correction was more than rounding."""
     start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= BENT:
+    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
         return
     refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
     refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
@@ -342,21 +290,26 @@ def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
 def first_on_curve(
     watch: Watch,
     segment: CurvedSegment,
-    before: Readings,
-    after: Readings,
+    start: Readings,
+    end: Readings,
     first: Event | None = None,
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
-    ``first`` is an event that is known at the end: others there are none of their own.
-
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
     segment falls to zero later, and is not located. So of each detector the function that seems to
     vanish first is located first.
+
+    Parameters
+    ----------
+    watch : Watch
+    segment : CurvedSegment
+    start, end : Readings
+        What is read at the start and at the end of the segment.
+    first : Event, optional
+        A known event at the end of the segment: another function that vanishes at the end is no
+        event of its own.
     """
-    if first is None and watch.is_quiet(segment, before, after):
-        return None  # nearly every step
-    start, end = before.joined(), after.joined()
     if len(start.values) != len(end.values):
         watch.check(start, end)
     if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
@@ -377,24 +330,24 @@ def first_on_curve(
         if event.position <= 0.0:
             break
         segment = segment.until(event.state)
-        end = _before(watch.read(segment.curve, event.state).joined())
+        end = _before(watch.read(segment.curve, event.state))
     return first
 
 
 def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
-    """Tell whether an event is at the end of a segment, or before it by no more than its error."""
+    """Tell whether an event is at the end of a segment, up to the error of the event."""
     state = event.state
     error = CONFIDENCE * segment.curve.metric.norm(state.size)
     return state is segment.end or event.position >= segment.length - error
 
 
-def _before(reading: Joined) -> Joined:
-    """Return the reading just before an event: functions that are zero at it are positive."""
-    values = np.where(reading.values == 0.0, np.finfo(float).tiny, reading.values)
-    return Joined(reading.parts, values, reading.slopes)
+def _before(reading: Readings) -> Readings:
+    """Return the reading just before an event: functions that vanish at the event are positive."""
+    values = np.where(reading.values == 0.0, TINY, reading.values)
+    return Readings(reading.parts, values, reading.slopes)
 
 
-def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
+def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
     turned, soon = before.slopes * after.slopes, before.values + (RISES * length) * before.slopes
     above, below = np.maximum(before.values, soon), np.negative(after.values)
@@ -402,7 +355,7 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
         return []
     crossed = (above > 0.0) & (below >= 0.0)
     dips = (turned < 0.0) & (before.slopes < 0.0) & (after.values > 0.0)
-    # where both tangent lines meet; a convex function stays above that point
+    # meeting point of both tangent lines, below the whole graph of a convex function
     run = after.slopes - before.slopes
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (before.values - after.values + after.slopes * length) / run
@@ -410,10 +363,11 @@ def _suspects(before: Joined, after: Joined, length: float) -> list[int]:
     return [int(i) for i in np.flatnonzero(crossed | dips)]
 
 
-def _soonest(suspects: set[int], before: Joined, after: Joined) -> int:
+def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
     """Return the function that vanishes first if all are straight, of the first detector with any.
 
-    Where functions of several detectors vanish at one place, it is that detector's.
+    Where functions of several detectors vanish at the same place, the event belongs to the first
+    detector.
     """
     ends = np.cumsum([len(part.values) for part in before.parts])
     last = ends[np.searchsorted(ends, min(suspects), side="right")]
@@ -425,7 +379,7 @@ def _soonest(suspects: set[int], before: Joined, after: Joined) -> int:
 
 
 def _event(
-    watch: Watch, suspect: int, segment: CurvedSegment, before: Joined, after: Joined
+    watch: Watch, suspect: int, segment: CurvedSegment, before: Readings, after: Readings
 ) -> Event | Failure | None:
     """Return the located event, None for a dip that stays above zero."""
     detector, index = watch.owner(before, suspect)
@@ -468,7 +422,7 @@ def _bracket_of_dip(
 
 
 def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
-    """Return the value of a function, also where a reading takes it to be level at zero."""
+    """Return the value of a function, even where a reading calls the function level at zero."""
     if border := detector.border(segment.curve, index):
         return float(border(state.x)[0])
     return float(detector.read(segment.curve, state).values[index])
@@ -479,7 +433,7 @@ def _bracket_of_return(
 ) -> tuple[float, float] | Failure:
     """Return a bracket of the zero of a function that starts at zero, rises and falls back."""
     lo = hi = segment.length
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_BRACKET_HALVINGS):
         lo *= 0.5
         state = segment.at(lo)
         if isinstance(state, Failure):

@@ -31,7 +31,7 @@ from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import (
-    BENT,
+    AFFINE_DEFECT,
     check_blocks,
     is_bent,
     refuse_bent,
@@ -193,10 +193,11 @@ def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
 def _check_widths(window: Window) -> None:
     """Refuse a window in which half of the digits of a parameter are the same everywhere."""
     for name, ends in (("alphas", window.alphas), ("mus", window.mus)):
-        if ends[1] - ends[0] < BENT * max(map(abs, ends)):
+        if ends[1] - ends[0] < AFFINE_DEFECT * max(map(abs, ends)):
             raise InvalidInputError(
-                f"{name} = {ends} differ by less than {BENT:.1g} of their size, of which rounding "
-                "leaves too few digits: take a wider window, or count the parameter from its middle"
+                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, of which "
+                "rounding leaves too few digits: take a wider window, or count the parameter from "
+                "its middle"
             )
 
 
@@ -306,5 +307,7 @@ def _differ(one: Array, other: Array, dx: Array) -> bool:
         return True
     sizes = np.abs(dx[: one.shape[1]])
     return bool(
-        (np.abs(one - other) @ sizes > BENT * ((np.abs(one) + np.abs(other)) @ sizes)).any()
+        (
+            np.abs(one - other) @ sizes > AFFINE_DEFECT * ((np.abs(one) + np.abs(other)) @ sizes)
+        ).any()
     )

@@ -1,11 +1,9 @@
-"""All rays at a corner: the cone problem H'(x; d) = 0 (docs/theory, F8).
+"""The tangent cone of a corner: all rays that leave a solution at which tests vanish.
 
-Where several test functions vanish at x, the zero set near x is the set of directions d with
-J_chi d = 0 and grad(kappa_i) . d of the sign that chi demands, over all cells chi that meet at
-x. This is a piecewise-linear problem in d; fixing the length of d by a generic linear condition
-c . d = +1 or -1 makes its rays the solutions of two slices, which are enumerated like any other.
-
-Most corners are simple and need none of this, see :mod:`pwscont.transitions.corner.simple`.
+Two algorithms find the rays. Where the cells that meet at the corner can all be tried, the rays are
+enumerated, and all are found (:mod:`pwscont.transitions.corner.enumeration`). Where the cells are
+too many, rays are found by perturbation, each verified, and more rays may exist
+(:mod:`pwscont.transitions.corner.perturbation`).
 """
 
 from __future__ import annotations
@@ -16,35 +14,30 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget
-from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude_of_values
-from pwscont.curve.metric import Metric
-from pwscont.enumeration import Cells, Slice, solve_slice
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions.corner.index import index_along
-from pwscont.transitions.corner.linearised import Linearised, in_parts
-from pwscont.transitions.corner.perturbed import PerturbedCone
-from pwscont.transitions.corner.simple import Direction, simple_corner
-from pwscont.transitions.corner.ways import ways
+from pwscont.system.system import PiecewiseLinearSystem
+from pwscont.transitions.corner.cells import Corner, Direction
+from pwscont.transitions.corner.enumeration import index_along, rays_cell_by_cell, rays_of_slices
+from pwscont.transitions.corner.perturbation import rays_by_perturbation
 from pwscont.transitions.rays import Ray, state_on
 
-#: How far a curve tangent to an interface is followed to see to which side it bends.
-PROBE = 1e-4
-#: Two directions are one when the cosine of their angle differs from one by less than this.
-SAME_DIRECTION = 1e-12
+#: Length, in the metric, over which a curve tangent to an interface is followed to see to which
+#: side the curve bends.
+BENDING_PROBE = 1e-4
+#: Two rays are parallel if the cosine of their angle differs from one by less than this.
+PARALLEL = 1e-12
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentCone:
-    """The rays at a corner.
+    """The rays of a corner.
 
     Attributes
     ----------
@@ -55,7 +48,7 @@ class TangentCone:
     along_interface : bool
         Whether a ray runs along an interface instead of into a cell.
     exact : bool
-        Whether all cells that meet at the corner were tried; otherwise there may be more rays.
+        Whether the rays are certainly all; otherwise there may be more.
     """
 
     rays: tuple[Ray, ...]
@@ -65,7 +58,7 @@ class TangentCone:
 
     @property
     def is_balanced(self) -> bool:
-        """Whether the signs of the rays cancel, as those of all rays together do (F12)."""
+        """Whether the signs of the rays cancel, as the signs of all rays together do (F12)."""
         return sum(map(_sign, self.rays)) == 0
 
     @property
@@ -79,43 +72,37 @@ class TangentCone:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
             return Kind.NONSMOOTH_BRANCH_POINT
-        if len(self.rays) == 2 and _turns(*self.rays):
-            return Kind.NONSMOOTH_FOLD
-        return Kind.CORNER
+        slopes = [ray.curve.slope(ray.state) for ray in self.rays]
+        return Kind.NONSMOOTH_FOLD if len(slopes) == 2 and np.prod(slopes) > 0.0 else Kind.CORNER
 
 
-def fan(
-    system: PiecewiseSystem,
-    metric: Metric,
-    x: Array,
-    error: Array,
-    zero: frozenset[int],
-    back: Ray | None = None,
-) -> TangentCone:
-    """Return the rays at a solution ``x`` where the tests ``zero`` vanish.
+def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
+    """Return the rays of a corner: all, or if the cells are too many, those that paths lead to.
 
-    All of them, as far as the cells that meet there can all be tried; else those that paths lead to
-    which begin at the ray ``back``, or anywhere.
+    Parameters
+    ----------
+    corner : Corner
+    back : Ray, optional
+        The ray along which the corner was reached, at which the paths begin.
     """
-    simple = simple_corner(system, metric, x, zero)
+    simple = rays_cell_by_cell(corner)
     if simple is not None:
-        rays = tuple(
-            _backwards(back, found) or _ray(system, metric, x, error, found) for found in simple
-        )
+        rays = tuple(_back_in_cell(back, found) or _ray(corner, found) for found in simple)
         return TangentCone(rays, 1, False, True)
-    signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-    cone = in_parts(system, metric, x, zero, signs) or Linearised(system, metric, x, zero, signs)
-    if not cone.is_small:
-        return _by_perturbation(system, metric, x, error, zero, back)
-    around = Metric(np.append(metric.scale, 1.0))
-    slices = [solve_slice(cone, around, side) for side in (1.0, -1.0)]
-    rays = _rays(system, metric, x, error, zero, _directions(slices))
-    dimension = max((1 + face.dimension for s in slices for face in s.faces), default=1)
-    return TangentCone(rays, dimension, _along_interface(rays), True)
+    enumerated = rays_of_slices(corner)
+    if enumerated is not None:
+        found, dimension = enumerated
+        rays = _rays(corner, found)
+        return TangentCone(rays, dimension, _any_along_interface(rays), True)
+    along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
+    rays = _rays(corner, rays_by_perturbation(corner, along))
+    to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
+    exact = corner.system.unique and to_both_sides
+    return TangentCone(rays, 1, _any_along_interface(rays), exact)
 
 
-def _backwards(back: Ray | None, found: Direction) -> Ray | None:
-    """Return a ray in the cell in which the corner was reached, None in other cells."""
+def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:
+    """Return a ray on the curve of ``back``, None for a direction into another cell."""
     direction, (character, *_) = found
     if back is None or back.interface_cells:
         return None
@@ -127,93 +114,48 @@ def _backwards(back: Ray | None, found: Direction) -> Ray | None:
     return Ray(back.curve, State(state.x, tangent, state.error, orientation))
 
 
-def _by_perturbation(
-    system: PiecewiseSystem,
-    metric: Metric,
-    x: Array,
-    error: Array,
-    zero: frozenset[int],
-    back: Ray | None,
-) -> TangentCone:
-    """Return rays found by perturbation: all, only if there can be no others."""
-    along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
-    found = ways(PerturbedCone(system, metric, x, zero), zero, along)
-    rays = _rays(system, metric, x, error, zero, found)
-    return TangentCone(rays, 1, _along_interface(rays), system.unique and _to_both_sides(rays))
-
-
-def _to_both_sides(rays: Sequence[Ray]) -> bool:
-    """Tell whether there is a ray to each side of alpha."""
-    return {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
-
-
-def _along_interface(rays: Sequence[Ray]) -> bool:
+def _any_along_interface(rays: Sequence[Ray]) -> bool:
     return any(bool(ray.interface_cells) for ray in rays)
 
 
-def _rays(
-    system: PiecewiseSystem,
-    metric: Metric,
-    x: Array,
-    error: Array,
-    zero: frozenset[int],
-    directions: Sequence[Direction],
-) -> tuple[Ray, ...]:
-    """Return rays in some directions, parallel ones once."""
+def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
+    """Return rays in some directions, one ray for parallel directions."""
     rays: list[Ray] = []
     for found in directions:
-        ray = _ray(system, metric, x, error, found)
+        ray = _ray(corner, found)
         if not any(parallel(ray, other) for other in rays):
-            rays.append(_with_index(ray, zero) if ray.interface_cells else ray)
+            along = ray.interface_cells
+            rays.append(replace(ray, index=index_along(ray, corner.zero)) if along else ray)
     return tuple(rays)
 
 
-def _directions(slices: list[Slice]) -> list[Direction]:
-    points = [(p.x[:-1], _listed(p.characters)) for s in slices for p in s.points]
-    corners = [
-        (c[:-1], (face.character,)) for s in slices for face in s.faces for c in face.corners
-    ]
-    return points + corners
+def _ray(corner: Corner, found: Direction) -> Ray:
+    """Return the ray in a direction: into a cell, or along the interfaces of several cells.
 
-
-def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
-    return cells.listed() if isinstance(cells, Cells) else tuple(cells)
-
-
-def _ray(
-    system: PiecewiseSystem,
-    metric: Metric,
-    x: Array,
-    error: Array,
-    found: Direction,
-) -> Ray:
+    Among several cells the curve of a cell may touch the interface and bend into the cell.
+    """
+    system, metric = corner.system, corner.metric
     direction, characters = found
     tangent = metric.normalised(direction)
-    curves = (Curve(Selection(system, character), metric) for character in characters)
+
+    def on(selection: Selection) -> Ray:
+        curve = Curve(selection, metric)
+        return Ray(curve, state_on(curve, corner.x, tangent, corner.error))
+
     if len(characters) == 1:
-        return _on(next(curves), x, tangent, error)
+        return on(Selection(system, characters[0]))
     if not isinstance(system, PiecewiseLinearSystem):
-        for curve in curves:
-            ray = _on(curve, x, tangent, error)
-            if _bends_into(curve, ray.state):
+        for character in characters:
+            ray = on(Selection(system, character))
+            if _bends_into(ray.curve, ray.state):
                 return ray
-    riding = Curve(Selection(system, characters[0], characters), metric)
-    return replace(_on(riding, x, tangent, error), interface_cells=characters)
-
-
-def _on(curve: Curve, x: Array, tangent: Array, error: Array) -> Ray:
-    return Ray(curve, state_on(curve, x, tangent, error))
-
-
-def _with_index(ray: Ray, zero: frozenset[int]) -> Ray:
-    """Return a ray along an interface with its index."""
-    return replace(ray, index=index_along(ray, zero))
+    return replace(on(Selection(system, characters[0], characters)), interface_cells=characters)
 
 
 def _bends_into(curve: Curve, state: State) -> bool:
-    """Tell whether a curve that is tangent to an interface leaves it into this cell."""
+    """Tell whether a curve that is tangent to an interface bends into the cell of the curve."""
     check_budget()
-    beside = state.x + PROBE * state.tangent
+    beside = state.x + BENDING_PROBE * state.tangent
     corrected = BorderedNewton().correct(curve, beside, state.tangent)
     if isinstance(corrected, Failure):
         return False
@@ -225,11 +167,16 @@ def _bends_into(curve: Curve, state: State) -> bool:
 def parallel(a: Ray, b: Ray) -> bool:
     """Tell whether two rays from one point have one direction."""
     cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
-    return bool(cosine > 1.0 - SAME_DIRECTION)
+    return bool(cosine > 1.0 - PARALLEL)
+
+
+def opposite(a: Ray, b: Ray) -> bool:
+    """Tell whether two rays from one point have opposite directions."""
+    return parallel(a, b.reversed())
 
 
 def same_piece(ray: Ray, back: Ray) -> bool:
-    """Tell whether a ray of the cone problem is the piece on which the corner was reached.
+    """Tell whether a ray of a corner is the piece on which the corner was reached.
 
     A cell holds one ray, or several that differ clearly; the direction of the piece carries
     errors that ill conditioning magnifies.
@@ -240,18 +187,8 @@ def same_piece(ray: Ray, back: Ray) -> bool:
     return bool(cosine > 1.0 - EPS**0.5)
 
 
-def opposite(a: Ray, b: Ray) -> bool:
-    """Tell whether two rays from one point have opposite directions."""
-    return parallel(a, b.reversed())
-
-
 def _sign(ray: Ray) -> int:
-    """Return the orientation of a ray; along interfaces that of what small changes make of it."""
+    """Return the orientation of a ray; along interfaces the index, with the side of alpha."""
     if not ray.interface_cells:
         return ray.state.orientation
     return ray.index * int(np.sign(ray.curve.slope(ray.state)))
-
-
-def _turns(a: Ray, b: Ray) -> bool:
-    """Tell whether both rays leave to the same side of alpha."""
-    return a.curve.slope(a.state) * b.curve.slope(b.state) > 0.0

@@ -1,0 +1,313 @@
+"""All rays of a corner, by trying every cell that meets there (docs/theory, F8).
+
+At most corners few cells meet, and in each cell J_chi d = 0 has one solution d up to its length.
+The vector d is a ray if the tests that vanish grow along d into the cell. The matrices are those of
+the paths, so that structure and updates of factorisations serve at corners as well.
+
+At all other corners the rays are the solutions of a piecewise-linear problem, the cone problem
+H'(x; d) = 0. A linear condition c . d = +1 or -1 fixes the length of d, and the solutions of these
+two slices are enumerated like those of any other slice, part by part where the problem has parts.
+
+Guarantee: all rays are found, the extreme rays where a cone of dimension two or more solves the
+problem. Where the cells are too many, nothing is said.
+
+The index of a ray along interfaces
+-----------------------------------
+Where tests vanish all along a path, small changes of H move the path into one cell or into several,
+or leave no solution there. The index (the local degree) does not change: the sum of the signs of
+det(dH/dz) over the solutions nearby. At fixed alpha these are the solutions w of
+H'(x; (w, 0)) = e for a generic e (docs/theory, "Degenerate paths"): a cone problem in which the
+tests that vanish along the path choose the cell. With several tests the signs in the cells do not
+tell the index: all cells may have the sign +1 and the index be 2.
+
+Failure modes and answers
+-------------------------
+- A cell has more than one null vector, or a slope along the null vector may be zero: the corner may
+  be degenerate, and the cone problem is solved.
+- A ray is vertical, so that alpha cannot fix its length: alpha is used as c only if every part is
+  regular in all cells; then no ray is vertical.
+- Index: e is not generic, so that a solution lies on an interface or in a singular cell: another e
+  is tried.
+- Index: the cells are too many. The sign in the first cell is taken, and the corner is called
+  searched in part, so that nothing is promised.
+- Index: solutions fill a face at one alpha. The extreme rays of a face are not followed along
+  interfaces, and need no index.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import product
+from math import prod
+from typing import final
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense, generic
+from pwscont.basics.character import Character
+from pwscont.basics.looks import at
+from pwscont.basics.rounding import EPS
+from pwscont.curve.metric import Metric
+from pwscont.enumeration import (
+    FEW_CELLS,
+    Cells,
+    Slice,
+    Table,
+    aside,
+    is_regular,
+    most_cells,
+    solve_slice,
+)
+from pwscont.linear.factorise import last_unit
+from pwscont.linear.jacobian import StructuredJacobian
+from pwscont.system.contract import jacobian_at
+from pwscont.system.selection import Selection
+from pwscont.system.shapes import refuse_infinite
+from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
+from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells, with_modes
+from pwscont.transitions.rays import Ray
+
+#: Most cells that the cone problem tries at a corner: those of eight contact nodes.
+MOST_CELLS = 4**8
+#: Most vanishing tests of a system without blocks, whose sign patterns are tried one after another.
+MOST_TESTS = 12
+#: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
+KEPT_JACOBIANS = 4
+#: A test is level along a ray where its slope is below this part of the magnitudes of its terms.
+LEVEL = EPS**0.5
+#: Generic right-hand sides e that are tried for an index.
+MOST_RIGHT_HAND_SIDES = 3
+
+
+def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
+    """Return the directions of all rays, None where this simple way does not find all.
+
+    That is where the cells are many, where a cell has more than one null vector, or where the
+    slope of a vanishing test along the null vector may be zero.
+    """
+    cells = _few_cells(corner)
+    if cells is None:
+        return None
+    found: list[Direction] = []
+    for character in cells:
+        selection = Selection(corner.system, character)
+        direction = corner.direction_in(selection)
+        if direction is None:
+            return None
+        slopes = corner.slopes_along(selection, direction)
+        if not (len(slopes) and slopes.all()):
+            return None
+        if (slopes > 0.0).all() or (slopes < 0.0).all():
+            found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
+    return found
+
+
+def _few_cells(corner: Corner) -> list[Character] | None:
+    """Return the cells that meet at a corner, None where they are not known or many."""
+    system, zero = corner.system, corner.zero
+    if not isinstance(system, SlicewiseLinearSystem) or not zero:
+        return None
+    if not has_named_cells(system):
+        return corner.all_cells() if len(zero) <= MOST_TESTS else None
+    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
+    choices = [block.modes for block in corner.restricted(blocks)]
+    if prod(map(len, choices)) > FEW_CELLS:
+        return None
+    return [with_modes(corner.character, blocks, modes) for modes in product(*choices)]
+
+
+def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
+    """Return the directions of all rays, and the largest dimension of a cone of solutions.
+
+    None where the cells that meet at the corner are too many. Of a cone of dimension two or more
+    the extreme rays are returned.
+    """
+    problem = _in_parts(corner) or ConeProblem(corner)
+    if not problem.is_small:
+        return None
+    metric = Metric(np.append(corner.metric.scale, 1.0))
+    slices = [solve_slice(problem, metric, side) for side in (1.0, -1.0)]
+    rays = [(point.x[:-1], _listed(point.characters)) for s in slices for point in s.points]
+    faces = [face for s in slices for face in s.faces]
+    rays += [(x[:-1], (face.character,)) for face in faces for x in face.corners]
+    return rays, max((1 + face.dimension for face in faces), default=1)
+
+
+def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
+    return cells.listed() if isinstance(cells, Cells) else tuple(cells)
+
+
+def _in_parts(corner: Corner) -> ConeProblem | None:
+    """Return the cone problem in which alpha alone fixes the length of d: it falls into parts.
+
+    None where there is one part, or where a ray may be vertical and would not be seen.
+    """
+    if not has_named_cells(corner.system):
+        return None
+    problem = ConeProblem(corner, last_unit(len(corner.x)))
+    if number_of_cells(problem.blocks()) <= FEW_CELLS:
+        return None
+    parts = problem.table.parts()
+    regular = len(parts) > 1 and is_regular(problem.table, parts, corner.metric.scale)
+    return problem if regular else None
+
+
+def index_along(ray: Ray, zero: frozenset[int]) -> int:
+    """Return the index of the solutions on a ray from a point where the tests ``zero`` vanish.
+
+    Parameters
+    ----------
+    ray : Ray
+        A ray along interfaces.
+    zero : frozenset of int
+        All tests that vanish where the ray starts; tests that grow along the ray choose no cell.
+
+    Returns
+    -------
+    int
+        The sum of the signs of det(dH/dz) over the solutions nearby, when H is changed a little.
+    """
+    near = _beside(ray, zero)
+    size = abs(ray.curve.selection.jacobian(near.x)) @ near.metric.scale
+    metric, level = Metric(np.append(near.metric.scale, 1.0)), last_unit(len(near.x))
+    for shift in range(MOST_RIGHT_HAND_SIDES):
+        problem = ConeProblem(near, level, generic(len(size), float(shift)) * size)
+        if not problem.is_small:
+            break
+        found = solve_slice(problem, metric, 0.0)
+        if _is_regular(found):
+            return sum(point.det_sign for point in found.points)
+    return ray.state.orientation * int(np.sign(ray.curve.slope(ray.state)))
+
+
+def _is_regular(found: Slice) -> bool:
+    """Tell whether all solutions of a slice are isolated and lie inside their cells."""
+    return not found.faces and all(
+        len(point.characters) == 1 and point.det_sign for point in found.points
+    )
+
+
+def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
+    """Return the start of a ray as a corner at which only the tests level along the ray vanish."""
+    system, metric, x = ray.curve.selection.system, ray.curve.metric, ray.state.x
+    which = np.array(sorted(zero), dtype=np.intp)
+    rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
+    slopes = np.asarray(rows @ ray.state.tangent)
+    least = LEVEL * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL * metric.scale))
+    level = np.abs(slopes) <= least
+    signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
+    signs[which] = ~level & (slopes > 0.0)
+    return Corner(system, metric, x, ray.state.error, frozenset(which[level].tolist()), signs)
+
+
+@final
+class ConeProblem(SlicewiseLinearSystem):
+    """H'(x; d) = e together with c . d = alpha, for the unknown direction d.
+
+    Parameters
+    ----------
+    corner : Corner
+        The signs of the vanishing tests along d choose the cell.
+    row : ndarray, shape (n + 1,), optional
+        The row c; default a generic row.
+    right : ndarray, shape (n,), optional
+        The right-hand side e; default zero.
+    """
+
+    def __init__(
+        self, corner: Corner, row: Array | None = None, right: Array | None = None
+    ) -> None:
+        self.size = len(corner.x)
+        self._corner, self._scale = corner, corner.metric.scale
+        self._row = generic(self.size) / self._scale if row is None else row
+        self._right = np.zeros(self.size - 1) if right is None else right
+        self._constant = np.where(corner.signs, 1.0, -1.0)
+        self._constant[list(corner.zero)] = 0.0
+        self._known: dict[Character, Matrix] = {}  # each cell is asked for several times in a row
+
+    @cached_property
+    def _gradients(self) -> Array:
+        x = self._corner.x
+        gradients = +dense(self._corner.system.test_jacobian(x[:-1], float(x[-1])))
+        gradients[self._constant != 0.0] = 0.0
+        return gradients
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return grad(kappa_i) . d for the tests that vanish, the sign of each other test."""
+        values: Array = self._gradients @ z + self._constant
+        return values
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the gradients by (d, alpha)."""
+        return np.column_stack([self._gradients, np.zeros(len(self._gradients))])
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return (J_chi d - e, c . d - alpha)."""
+        return np.append(self._rows(character) @ z - self._right, self._row @ z - alpha)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant Jacobian."""
+        rows = self._rows(character)
+        matrix = np.zeros((self.size, self.size + 1))
+        matrix[:-1, :-1] = dense(rows)
+        matrix[-1, :-1], matrix[-1, -1] = self._row, -1.0
+        return matrix
+
+    def _rows(self, character: Character) -> Matrix:
+        """Return dH/dx of a cell that meets at the corner, or refuse infinite entries."""
+        if character in self._known:
+            return self._known[character]
+        if len(self._known) == KEPT_JACOBIANS:
+            self._known.clear()
+        system, x = self._corner.system, self._corner.x
+        jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
+        if not _is_finite(jacobian):
+            why = f"this cell meets others at {at(x)}, where H is continued into it"
+            refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
+        self._known[character] = jacobian
+        return jacobian
+
+    def bounding_tests(self, character: Character) -> list[int]:
+        """Return the bounding tests of the cell that vanish at the corner."""
+        corner = self._corner
+        return [i for i in corner.system.bounding_tests(character) if i in corner.zero]
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the metric's scale."""
+        return self._scale
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all cells that meet at the corner can be tried."""
+        if not has_named_cells(self._corner.system):
+            return len(self._corner.zero) <= MOST_TESTS
+        blocks = self.blocks()
+        if number_of_cells(blocks) <= MOST_CELLS:
+            return True
+        return most_cells(self.table.parts(), blocks) <= MOST_CELLS
+
+    @cached_property
+    def table(self) -> Table:
+        """The problem as matrices, whose pattern shows its independent parts."""
+        return Table.of(self, 0.0, aside(self._scale))
+
+    def blocks(self) -> tuple[Block, ...]:
+        """Return the system's blocks, with only the modes of the cells that meet at the corner.
+
+        For a system that does not name its cells, return all these cells as one block.
+        """
+        corner = self._corner
+        if isinstance(corner.system, SlicewiseLinearSystem) and has_named_cells(corner.system):
+            return tuple(corner.restricted(corner.system.blocks()))
+        cells = tuple(cell.signs for cell in corner.all_cells())
+        return (Block(tuple(range(len(corner.signs))), tuple(range(self.size - 1)), cells),)
+
+
+def _is_finite(jacobian: Matrix) -> bool:
+    """Tell whether all entries are finite; those of a structured Jacobian are not at hand."""
+    if isinstance(jacobian, StructuredJacobian):
+        return True
+    entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian.ravel()
+    return not len(entries) or are_finite(entries)

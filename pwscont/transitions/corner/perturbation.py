@@ -1,0 +1,271 @@
+"""Rays of a corner with too many cells, along paths of a perturbed problem (docs/theory, F12).
+
+The rays of a corner are the solutions of the cone problem H'(x; d) = 0, which is piecewise linear
+and homogeneous. For a generic constant e the solutions of H'(x; d) = e are paths that cross one
+interface at a time, and far out a path has the direction of a ray. Following the path beside a
+known ray to the other end of the path therefore leads to another ray. The way takes about one
+crossing per vanishing test, where the cells number two to the power of the vanishing tests.
+
+The constant e is never formed: a path is given by a point s r + w beside the ray r, with w generic,
+and e is H' there.
+
+Guarantee: every direction returned is a ray, verified by the matrix of the cell of the ray and the
+signs of the slopes. Rays to which no path was followed may be missing.
+
+Failure modes and answers
+-------------------------
+- A path leads back to the ray at which the path began: other perturbations are tried.
+- The direction at the end of a path is no ray of the last cell: the direction is dropped.
+- A ray runs along interfaces: w chooses one of the cells in whose closure the ray lies.
+- Tests with parallel gradients vanish together wherever the path is: all of them change sign.
+- A generic number is not generic enough, or rounding leads the path astray: the tangent is checked
+  against the matrix of each cell, and the path is given up.
+- A path that does not begin at a ray is closed: the path is given up in its first cell.
+- A path meets nearly all cells, which happens in examples made for that: the path is given up.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Signs, generic
+from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.straight import kink_by_columns
+from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.updates import ProductForm
+from pwscont.linear.vectors import Rows
+from pwscont.system.selection import Selection
+from pwscont.transitions.corner.cells import Corner, Direction
+
+#: Paths that are followed from each ray, each with a perturbation of its own.
+PATHS_PER_RAY = 4
+#: Once two rays are known, no path begins after this many crossings on all paths together.
+ENOUGH_CROSSINGS = 500
+#: Most interfaces that one path crosses: this number, and this number per vanishing test.
+MOST_CROSSINGS, CROSSINGS_PER_TEST = 1000, 20
+#: Generic directions away from a ray along interfaces in which the cells around the ray are named.
+SIDES = 16
+#: Two unit vectors are the same if their distance is less than this, which is far above EPS,
+#: because the direction at the end of a path carries the errors of all updates on the way.
+SAME_UNIT_VECTOR = 1e-6
+#: A direction is no direction of its cell if its residual is above this part of its terms.
+ASTRAY = EPS**0.5
+
+
+def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
+    """Return rays of a corner; there may be more.
+
+    Parameters
+    ----------
+    corner : Corner
+    back : Direction, optional
+        The ray along which the corner was reached, returned as well if verified.
+    """
+    paths, found = Paths(corner), list[Direction]()
+    if back is None or not _add(paths, found, (back[1][0], back[0])):
+        _add_ends(paths, found)
+    for direction, _ in found:  # grows meanwhile
+        for shift in range(PATHS_PER_RAY):
+            if len(found) > 1 and paths.crossings > ENOUGH_CROSSINGS:
+                return found
+            _add(paths, found, paths.across(direction, paths.away(shift)))
+    return found
+
+
+def _add_ends(paths: Paths, found: list[Direction]) -> None:
+    """Add the rays at both ends of paths that begin anywhere, until a path has a ray."""
+    for shift in range(PATHS_PER_RAY):
+        start = paths.away(shift)
+        for towards in (start, -start):
+            _add(paths, found, paths.along(paths.character(start), start, towards))
+        if found:
+            return
+
+
+def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | None) -> bool:
+    """Add the ray next to the end of a path, unless known; tell whether there is such a ray."""
+    ray = _verified(paths, *end) if end else None
+    norm = paths.corner.metric.norm
+    if ray and not any(norm(ray[0] - d) < SAME_UNIT_VECTOR for d, _ in found):
+        found.append(ray)
+    return ray is not None
+
+
+def _verified(paths: Paths, character: Character, direction: Array) -> Direction | None:
+    """Return the ray of a cell next to a direction, None where there is no ray."""
+    corner, metric = paths.corner, paths.corner.metric
+    selection = Selection(corner.system, character)
+    exact = corner.direction_in(selection)
+    if exact is None:
+        return None
+    ray = np.copysign(1.0, float(metric.covector(exact).dot(direction))) * exact
+    slopes = corner.slopes_along(selection, ray)
+    if metric.norm(ray - metric.normalised(direction)) >= SAME_UNIT_VECTOR or (slopes < 0.0).any():
+        return None
+    if slopes.all():
+        return ray, (character,)
+    around = [character, *(paths.character(ray, paths.away(shift)) for shift in range(SIDES))]
+    return ray, tuple({corner.system.cell(c): c for c in around}.values())
+
+
+@final
+class Paths:
+    """The paths of H'(x; d) = e at a corner, for generic e.
+
+    Parameters
+    ----------
+    corner : Corner
+
+    Attributes
+    ----------
+    crossings : int
+        The interfaces crossed so far, on all paths.
+    """
+
+    def __init__(self, corner: Corner) -> None:
+        self.corner, self.crossings = corner, 0
+        self._zero = np.array(sorted(corner.zero), dtype=np.intp)
+        z, alpha = corner.x[:-1], float(corner.x[-1])
+        self._gradients = Rows(corner.system.some_test_gradients(z, alpha, self._zero))
+
+    def away(self, shift: int) -> Array:
+        """Return a generic direction, for odd numbers the opposite of the direction before."""
+        side = -1.0 if shift % 2 else 1.0
+        return side * generic(len(self.corner.x), float(shift // 2)) * self.corner.metric.scale
+
+    def character(self, d: Array, beside: Array | None = None) -> Character:
+        """Return the character of the cell that d points into; where d is level, ``beside``."""
+        return self._character(self._signs(d, d if beside is None else beside))
+
+    def _signs(self, d: Array, beside: Array) -> Signs:
+        """Return on which side of each interface d is; where d is level, on which ``beside`` is."""
+        values, others = self._gradients.matrix @ d, self._gradients.matrix @ beside
+        level = np.abs(values) <= self._rounding(d)
+        signs: Signs = np.where(level, others, values) >= 0.0
+        return signs
+
+    def _rounding(self, d: Array) -> Array:
+        rounding: Array = GUARD * EPS * (self._gradients.magnitudes @ np.abs(d))
+        return rounding
+
+    def _character(self, signs: Signs) -> Character:
+        all_signs = self.corner.signs.copy()
+        all_signs[self._zero] = signs
+        return Character.of(np.where(all_signs, 1.0, -1.0))
+
+    def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
+        """Follow the path beside a ray, from far out towards the corner and on to the other end.
+
+        Parameters
+        ----------
+        ray : ndarray, shape (n + 1,)
+            Leads away from the corner.
+        away : ndarray, shape (n + 1,)
+            A generic direction, to the side of which the path lies.
+
+        Returns
+        -------
+        (Character, ndarray) or None
+            The last cell, and the direction of the path there.
+        """
+        slopes, values = self._gradients.matrix @ ray, self._gradients.matrix @ away
+        steep = np.abs(slopes) > np.sqrt(EPS) * (self._gradients.magnitudes @ np.abs(ray))
+        last_crossing = float(np.abs(values[steep] / slopes[steep]).max(initial=0.0))
+        return self.along(self.character(ray, away), 2.0 * last_crossing * ray + away, -ray)
+
+    def along(
+        self, character: Character, d: Array, towards: Array
+    ) -> tuple[Character, Array] | None:
+        """Follow the path through d in a cell, in the direction nearest to ``towards``."""
+        corner = self.corner
+        cell, begun = _PathInCell.at(corner, character), corner.system.cell(character)
+        if cell is None:
+            return None
+        cell.head(corner.metric.covector(towards))
+        for _ in range(MOST_CROSSINGS + CROSSINGS_PER_TEST * len(self._zero)):
+            check_budget()
+            first = self._first_crossing(cell, d)
+            if first is None:
+                return cell.selection.character, cell.tangent
+            k, distance = first
+            d = d + distance * cell.tangent
+            gradient = self._gradients.some(np.array([k]))[0]
+            signs = self._signs(d, cell.tangent)
+            signs[k] = float(gradient.dot(cell.tangent)) > 0.0
+            self.crossings += 1
+            ahead = self._character(signs)
+            if corner.system.cell(ahead) == begun or not cell.cross(ahead, gradient):
+                return None
+        return None
+
+    def _first_crossing(self, cell: _PathInCell, d: Array) -> tuple[int, float] | None:
+        """Return which test vanishes first on the way, and how far off; None where none does."""
+        inside = np.isin(self._zero, cell.selection.bounding)
+        side = np.where(cell.selection.character.array[self._zero], 1.0, -1.0)
+        slopes = side * (self._gradients.matrix @ cell.tangent)
+        falling = np.flatnonzero(inside & (slopes < -self._rounding(cell.tangent)))
+        if not len(falling):
+            return None
+        values = np.maximum((side * (self._gradients.matrix @ d))[falling], 0.0)
+        distances = values / -slopes[falling]
+        first = int(np.argmin(distances))
+        return int(falling[first]), float(distances[first])
+
+
+@final
+class _PathInCell:
+    """The cell in which a path is: H' is J d there, and J changes by rank one between cells."""
+
+    def __init__(self, corner: Corner, selection: Selection) -> None:
+        self._corner, self.selection = corner, selection
+        self._row = generic(len(corner.x)) / corner.metric.scale
+        self._jacobian = selection.jacobian(corner.x)
+        self._sizes = abs(self._jacobian) @ corner.metric.scale
+        self._solver: ProductForm
+        self.tangent: Array
+
+    @classmethod
+    def at(cls, corner: Corner, character: Character) -> _PathInCell | None:
+        """Return a cell, factorised; None where J d = e has more solutions than a line."""
+        cell = cls(corner, Selection(corner.system, character))
+        return cell if cell._factorise() else None
+
+    def head(self, row: Array) -> None:
+        """Turn the tangent so that the product of a row and the tangent is positive."""
+        if float(row.dot(self.tangent)) < 0.0:
+            self.tangent = -self.tangent
+
+    def cross(self, character: Character, gradient: Array) -> bool:
+        """Enter the cell beyond an interface; tell whether the path goes on there."""
+        before, ahead = self._jacobian, float(gradient.dot(self.tangent))
+        self.selection = Selection(self._corner.system, character)
+        self._jacobian = self.selection.jacobian(self._corner.x)
+        jump = kink_by_columns(before, self._jacobian, gradient, self._corner.metric.scale)
+        if not (self._update(jump, gradient) or self._factorise()):
+            return False
+        self.head(ahead * gradient)
+        size = self._corner.metric.norm(self.tangent)
+        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
+        return not bool(astray.any())
+
+    def _update(self, jump: Array, gradient: Array) -> bool:
+        if self._solver.is_full:
+            return False
+        w = self._solver.solve(np.append(jump, 0.0))
+        pivot = self._solver.change(w, gradient)
+        if pivot == 0.0:
+            return False
+        self.tangent = self.tangent - (float(gradient.dot(self.tangent)) / pivot) * w
+        return True
+
+    def _factorise(self) -> bool:
+        factor = bordered(self._jacobian, self._row, self._corner.metric.binary)
+        if factor.is_singular():
+            return False
+        self._solver = ProductForm(factor, len(self._row))
+        self.tangent = factor.solve(last_unit(len(self._row)))
+        return True
