@@ -1,4 +1,4 @@
-"""The seam of the steppers, and the stretch of curve that one step makes."""
+"""The base class of steppers, and the segment of a curve that a step makes."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
-#: The curve is off the cubic through two of its points by less than this part of the chord; a step
-#: is accepted where the curve is off by a tenth of this at points inside.
+#: The curve is off the cubic of a segment by less than this part of the chord; a step is accepted
+#: where the curve is off by a tenth of this at points inside.
 BESIDE = 1e-3
-#: Where the inside of a step is looked at, as a part u of it: 3 u^2 - 2 u^3 is the golden section.
+#: The place inside a step that is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden
+#: section.
 INSIDE = 0.4209
 
 
@@ -63,7 +64,7 @@ class StraightSegment(Segment):
     start: State
 
     def near(self, s: float) -> Array:
-        """Return the point at distance ``s``, exact but for rounding."""
+        """Return the point at distance ``s``, exact up to rounding."""
         return self.start.x + s * self.start.tangent
 
     def __repr__(self) -> str:
@@ -85,7 +86,8 @@ class CurvedSegment(Segment):
     chord : ndarray, shape (n + 1,)
         Direction from start to end, of length one.
     leaving, arriving : tuple of ndarray, shape (n + 1,), and float
-        The tangents at both ends, and the factors that make them ones per distance along the chord.
+        The tangents at both ends, and the factors that make these tangents unit speed along the
+        chord.
     length : float
         Length of the chord.
     suggestion : float
@@ -162,7 +164,7 @@ class CurvedSegment(Segment):
         return float(self.curve.metric.covector(self.chord).dot(x - self.start.x))
 
     def is_beside(self, state: State, s: float) -> bool:
-        """Tell whether a point of the curve at ``s`` is no farther from the cubic than this is."""
+        """Tell whether a state is as near to the cubic at ``s`` as the curve is."""
         metric, x = self.curve.metric, state.x
         apart = metric.norm(x - self.near(s))
         if apart <= BESIDE * self.length + metric.slack(x, CONVERGED):
@@ -191,14 +193,17 @@ class CurvedSegment(Segment):
 
 
 def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
-    """Return a tangent that has this cosine with a chord, and what makes it one per distance."""
+    """Return a tangent, and the factor that makes the tangent unit speed along the chord.
+
+    The chord itself is returned where the cosine ``along`` of tangent and chord is too small.
+    """
     if along < STEEPEST:  # the chord is rounding, or the tangent points backwards
         return chord, 1.0
     return tangent, 1.0 / along
 
 
 class Stepper(ABC):
-    """Owns one step along the curve of a frozen selection; what follows is the loop's policy.
+    """Owns a step along the curve of a frozen selection; the loop decides what follows.
 
     Examples
     --------
@@ -247,7 +252,7 @@ class Stepper(ABC):
         distance: float,
         border: Border,
     ) -> CurvedSegment | None:
-        """Return the step to a zero that lies ahead, instead of one beyond it.
+        """Return the step to a zero that lies ahead, instead of a step beyond the zero.
 
         Parameters
         ----------
