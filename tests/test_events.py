@@ -314,3 +314,21 @@ def test_a_detector_that_meets_a_fold_keeps_its_word(level):
     graph = trace(Smooth(True), ([1.1], 1.1**3 - 1.1), (-1.3, 1.3), detectors=[Every(level)])
     named = {str(p.kind): p.name for p in graph.special_points() if abs(p.z[0] - level) < 1e-9}
     assert named == ({"fold": "level"} if level else {"level": ""})
+
+
+class Eight(Smooth):
+    """A figure eight, whose two curves cross at zero."""
+
+    def residual(self, z, alpha, character):
+        return z**2 - alpha**2 * (1.0 - alpha**2)
+
+
+@pytest.mark.parametrize("level", [-1e-4, 0.003, 0.02, 0.1])
+def test_events_beside_a_branch_point(level):
+    start, plain = ([0.48], 0.8), (-1.5, 1.5)
+    graph = trace(Eight(False), start, plain, events={"e": lambda z, a: float(z[0] - level)})
+    below = 0.5 - (0.25 - level**2) ** 0.5
+    expected = sorted([-((1.0 - below) ** 0.5), -(below**0.5), below**0.5, (1.0 - below) ** 0.5])
+    found = sorted(point.alpha for point in graph.special_points("event"))
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert all(len(piece.points) > 2 for piece in graph.pieces)

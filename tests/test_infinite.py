@@ -171,3 +171,14 @@ def test_a_point_without_a_digit_is_no_solution(seed):
         for one in enumerate_solutions(system, alpha):
             w = v * (v @ one.z) + q + alpha * d
             np.testing.assert_allclose(np.minimum(one.z, w), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("others", [0, 2])
+def test_a_vertical_ray_is_no_imbalance(others):
+    """Of w_0 = -1 - alpha any z_0 >= 0 is a solution at alpha = -1, and none is above."""
+    n = 1 + others
+    M, q = np.diag([0.0] + [1.0] * others), np.array([-1.0] + [2.0] * others)
+    graph = explore(LCP(M, q, -np.eye(n)[0]), (-3.0, 3.0))
+    assert [graph.count(alpha) for alpha in (-2.0, -1.0, 0.0)] == [1, math.inf, 0]
+    assert graph.is_balanced()
+    assert "infinitely many solutions at alpha = -1 (the branch runs to infinity" in graph.guarantee

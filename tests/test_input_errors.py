@@ -473,6 +473,9 @@ def test_a_graph_that_cannot_be_written(tmp_path):
     graph = explore(CoulombLoad(body(), LOAD, 4.0), (-2.0, 2.0))
     with pytest.raises(GraphFileError, match=r"cannot write .*graph\.npz: No such file"):
         graph.save(tmp_path / "missing" / "graph.npz")
+    for path in ("", None, 3):
+        with pytest.raises(GraphFileError, match="cannot write"):
+            graph.save(path)
 
 
 class Promising(PiecewiseLinearSystem):

@@ -94,8 +94,9 @@ def test_arguments_are_checked():
         Switched(1, line, switches=["a", "b"])
     with pytest.raises(InvalidInputError, match="names must be a list of texts, got 5"):
         Switched(1, line, names=5)
-    with pytest.raises(InvalidInputError, match=r"bounds must be a pair \(lower, upper\), got 5"):
-        Switched(1, line, bounds=5)
+    for bounds in (5, ("a", "b")):
+        with pytest.raises(InvalidInputError, match=r"bounds must be a pair \(lower, upper\) of"):
+            Switched(1, line, bounds=bounds)
     for M in (np.ones((2, 3)), np.ones(2), 2.0):
         with pytest.raises(InvalidInputError, match="M must be square"):
             LCP(M, [0, 0], [0, 0])

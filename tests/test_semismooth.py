@@ -158,3 +158,40 @@ def test_one_factorisation_is_enough_in_one_affine_cell():
     assert first != last
     assert system.cell(first) == system.cell(last)
     assert (calls["factorisations"], calls["jacobian"], calls["residual"]) == (1, 1, 2)
+
+
+class StirredReactor(PiecewiseSystem):
+    """Conversion z_0 and temperature z_1 satisfy (1 + loss) z_1 = heat z_0, whatever alpha is."""
+
+    size = 2
+
+    def __init__(self, heat, loss):
+        self.heat, self.loss = heat, loss
+
+    def test_functions(self, z, alpha):
+        return z[1:] - 100.0
+
+    def residual(self, z, alpha, character):
+        rate = alpha * (1.0 - z[0]) * np.exp(z[1])
+        return np.array([rate - z[0], self.heat * rate - (1.0 + self.loss) * z[1]])
+
+    def jacobian(self, z, alpha, character):
+        arrhenius, rest = np.exp(z[1]), 1.0 - z[0]
+        rate = arrhenius * np.array([-alpha, alpha * rest, rest])
+        own = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 + self.loss, 0.0]])
+        return np.array([rate, self.heat * rate]) - own
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize(("heat", "loss"), [(8.0, 0.08), (11.0, 0.1), (14.0, 0.05)])
+def test_an_exponential_that_hides_the_residual_is_no_solution(heat, loss):
+    """At z_1 = 40 both rows are e^40 times the same: a step of rounding leaves a residual of 30."""
+    system, rng = StirredReactor(heat, loss), np.random.default_rng(int(heat))
+    metric, found = Metric.of(system, (0.01, 0.3)), 0
+    for _ in range(100):
+        z, alpha = rng.uniform([0.9, -5.0], [1.1, 60.0]), rng.uniform(0.01, 0.3)
+        if isinstance(root := semismooth_newton(system, metric, z, alpha), Failure):
+            continue
+        found += 1
+        assert (1.0 + loss) * root[0][1] == pytest.approx(heat * root[0][0], abs=1e-6)
+    assert found

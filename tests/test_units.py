@@ -24,6 +24,7 @@ from pwscont import (
     explore,
     trace,
 )
+from pwscont.continuation.magnitudes import rough_magnitudes
 
 # stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
 UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]
@@ -235,6 +236,17 @@ def test_a_small_arch_has_its_folds(rise, is_relative):
     np.testing.assert_allclose(
         sorted(s.z[0] for s in graph.solutions(0.0)), [0.0, rise, 2.0 * rise], atol=1e-9 * rise
     )
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("curve", [np.tan, lambda z: 8 * np.sin(z), lambda z: 1 / np.cos(z) - 1])
+def test_functions_that_oscillate_have_magnitudes(curve, unit):
+    """By how much z must change for a row to change: any size far away may do, and is none."""
+    system = Switched(1, lambda z, alpha, sw: curve(z / unit) - alpha)
+    [size] = rough_magnitudes(system, (0.0, 4.0), np.zeros(1))
+    assert 0.25 * unit <= size <= 64.0 * unit
+    graph = trace(system, ([0.5 * unit], 0.4), (0.1, 1.0))
+    np.testing.assert_allclose(curve(graph.solutions(0.5)[0].z / unit), 0.5)
 
 
 @pytest.mark.parametrize("low", [1e-12, -1e-12, 1e-9])

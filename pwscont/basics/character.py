@@ -11,7 +11,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.looks import MOST_LETTERS, short
 
-#: The signs as they are printed.
+#: From bytes 0 and 1 to the printed signs, and back.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
 #: The signs as :meth:`Character.among` writes them: 1 for negative, 2 for positive.

@@ -86,7 +86,7 @@ class FailureReason(Enum):
         "far from one, give scale()"
     )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
-    UNBOUNDED = "the piece never leaves its cell and never reaches the end of the interval"
+    UNBOUNDED = "the branch runs to infinity: nothing ends the piece at this value of the parameter"
     TOO_MANY_STEPS = (
         "the piece took more steps than allowed; allow longer steps, give scale() for unknowns far "
         "from one, or look for a mistake in residual or Jacobian with check_system"

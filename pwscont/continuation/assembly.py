@@ -1,12 +1,13 @@
 """From discovered nodes and pieces to the branch graph.
 
-So no event changes a step, a piece or what is found: the graph is the one without events, and has
-the events besides.
+Events are marked after everything has been found. No event changes a step or a piece: the graph is
+the graph without events, plus the events.
 
 Failure modes and answers
 -------------------------
-- Two points of a piece mean a straight one: a part of a curved piece has a third point.
-- At an end of a piece, as at a corner, the tangent may not be known: the chord stands for it.
+- A piece with two points is taken as straight: a part of a curved piece has a third point.
+- At an end of a piece, as at a corner, the tangent may not be known: the chord replaces the
+  tangent.
 - An event where tracing began: the point is the event.
 """
 
@@ -59,11 +60,13 @@ def mark(
 
 
 def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
-    """Divide the pieces of a discovery at the events on them, which become nodes."""
+    """Divide the pieces of a discovery at the events, which become nodes."""
     numbers = count(1 + max(discovery.nodes, default=-1))
     edges, discovery.edges = discovery.edges, []
     for edge in edges:
-        whole = _EdgeWithEvents.of(edge, system, metric, events)
+        kinds = [discovery.nodes[node].kind for node in (edge.start, edge.end)]
+        crossed = kinds[0] == Kind.BRANCH_POINT, kinds[1] == Kind.BRANCH_POINT
+        whole = _EdgeWithEvents.of(edge, crossed, system, metric, events)
         nodes = {next(numbers): node for node in whole.nodes()}
         discovery.nodes.update(nodes)
         discovery.edges.extend(whole.parts(nodes))
@@ -72,25 +75,31 @@ def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, event
 @final
 @dataclass(frozen=True, slots=True)
 class _EdgeWithEvents:
-    """A piece, its curve, and the events on it in order."""
+    """A piece, which of its ends are branch points, the curve of the piece, and events in order."""
 
     edge: Edge
+    crossed: tuple[bool, bool]
     curve: Curve
     segments: Sequence[Segment]
     marks: Sequence[EventMark]
 
     @classmethod
     def of(
-        cls, edge: Edge, system: PiecewiseSystem, metric: Metric, events: Events
+        cls,
+        edge: Edge,
+        crossed: tuple[bool, bool],
+        system: PiecewiseSystem,
+        metric: Metric,
+        events: Events,
     ) -> _EdgeWithEvents:
-        """Return a piece with the events on it."""
+        """Return a piece with all events on this piece."""
         curve = edge.followed.curve(system, metric)
-        segments, points = list(_segments(curve, edge.track)), edge.track.points
+        segments, points = list(_segments(curve, edge.track, crossed)), edge.track.points
         start, end = edge.track.start, edge.track.end
         along = events.along(curve, start.x, start.error)
         for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
             along.look(segment, metric.norm(b - a), after)
-        return cls(edge, curve, segments, along.before(end.x, end.error))
+        return cls(edge, crossed, curve, segments, along.before(end.x, end.error))
 
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes that the events make."""
@@ -113,17 +122,19 @@ class _EdgeWithEvents:
             yield Edge(start, end, self.edge.followed, part, begun_at)
 
     def _inner(self, inner: Array, start: Place, end: Place) -> Array:
-        """Return the points inside a part; of a curved one there is one at least."""
+        """Return the points inside a part; a curved part has at least one inner point."""
         if len(inner) or len(self.edge.track.inner) == 0:
             return inner
-        chord = self.curve.metric.normalised(end.x - start.x)
-        first, last = (_state(self.curve, at.x, chord, at.error) for at in (start, end))
+        track = self.edge.track
+        crossed = self.crossed[0] and start is track.start, self.crossed[1] and end is track.end
+        points, errors = np.array([start.x, end.x]), [start.error, end.error]
+        first, last = _states(self.curve, points, errors, crossed)
         segment = CurvedSegment.between(self.curve, first, last, 0.0)
         middle = segment.point(0.5 * segment.length, None)
         return inner if middle is None else middle[np.newaxis]
 
     def _begun(self) -> int | None:
-        """Return the part in which tracing began, None where it is at an event."""
+        """Return the part in which tracing began, None where tracing began at an event."""
         begun, metric = self.edge.begun_at, self.curve.metric
         if begun is None or any(
             metric.norm(begun.x - mark.state.x) <= metric.slack(begun.x, CONVERGED)
@@ -137,20 +148,42 @@ class _EdgeWithEvents:
         return sum((mark.after, mark.position) < here for mark in self.marks)
 
 
-def _segments(curve: Curve, track: Track) -> Iterator[Segment]:
+def _segments(curve: Curve, track: Track, crossed: tuple[bool, bool]) -> Iterator[Segment]:
     """Yield the stretches between the points of a piece."""
-    points, metric = track.points, curve.metric
-    chords = [metric.normalised(b - a) if (b != a).any() else b - a for a, b in pairwise(points)]
+    points = track.points
     if len(points) == 2:
-        yield StraightSegment(curve, State(points[0], chords[0], track.start.error[np.newaxis], 1))
+        way = _chords(curve, points)[0]
+        yield StraightSegment(curve, State(points[0], way, track.start.error[np.newaxis], 1))
         return
     errors = [track.start.error, *[np.zeros_like(x) for x in points[1:-1]], track.end.error]
+    for start, end in pairwise(_states(curve, points, errors, crossed)):
+        yield CurvedSegment.between(curve, start, end, 0.0)
+
+
+def _chords(curve: Curve, points: Array) -> list[Array]:
+    normalised = curve.metric.normalised
+    return [normalised(b - a) if (b != a).any() else b - a for a, b in pairwise(points)]
+
+
+def _states(
+    curve: Curve, points: Array, errors: Sequence[Array], crossed: tuple[bool, bool]
+) -> list[State]:
+    """Return the states at points of a piece.
+
+    At a branch point the Jacobian gives no direction: it is that of the parabola through this and
+    the next point with the direction there.
+    """
+    chords = _chords(curve, points)
     states = [
         _state(curve, x, chord, error)
         for x, chord, error in zip(points, [*chords, chords[-1]], errors, strict=True)
     ]
-    for start, end in pairwise(states):
-        yield CurvedSegment.between(curve, start, end, 0.0)
+    for is_crossed, end, beside in zip(crossed, (0, -1), (1, -2), strict=True):
+        if is_crossed:
+            way = 2.0 * chords[end] - states[beside].tangent
+            tangent = curve.metric.normalised(way)
+            states[end] = State(states[end].x, tangent, states[end].error, 1)
+    return states
 
 
 def _state(curve: Curve, x: Array, way: Array, error: Array) -> State:
@@ -177,7 +210,7 @@ def assemble(
 ) -> BranchGraph:
     """Return the branch graph of a finished discovery, in the unknowns that a user sees.
 
-    Pieces are directed and numbered along the positive orientation of their component. Unknowns
+    Pieces are directed and numbered along the positive orientation of the component. Unknowns
     and signs that a reduction left out are put back, and unknowns that the system hides are left
     out. Special points get the names of the events there. The metric is that of the system.
     """
@@ -263,7 +296,7 @@ def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
 
 
 def _in_order(edges: list[Edge]) -> Iterator[Edge]:
-    """Yield directed edges so that each component is walked through, from its sources on."""
+    """Yield directed edges so that each component is walked through, from the sources on."""
     leaving: dict[int, deque[Edge]] = defaultdict(deque)
     entered = {edge.end for edge in edges}
     for edge in edges:

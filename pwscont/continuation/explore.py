@@ -338,7 +338,9 @@ def explore(
     system : PiecewiseSystem
         What H is; :func:`pwscont.check_system` looks for mistakes in its formulas.
     interval : tuple of float
-        (lo, hi), the values of alpha that are explored.
+        (lo, hi), the values of alpha that are explored. Where the search promises nothing, paths
+        that leave the interval may be followed outside by a quarter of its length, to where they
+        come back: H is evaluated there, within the ``domain`` of the system.
     starts : iterable of (array_like, shape (n,), and float), optional
         Known starts (z, alpha); z may be rough, and is corrected at fixed alpha by semismooth
         Newton. The branches through these starts are followed before the search begins.

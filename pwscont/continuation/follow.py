@@ -38,7 +38,7 @@ from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, fi
 
 
 def refined(curve: Curve, x: Array) -> bool:
-    """Let differences have shorter steps where that makes derivatives better; tell whether it does.
+    """Let differences have shorter steps if derivatives become better; tell whether they do.
 
     Parameters
     ----------
@@ -76,25 +76,30 @@ def _apart(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
     return float(np.divide(apart, terms, out=np.zeros_like(terms), where=known).max())
 
 
-#: A piece of more steps is given up: at the default step it is thousands of intervals long.
+#: A piece of more steps is given up: at the default step that is thousands of intervals.
 MOST_STEPS = 20_000
-#: A piece of more steps may run to infinity: its longest step grows with the distance from where it
-#: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
-MANY_STEPS, NEAR = 150, 2.0
-#: After each so many steps a piece is asked whether it runs to infinity: whether it is farther than
-#: so far from its beginning, and alpha changes by less than this part of the change before whenever
-#: the distance doubles, altogether by less than this part of the interval. The last does not matter
-#: any more after so many steps.
-LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
-#: A piece is singular where so many of its steps were too long to tell which event comes first.
+#: After this many steps, and this distance in typical magnitudes from where the piece began, the
+#: longest step grows with the distance: a piece that runs to infinity is recognised after a few
+#: hundred steps.
+MANY_STEPS, STRETCHED_FROM = 150, 2.0
+#: After every such number of steps a piece is checked for running to infinity.
+ENDLESS_CHECK_EVERY = 500
+#: A piece runs to infinity if the piece is this far from the beginning, in typical magnitudes,
+ENDLESS_FROM = 20.0
+#: if alpha changes by at most this part of the change before whenever the distance doubles,
+ENDLESS_RATIO = 0.75
+#: and if all changes of alpha to come are at most this part of the interval,
+ENDLESS_CHANGE = 1e-3
+#: or the piece has more steps than these.
+ENDLESS_STEPS = 1500
+#: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
-#: Where so many more steps than not were shorter than the one before them proposed, derivatives by
-#: differences are wrong: Newton's convergence does not improve with shorter steps. Else one in
-#: seven is.
+#: Derivatives by differences are wrong if this many more steps were shortened than were not: with
+#: right derivatives Newton converges better in shorter steps, and a seventh of steps is short.
 MOST_SHORTENED = 100
-#: What wrong derivatives may be the reason of.
+#: Failures that wrong derivatives may cause.
 BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
-#: A step is shortened if it is less than this part of what was proposed.
+#: A step is shortened if the length is less than this part of the length that was proposed.
 SHORTENED = 0.75
 
 
@@ -117,9 +122,10 @@ class FollowedPiece:
         return np.array(between) if len(between) else np.empty((0, len(self.points[0])))
 
     def sharing(self, ray: Ray) -> FollowedPiece:
-        """Return the walk with the interface and the index of its first ray at its end, too.
+        """Return the walk whose end has the interface and the index of the first ray.
 
-        The ray back has them, and beyond an event the ray that goes on along the same interface.
+        The ray back gets interface and index, and beyond an event also the ray that goes on along
+        the interface.
         """
         if not ray.interface_cells:
             return self
@@ -220,7 +226,7 @@ class PieceFollower(Follower):
         return None
 
     def _measure(self, reached: _Reached, step: CurvedSegment, gauge: Gauge) -> None:
-        """Let a gauge see a step; what leaves for infinity says nothing of typical magnitudes."""
+        """Let a gauge see a step, unless the piece leaves for infinity."""
         try:
             gauge.see(step.start.x, step.end.x)
         except MisjudgedError:
@@ -228,11 +234,11 @@ class PieceFollower(Follower):
                 raise
 
     def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
-        """Return the next step; of a long piece it is longer the farther the piece has gone."""
+        """Return the next step; the farther a long piece has gone, the longer the step."""
         stepper, number = self.stepper, len(reached.points)
-        if number % LOOKED == 0 and reached.is_endless():
+        if number % ENDLESS_CHECK_EVERY == 0 and reached.is_endless():
             return Failure(FailureReason.ENDLESS)
-        if number > MANY_STEPS and (factor := reached.distance() / NEAR) > 1.0:
+        if number > MANY_STEPS and (factor := reached.distance() / STRETCHED_FROM) > 1.0:
             stepper = stepper.stretched(factor)
         segment = stepper.step(reached.curve, self.interval, reached.state, before, longest)
         if not isinstance(segment, Segment | Failure):
@@ -242,7 +248,7 @@ class PieceFollower(Follower):
     def _aimed(
         self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
     ) -> tuple[CurvedSegment, Event] | None:
-        """Return the step to the event that seems to come next, None where it is another way."""
+        """Return the step to the event that seems to come next, None if that event is not next."""
         curve, ahead = reached.curve, self.watch.ahead(reading)
         if ahead is None or ahead[0] > longest:
             return None
@@ -327,7 +333,7 @@ class _Reached:
             return
         if step.length < SHORTENED * before.suggestion:
             self._shortened += 1
-        elif before.suggestion > before.length:  # else it was kept short, which says nothing
+        elif before.suggestion > before.length:  # else the step was kept short for another reason
             self._shortened = max(self._shortened - 1, 0)
         if self._shortened == MOST_SHORTENED:
             self.refines()
@@ -342,14 +348,14 @@ class _Reached:
         All changes of alpha that are still to come are next to nothing together.
         """
         late, _ = self._changes()
-        rest = late * SHRINKING / (1.0 - SHRINKING)
-        is_next_to_nothing = rest <= ALMOST * self.curve.metric.width
-        return self.shrinks() and (is_next_to_nothing or len(self.points) > MANY_LOOKED)
+        rest = late * ENDLESS_RATIO / (1.0 - ENDLESS_RATIO)
+        is_next_to_nothing = rest <= ENDLESS_CHANGE * self.curve.metric.width
+        return self.shrinks() and (is_next_to_nothing or len(self.points) > ENDLESS_STEPS)
 
     def shrinks(self) -> bool:
         """Tell whether alpha changes by less and less where the distance doubles, far away."""
         late, early = self._changes()
-        return late <= SHRINKING * early
+        return late <= ENDLESS_RATIO * early
 
     def _changes(self) -> tuple[float, float]:
         """Return how alpha changed while the distance doubled, and doubled before; infinite near.
@@ -358,19 +364,19 @@ class _Reached:
         """
         points = np.array(self.points)
         away = np.linalg.norm((points - points[0]) / self.curve.metric.scale, axis=1)
-        if away[-1] < max(FAR, away.max()):
+        if away[-1] < max(ENDLESS_FROM, away.max()):
             return np.inf, 0.0
         parts = (np.argmax(away >= part * away[-1]) for part in (1.0, 0.5, 0.25))
         last, half, quarter = (float(points[i, -1]) for i in parts)
         return abs(last - half), abs(half - quarter)
 
     def refines(self) -> bool:
-        """Let differences have shorter steps where that helps; tell whether it does."""
+        """Let differences have shorter steps if these help; tell whether they do."""
         self._shortened = 0
         return refined(self.curve, self.state.x)
 
     def between(self, segment: Segment, position: float, end: State) -> list[Array]:
-        """Return a point between the only two of a curved piece: two alone mean a straight one."""
+        """Return a middle point for a curved piece of two points, which would look straight."""
         if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
             return []
         middle = segment.point(0.5 * position, end.located_by)

@@ -4,11 +4,11 @@ All arrays of a walk are rows of n + 1 numbers. Many are the same: the end of th
 where its rays start, and the rays share the samples of its error. Each row is written once.
 
 A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
-walks take long. So an interrupted run is repeated, with its recorded walks read from the journal.
+walks take long. So an interrupted run is repeated, and recorded walks are read from the journal.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
-checksum over its number and content. A journal without its last records is that of a run that was
-stopped earlier, and leads to the same graph, to rounding. Every other change is refused.
+checksum over its number and content. A journal without the last records is the journal of a run
+that was stopped earlier, and leads to the same graph, to rounding. Every other change is refused.
 
 Failure modes and answers
 -------------------------
@@ -17,12 +17,13 @@ Failure modes and answers
 - The power fails, or the log is lost or damaged: the last records are missing.
 - Bytes of the file change: the journal is refused.
 - The disk is full: the run goes on and is not recorded any more, see ``Journal.trouble``.
-- Two processes work on one journal: the first locks it until it ends, however it ends.
-- The journal is of another problem, perhaps one that begins alike: names, interval, stepper, and
-  the values of H and of the tests at generic points are compared before any work, and each walk
-  with the ray from which it was recorded.
-- The search yields its starts while pieces are followed: starts are recorded, too, so that in the
-  repeated run each comes at its turn.
+- Two processes work on one journal: the first process locks the journal until that process ends, in
+  whatever way.
+- The journal is of another problem, perhaps of a problem that begins alike: names, interval,
+  stepper, and the values of H and of the tests at generic points are compared before any work, and
+  each walk with the ray from which the walk was recorded.
+- The search yields starts while pieces are followed: starts are recorded, too, so that in the
+  repeated run each start comes in turn.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def written(walk: FollowedPiece) -> Transcript:
 
 
 def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
-    """Return the walk of a transcript; ``ray``, with which it began, has system and metric."""
+    """Return the walk of a transcript; the first ray, ``ray``, has the system and the metric."""
     header = json.loads(transcript.header)
     rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
     system, metric = ray.curve.selection.system, ray.curve.metric
@@ -86,7 +87,7 @@ def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
 
 @final
 class _JournalRows:
-    """The different rows of a transcript, each with its number."""
+    """The different rows of a transcript, each with a number."""
 
     def __init__(self) -> None:
         self.numbers: dict[bytes, int] = {}
@@ -119,19 +120,19 @@ def _ray_of(data: dict[str, Any], rows: Array, system: PiecewiseSystem, metric: 
 
 #: The lock is kept from one transaction to the next, and ends with the process.
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"
-#: SQLite keeps this text: a journal of another version has another one.
+#: SQLite keeps this text: a journal of another version has another text.
 TABLE = "CREATE TABLE journal_3 (number INTEGER PRIMARY KEY, kind, text, rows, checksum)"
-#: With a log, a record does not wait for the disk; with a rollback journal each one would.
+#: With a log, a record does not wait for the disk; with a rollback journal each record would wait.
 LOG = "PRAGMA journal_mode = WAL"
 #: Damage may turn rows into something else than bytes.
 READ = "SELECT kind, text, rows, checksum FROM journal_3 WHERE number = ? AND typeof(rows) = 'blob'"
-#: A record of this number is there where Ctrl-C came before it was counted.
+#: A record of this number is there where Ctrl-C came before the record was counted.
 WRITE = "REPLACE INTO journal_3 (number, kind, text, rows, checksum) VALUES (?, ?, ?, ?, ?)"
 
 ADVICE = "remove it, or write elsewhere"
 NO_JOURNAL = f"it is no journal of this version; if it is of an earlier one, {ADVICE}"
 NOT_WRITABLE = "it cannot be written: see that its directory exists, and that you may write there"
-#: What errors of SQLite mean, by the beginning of their names; all others mean damage.
+#: What errors of SQLite mean, by the beginning of their names; every other error means damage.
 MEANINGS = {
     "SQLITE_BUSY": "another process is writing to it: wait for it, or write elsewhere",
     "SQLITE_NOTADB": NO_JOURNAL,
@@ -147,21 +148,22 @@ SAME = EPS**0.5
 
 @final
 class Journal:
-    """A file in which a run records what it has finished.
+    """A file in which a run records every finished piece.
 
     A journal is a context manager: ``with Journal(path) as journal`` closes the file at the end.
-    After a kill, the last records are in ``NAME-wal`` beside it: move both files, or none.
+    After a kill, the last records are in ``NAME-wal`` beside the journal: move the two files
+    together.
 
     Parameters
     ----------
     path : path
-        Made if it does not exist; otherwise the run goes on from there.
+        A new file is made; an existing journal is continued.
 
     Attributes
     ----------
     trouble : Exception or None
         Why nothing more is recorded, such as the ``sqlite3.OperationalError`` of a full disk; the
-        run does not stop for it.
+        run does not stop for this.
 
     Raises
     ------
@@ -215,7 +217,7 @@ class Journal:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the run came to its end."""
+        """Whether the run is finished."""
         return bool(self._numbers["finished"])
 
     def close(self) -> None:
@@ -231,7 +233,7 @@ class Journal:
     # -- records -------------------------------------------------------------------------
 
     def _open(self) -> None:
-        """Lock the file, begin it if it is new, and read it once from end to end."""
+        """Lock the file, begin a new file, or read an old file once from end to end."""
         self._data.executescript(LOCK)
         table = self._value("SELECT group_concat(sql) FROM sqlite_master")
         if table not in {None, TABLE}:
@@ -287,14 +289,14 @@ class Journal:
     # -- what a run records --------------------------------------------------------------
 
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
-        """Refuse the journal of another run; the first time, record what this one is about.
+        """Refuse the journal of another run; the first time, record what this run is about.
 
         Parameters
         ----------
         facts : mapping
             What is compared word by word.
         probes : sequence of float
-            Values that tell problems apart, compared to half of their digits.
+            Values that tell problems apart, compared to half of the digits.
         """
         known = self._nth("about", 0)
         if known is None:
@@ -312,7 +314,7 @@ class Journal:
             raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
-        """Yield the starts that are recorded, then further ones, which are recorded first."""
+        """Yield the starts that are recorded, then further starts, each recorded first."""
         known = 0
         while found := self._nth("start", known):
             columns, data = found
@@ -327,7 +329,7 @@ class Journal:
         self._add("searched")
 
     def find(self, number: int, ray: Ray) -> FollowedPiece | None:
-        """Return a recorded walk, None if there is none; refuse one from another ray."""
+        """Return a recorded walk, None if none is recorded; refuse a walk from another ray."""
         found = self._nth("walk", number)
         if found is None:
             return None
@@ -344,7 +346,7 @@ class Journal:
         self._add("walk", _place(ray) + transcript.header, transcript.rows)
 
     def finish(self) -> None:
-        """Record that the run came to its end."""
+        """Record that the run is finished."""
         if not self.is_finished:
             self._add("finished")
 
@@ -364,7 +366,7 @@ def _digest(*parts: bytes) -> str:
 
 @final
 class Recorded(Follower):
-    """A follower that records the walks of another one, and reads walks already recorded."""
+    """A follower that records the walks of another follower, and reads walks already recorded."""
 
     def __init__(self, follower: Follower, journal: Journal) -> None:
         self.interval, self.bounds = follower.interval, follower.bounds

@@ -19,6 +19,9 @@ Failure modes and answers
 - Newton's method by differences needs steps that fit, so that H is asked before Newton is used.
 - H may be flat, or singular, where it is asked: it is asked for changes of all sizes, not for
   derivatives. Of many unknowns that would take too long; there one Newton step tells.
+- H may oscillate, as tan(z): changes do not grow with the size then, and any size may come out of a
+  bisection. A far smaller size shows it: there H changes by far more than in proportion. The size
+  by which H changes a little is then found first, and larger ones in turn.
 - An unknown may rest at a bound, whose value is no magnitude: where it does not move its own size
   says nothing.
 - Equations that alpha is in come first. What is constant in another one may be a switch's small
@@ -34,7 +37,7 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -135,6 +138,9 @@ ALIKE = 4.0
 BASE, POWERS = 2.0**0.25, 512
 #: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
+#: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
+#: a little would do if H were straight.
+LITTLE, FAR_BELOW = 0.001, 53
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
 #: Of more unknowns than these one Newton step tells the sizes.
@@ -144,11 +150,14 @@ STILL = EPS**0.5
 #: Of many unknowns one that is smaller than this part of the largest, in units in which columns of
 #: the Jacobian are balanced, is not measured by its own size.
 TAIL = 1e-3
+#: An unknown smaller than this part of the largest is zero in any units, and has no size.
+VANISHED = 1e-30
 
 
 def rounded_to_one(sizes: Array) -> Array:
     """Return magnitudes, one where they are close to one."""
-    return np.where((sizes >= LEAST) & (sizes <= MOST), 1.0, sizes)
+    close = (sizes >= LEAST) & (sizes <= MOST)
+    return np.where(close, 1.0, np.maximum(sizes, VANISHED * sizes.max()))
 
 
 def are_alike(sizes: Array, others: Array) -> bool:
@@ -201,13 +210,27 @@ def _reach(
     j: int,
 ) -> float:
     """Return by how much z_j must change for a row to change by its terms, 0 if none does."""
-    low, high = -POWERS, POWERS
     rows = np.flatnonzero(terms)
-    while rows.size and high - low > 1:
+
+    def is_enough(power: int, part: float = PART) -> bool:
+        changes = _changes(system, alphas, z, here, j, BASE**power)
+        return bool((changes >= part * terms)[rows].any())
+
+    high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
+    if high == POWERS:
+        return 0.0
+    if is_enough(high - FAR_BELOW, LITTLE):
+        small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
+        high = next(filter(is_enough, range(small, min(small + FAR_BELOW, high), 2)), high)
+    return float(BASE**high / PART)
+
+
+def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
+    """Return the first power at which a condition holds, by bisection."""
+    while high - low > 1:
         middle = (low + high) // 2
-        changes = _changes(system, alphas, z, here, j, BASE**middle)
-        low, high = (low, middle) if (changes >= PART * terms)[rows].any() else (middle, high)
-    return BASE**high / PART if rows.size and high < POWERS else 0.0
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
 
 
 def _changes(

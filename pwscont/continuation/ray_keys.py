@@ -1,14 +1,14 @@
-"""Rays that are known, and how they are told apart.
+"""Rays that are known, and how rays are told apart.
 
-A ray is recognised by its cells, its place and its direction. Directions are compared by the cosine
-between their sketches, see :meth:`~pwscont.curve.metric.Metric.sketch`.
+A ray is recognised by cells, place and direction. Directions are compared by the cosine between
+sketches of the directions, see :meth:`~pwscont.curve.metric.Metric.sketch`.
 
 Failure modes and answers
 -------------------------
-- At a branch point several rays of one cell leave one place: the best aligned one is it.
-- Special points are closer than places are told apart by digits: of several, only errors tell that
-  they are this place. A walk that has never left that distance may have passed some of them: only
-  errors tell whether it has come back to any.
+- At a branch point several rays of one cell leave one place: the best aligned ray is taken.
+- Special points are closer than places are told apart by digits: then only errors tell which of
+  several points is at this place. A walk that has never left that distance may have passed such
+  points: only errors tell whether the walk has come back to a known point.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from pwscont.transitions.rays import Ray
 
 #: Names of cells with more bytes than this are replaced by a digest of so many.
 LONG, DIGEST = 64, 20
-#: Places closer than this times their size are one, if the rays there agree as well.
+#: Places closer than this times the size of the place are the same, if the rays there agree.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
 JOIN = EPS**0.5
 
 
 @final
 class RayKey(NamedTuple):
-    """A ray as a node remembers it.
+    """What a node remembers of a ray.
 
     Attributes
     ----------
     place : Place
-        Where it starts.
+        Where the ray starts.
     names : tuple of bytes
-        Cells in which it may be met.
+        Cells in which the ray may be met.
     direction : ndarray
-        Of length one.
+        The sketch of the tangent, of length 1.
     """
 
     place: Place
@@ -66,12 +66,12 @@ class RayKey(NamedTuple):
         return RayKey(place, self.names, -self.direction)
 
     def alignment(self, ray: Ray, key: RayKey) -> float:
-        """Return the cosine to a ray with another key, 0 where it starts elsewhere."""
+        """Return the cosine to a ray with another key, 0 where this ray starts elsewhere."""
         cosine = self.direction.dot(key.direction)
         return cosine if cosine > 0.0 and self.is_where(ray) else 0.0
 
     def is_where(self, ray: Ray) -> bool:
-        """Tell whether a ray starts at this place, to within the errors of both."""
+        """Tell whether a ray starts at this place, to within the two errors."""
         return self.is_at(ray.curve.metric, ray.state.x, ray.state.size)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
@@ -80,7 +80,7 @@ class RayKey(NamedTuple):
         return near or self.is_within(metric, x, size)
 
     def is_within(self, metric: Metric, x: Array, size: Array) -> bool:
-        """Tell whether the errors of both alone explain how far a point is from this place."""
+        """Tell whether the two errors alone explain how far a point is from this place."""
         apart = np.abs(metric.difference(self.place.x, x))
         return bool((apart <= CONFIDENCE * (self.place.error + size)).all())
 
@@ -98,7 +98,7 @@ def name_of(cell: bytes) -> bytes:
 
 
 class FollowedRay(NamedTuple):
-    """The data of a followed ray that its edge keeps.
+    """The data of a followed ray that the edge keeps.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class FollowedRay(NamedTuple):
 
 
 class KnownRay(NamedTuple):
-    """A ray of a node: the numbers of both, and its key."""
+    """A ray of a node: the number of the node, the number of the ray there, and the key."""
 
     node: int
     number: int
@@ -153,7 +153,7 @@ class KnownRays:
         self._by_cell: dict[bytes, list[KnownRay]] = defaultdict(list)
 
     def add(self, node: int, keys: Iterable[RayKey], first: int = 0) -> None:
-        """Let walks arrive at a node, by these keys of its rays, numbered from ``first`` on."""
+        """Let walks arrive at a node by keys of rays, which are numbered from ``first`` on."""
         for number, key in enumerate(keys, start=first):
             for cell in key.names:
                 self._by_cell[cell].append(KnownRay(node, number, key))
@@ -163,16 +163,16 @@ class KnownRays:
         return {known.node for known in self._by_cell.get(cell, ())}
 
     def match(self, ray: Ray, key: RayKey, left: KnownRay | None = None) -> KnownRay | None:
-        """Return the known ray that a ray is, None if it is a new one.
+        """Return the known ray that a ray is, None for a new ray.
 
         Parameters
         ----------
         ray : Ray
         key : RayKey
-            Its key.
+            The key of the ray.
         left : KnownRay or None
-            The ray that a walk has followed without ever being clearly away from its node; it is
-            not the one that goes on where the walk arrives, and digits tell nothing then.
+            The ray that a walk has followed without ever being clearly away from the node. This ray
+            is not the ray that goes on where the walk arrives, and digits tell nothing then.
         """
         found = [
             (cosine, known)
@@ -201,16 +201,16 @@ def _distance(key: RayKey, ray: Ray) -> float:
 
 
 def _is_surely(key: RayKey, ray: Ray) -> bool:
-    """Tell whether a ray starts at the place of a key by the errors of both, not by digits."""
+    """Tell whether a ray starts at the place of a key by the two errors, not by digits."""
     return key.is_within(ray.curve.metric, ray.state.x, ray.state.size)
 
 
-#: Solutions at one alpha in one cell are one when closer than this times their size.
+#: Solutions at one alpha in one cell are the same when closer than this times the size of either.
 SAME = EPS**0.5
 
 
 def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, float]) -> bool:
-    """Tell whether a state lies on the piece with these points, to within its error.
+    """Tell whether a state lies on the piece with these points, to within the error of the state.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Correctors: from a prediction back onto the curve.
 
-Newton is content with a point that is off the curve by a little more than rounding, where the
-tangent is another one: the point is corrected once more. A Jacobian of central differences has ten
-digits: its tangent is found again with twelve, see :mod:`pwscont.curve.curve`.
+Newton accepts a point that is off the curve by a little more than rounding, where the tangent
+differs from that of the curve: :func:`polished` corrects the point again. A Jacobian of central
+differences has ten digits: a tangent with twelve digits is computed again, see
+:mod:`pwscont.curve.curve`.
 
 Failure modes and answers
 -------------------------
@@ -187,8 +188,8 @@ def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
 def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     """Return the root once its corrections are rounding, and its uncertainty.
 
-    Rounding is all that is left of nearly every root after a few corrections more with the
-    factorisation that it has; another one is made where these do not shrink.
+    For nearly every root a few corrections with the factorisation of the root leave only rounding.
+    Where these corrections do not shrink, Newton's method begins again with a new factorisation.
     """
     settled = again(curve, border, root)
     unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])

@@ -212,7 +212,7 @@ def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] |
 
 
 def _direction(curve: Curve, scaled: Array) -> Array:
-    """Return the unit tangent; exactly vertical where it is so but for errors."""
+    """Return the unit tangent, exactly vertical if the tangent is vertical up to errors."""
     scaled = scaled / np.linalg.norm(scaled)
     if abs(scaled[-1]) < FLAT:
         scaled[-1] = 0.0

@@ -5,8 +5,8 @@ Failure modes and answers
 - A function changes within the longer steps of fourth order: with errors d of second order, those
   of fourth order are RATIO d^2, and are taken only where that is less.
 - Along a vertical piece the slope of alpha is nothing but the errors of differences, and its signs
-  would be folds. What these errors are depends on the units of alpha and on how long the interval
-  is: they are estimated from the terms of which the derivatives consist.
+  would be folds. These errors depend on the units of alpha and on the length of the interval, and
+  are estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Curve:
     def slope(self, state: State) -> float:
         """Return d alpha / d arc length, exactly zero where it is zero to rounding.
 
-        It is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
+        The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
         slope = float(state.tangent[-1]) / self.metric.width
         if abs(slope) > LEAN:

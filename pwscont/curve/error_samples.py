@@ -27,15 +27,15 @@ from pwscont.system.box import Box
 
 #: A solution (z, alpha), and samples of its error or the size of the last correction.
 Found = tuple[Array, Array]
-#: Up to this many unknowns the inverse is formed column by column, which samples nothing.
-SMALL = 16
-#: So many numbers, and fewer, are squared and added one by one in less time.
-FEW = 256
+#: Up to this many unknowns the inverse is formed column by column, instead of sampled.
+MOST_WHOLE_INVERSE = 16
+#: The number of entries up to which ``hypot`` is faster than squares and their sums.
+MOST_BY_HYPOT = 256
 #: A point is known to one digit where its error is at most this part of it.
 ONE_DIGIT = 0.1
-#: Squares of smaller numbers lose digits.
-UNDERFLOW = 1e-140
-#: Samples for larger systems.
+#: Numbers below this have squares that lose digits; in any unit.
+SQUARES_UNDERFLOW = 1e-140
+#: Number of samples for larger systems.
 SAMPLES = 4
 
 
@@ -52,23 +52,23 @@ def magnitude(x: Array, error: Array) -> Array:
 
 
 def magnitude_beside(sizes: Array, error: Array) -> Array:
-    """Return the same from the magnitudes of ``x``, shape (n + 1,)."""
+    """Return the error of every component from the magnitudes of ``x``, shape (n + 1,)."""
     estimate: Array = np.maximum(EPS * sizes, _root_of_squares(error))
     return estimate
 
 
 def _root_of_squares(error: Array) -> Array:
-    """Return the root of the sum of squares of each column; of many ``hypot`` takes far longer.
+    """Return the root of the sum of squares of each column; ``hypot`` of many takes far longer.
 
     Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
     """
     spread: Array
-    if error.size <= FEW:
+    if error.size <= MOST_BY_HYPOT:
         spread = np.abs(np.hypot.reduce(error, axis=0))
         return spread
     spread = np.sqrt(_ones(len(error)).dot(np.square(error)))
-    if len(spread) and smallest(spread) < UNDERFLOW:  # most of these are zero
-        lost = spread < UNDERFLOW
+    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most of these are zero
+        lost = spread < SQUARES_UNDERFLOW
         if len(error) and is_anywhere(np.logical_and(error, lost)):
             spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
     return spread
@@ -80,7 +80,7 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
 
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
-    """Return the same where the terms of ``x`` are of these sizes."""
+    """Return the estimated error of ``rows @ x`` where the terms of ``x`` have these sizes."""
     spread = np.abs(np.hypot.reduce(product(rows, error.T), axis=1))  # rows are in any units
     estimate: Array = EPS * product(abs(rows), sizes) + spread
     return estimate
@@ -89,8 +89,8 @@ def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
 def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array:
     """Return how far below zero tests may be computed at a solution of a closed cell, shape (l,).
 
-    The rounding of their own terms, and of typical ones: an unknown may be zero because constants
-    in H cancel, of which its error knows nothing.
+    The slack is the rounding of the terms of the tests, and of terms of typical magnitude: an
+    unknown may be zero because constants in H cancel, of which the error of x knows nothing.
     """
     slack: Array = CONFIDENCE * magnitude_of_values(rows, x, error) + EPS * (abs(rows) @ scale)
     return slack
@@ -99,7 +99,7 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
 def has_digits(x: Array, error: Array, scale: Array) -> bool:
     """Tell whether at least one digit of every component of ``x`` is certain, all finite.
 
-    Each is measured by its own size or, where that is smaller, by its typical magnitude.
+    Each component is measured by the larger of its size and its typical magnitude.
     """
     sizes = np.abs(x)
     known = ONE_DIGIT * np.maximum(sizes, scale)
@@ -109,7 +109,7 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
 def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
     """Tell whether a solution with samples of its error may lie within the bounds of unknowns.
 
-    Rounding of typical magnitudes counts as well: an unknown that is zero has none of its own.
+    Rounding of typical magnitudes counts as well: the rounding of an unknown that is zero is none.
     """
     if not box.is_bounded:
         return True  # nearly always, and magnitudes cost something
@@ -118,24 +118,24 @@ def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:
-    """Tell whether two solutions, each with samples of its error, are one within their errors."""
+    """Tell whether two solutions, each with samples of its error, agree within these errors."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
     return metric.norm(metric.difference(a[0], b[0])) <= CONFIDENCE * sum(errors)
 
 
 @lru_cache(maxsize=8)
 def _ones(number: int) -> Array:
-    """Return what adds up rows as a product, in half of the time of a sum."""
+    """Return a vector of ones: a product with that vector is twice as fast as a sum."""
     return np.ones(number)
 
 
 @lru_cache(maxsize=8)
 def samples(size: int) -> Array:
-    """Return unit vectors, or fixed random ones of which a few are enough; runs are identical.
+    """Return unit vectors, or a few fixed random vectors for many unknowns; runs are identical.
 
-    The squares of each column add up to one, so that the errors of single rows are not sampled.
+    The squares of each column add up to one.
     """
-    if size <= SMALL:
+    if size <= MOST_WHOLE_INVERSE:
         return np.asarray(np.eye(size))
     samples = np.random.default_rng(size).normal(size=(SAMPLES, size))
     return np.asarray(samples / np.sqrt((samples**2).sum(axis=0)))

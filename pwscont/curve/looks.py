@@ -10,11 +10,11 @@ Failure modes and answers
 - H repeats itself as places do: their distances vary, as multiples of the golden section do.
 - At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
   the distances from the cubic vary. Along a smooth curve they are u^2 (1 - u)^2 times a polynomial.
-  Where they are not, places around the one that stands out are looked at, closer and closer.
+  Where the distances do not vary so, places around the odd place are looked at, ever closer.
 - The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
   points of the curve next to the places must be in order. Points that are not are corrected before
   they count.
-- Looking must cost less than the step: one residual for each place, all solved for at once with the
+- Looking must cost less than the step: a residual for each place, all solved for at once with the
   factorisation of the end; fewer places where there are many unknowns.
 """
 
@@ -32,21 +32,21 @@ from pwscont.curve.stepper import CurvedSegment, Stepper
 from pwscont.linear.factorise import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
-#: No step is looked at in more places than these.
-MOST = 256
-#: Up to so many unknowns a look costs little beside a step.
-FEW = 8
+#: The largest number of places in a step.
+MOST_PLACES = 256
+#: Up to this many unknowns a look costs little beside a step.
+CHEAP_UNKNOWNS = 8
 #: How much the distances between places vary, as a part of them.
 UNEVEN = 0.3
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Distances from the cubic are smooth up to this part of the largest.
-ROUGH = 0.05
+ROUGH_PART = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
-#: So many places around one that stands out are looked at, so often, in ever so much less room.
-CLOSER, ROUNDS, ZOOM = 8, 3, 0.25
-#: Degree of the polynomial that is taken for smooth; no more than a third of the places.
-SMOOTH = 3
+#: Places around an odd place, rounds of looking there, and the factor by which the room shrinks.
+CLOSER_PLACES, CLOSER_ROUNDS, ZOOM = 8, 3, 0.25
+#: Degree of the polynomial that counts as smooth; at most a third of the number of places.
+SMOOTH_DEGREE = 3
 
 
 def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
@@ -56,7 +56,7 @@ def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
     """
     if isinstance(system, SlicewiseLinearSystem):
         return inf
-    return gap * sqrt(max(system.size / FEW, 1.0))
+    return gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
 
 
 def gap_of(stepper: Stepper, system: PiecewiseSystem) -> float:
@@ -82,7 +82,7 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     gap = gap_between_looks(segment.curve.selection.system, gap)
     if segment.length <= gap:
         return 0.0
-    count = min(ceil(segment.length / gap) - 1, MOST)
+    count = min(ceil(segment.length / gap) - 1, MOST_PLACES)
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
@@ -90,25 +90,25 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     if worst > INVISIBLE and len(off) == count:
         rough = np.abs(_rough(count) @ off).max(axis=1)
         odd = int(rough.argmax())
-        if rough[odd] > ROUGH * worst + INVISIBLE:
+        if rough[odd] > ROUGH_PART * worst + INVISIBLE:
             around = float(places(count)[odd]), 1.0 / count
             worst = max(worst, _close_in(segment, factor, around, allowed))
     turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
     return inf if turns else worst
 
 
-@lru_cache(maxsize=MOST)
+@lru_cache(maxsize=MOST_PLACES)
 def places(count: int) -> Array:
-    """Return so many places inside a step, as parts of it, at uneven distances."""
+    """Return ``count`` places inside a step, as parts of the step, at uneven distances."""
     j = np.arange(1.0, count + 1.0)
     return (j + UNEVEN * ((j * GOLDEN) % 1.0 - 0.5)) / (count + 1.0)
 
 
-@lru_cache(maxsize=MOST)
+@lru_cache(maxsize=MOST_PLACES)
 def _rough(count: int) -> Array:
     """Return the projection on what of distances from the cubic at some places is not smooth."""
     u = places(count)
-    smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH, count // 3) + 1)
+    smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH_DEGREE, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]
     rough: Array = np.eye(count) - q @ q.T
     return rough
@@ -121,7 +121,7 @@ def _weights(u: Array) -> Array:
     return np.stack([u - first + last, first, -last], axis=1)
 
 
-@lru_cache(maxsize=MOST)
+@lru_cache(maxsize=MOST_PLACES)
 def _at_places(count: int) -> Array:
     return _weights(places(count))
 
@@ -145,8 +145,8 @@ def _close_in(
 ) -> float:
     """Return how far off the curve is within a distance of a place, looked at ever closer."""
     (odd, apart), worst = around, 0.0
-    for _ in range(ROUNDS):
-        u = odd + apart * np.linspace(-1.0, 1.0, CLOSER + 2)[1:-1]
+    for _ in range(CLOSER_ROUNDS):
+        u = odd + apart * np.linspace(-1.0, 1.0, CLOSER_PLACES + 2)[1:-1]
         u = u[(u > 0.0) & (u < 1.0)]
         off, alphas = _looked_at(segment, factor, _weights(u))
         if not len(off) or len(off) < len(u):
@@ -177,6 +177,6 @@ def _turns(segment: CurvedSegment, alphas: Array) -> bool:
 
 
 def _really_turns(segment: CurvedSegment, factor: Factor, u: Array) -> bool:
-    """Tell the same from points of the curve itself."""
+    """Tell whether alpha turns more often than the slopes say, from points of the curve."""
     points = [segment.point(s * segment.length, factor) for s in u]
     return _turns(segment, np.array([x[-1] for x in points if x is not None]))

@@ -153,8 +153,8 @@ class Metric:
     def sketch(self, t: Array) -> Array:
         """Return what tells a direction t of length one from others, a vector of length one.
 
-        Of long directions it has a few projections. These agree where directions are equal, and do
-        not where directions are clearly different.
+        A long direction is reduced to a few projections, which agree where directions are equal and
+        differ where directions clearly differ.
         """
         rows = self._sketching
         if rows.ndim == 1:

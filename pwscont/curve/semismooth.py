@@ -10,7 +10,7 @@ Failure modes and answers
 - At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
   steps are taken undamped, and the rule holds again from where they lead.
 - A stationary point of the merit function that is no solution: the failure says so.
-- Known solutions attract: they are deflated away (Farrell, Birkisson and Funke 2015).
+- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
 - Divergence: so far out that rounding hides the residual, no step reduces it. A point whose error
   is as large as the point itself is no solution.
@@ -145,7 +145,8 @@ def _linearised(
 ) -> _Linearised | None:
     """Return the Jacobian at a point, factorised; None where the Jacobian is not finite."""
     jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
-    rows: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
+    with np.errstate(invalid="ignore"):  # an infinite entry times zero, for alpha
+        rows: Array = product(abs(jacobian), joined(metric.scale[:-1], 0.0))
     rows[rows == 0.0] = 1.0
     if not are_finite(rows):
         return None

@@ -8,31 +8,33 @@ from typing import final
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 
-#: What the control aims at, as a part of what is accepted.
+#: The strain that the control aims at, where 1 is the largest strain that is accepted.
 WANTED_STRAIN = 0.5
-TINY = 1e-300
-FIRST = 0.02
-GAP = 0.0025
+#: Divisors are at least this large.
+NO_DIVISION_BY_ZERO = 1e-300
+#: Default lengths in the metric: the first step of a piece, and the gap between looks.
+FIRST_STEP = 0.02
+LARGEST_GAP = 0.0025
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class StepSize:
-    """Grow where Newton converges fast and the curve is straight, shrink where not.
+    """Control the step length: grow where Newton converges fast and the curve is straight.
 
     Lengths are measured in the metric, in which the interval of alpha has length one.
 
     Attributes
     ----------
     first, smallest, largest : float
-        Lengths of the first step of a piece, of the last try, and of the longest step. The first
-        is the longest where only the longest is given, and that is shorter than 0.02.
+        Lengths of the first step of a piece, of the last try, and of the longest step. If only
+        ``largest`` is given, and is shorter than 0.02, the first step is as long as the longest.
     least_cosine : float
         Cosine of the largest angle between the tangents at both ends of a step.
     gap : float
         Distance between the places inside a step in which H is evaluated; with n > 8 unknowns it is
-        sqrt(n / 8) times as long. Two smooth folds closer together may be passed over. Half of it
-        doubles the evaluations.
+        sqrt(n / 8) times as long. Two smooth folds closer together may be passed over. Half the
+        gap doubles the evaluations.
 
     Raises
     ------
@@ -47,18 +49,18 @@ class StepSize:
     0.01
     """
 
-    first: float = FIRST
+    first: float = FIRST_STEP
     smallest: float = 1e-10
     largest: float = 0.1
     least_cosine: float = 0.98
-    gap: float = GAP
+    gap: float = LARGEST_GAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name in ("first", "smallest", "largest", "least_cosine", "gap"):
             number = finite_array(f"{name} of StepSize", getattr(self, name), ())
             object.__setattr__(self, name, float(number))
-        if self.largest < self.first == FIRST:
+        if self.largest < self.first == FIRST_STEP:
             object.__setattr__(self, "first", self.largest)
         if not 0.0 < self.smallest <= self.first <= self.largest:
             raise InvalidInputError(
@@ -73,7 +75,7 @@ class StepSize:
             raise InvalidInputError(f"gap of StepSize must be positive, got {self.gap}")
 
     def stretched(self, factor: float) -> StepSize:
-        """Return the control whose longest step, and what may hide in it, is so much longer."""
+        """Return the control with ``largest`` and ``gap`` multiplied by a factor."""
         return replace(self, largest=factor * self.largest, gap=factor * self.gap)
 
     def accepts(self, cosine: float) -> bool:
@@ -81,17 +83,17 @@ class StepSize:
         return cosine >= self.least_cosine
 
     def after(self, length: float, strain: float, cosine: float) -> float:
-        """Return the next step length: at most twice, at least half this one.
+        """Return the length of the next step, at least half and at most twice ``length``.
 
         Parameters
         ----------
         length : float
         strain : float
-            What a step of this length made of its tolerances: 1 where one was just kept.
+            The largest ratio of a measure of the last step to the tolerance of that measure.
         cosine : float
         """
-        # the angle grows like the step: (1 - cos) like its square; so does, at least, the strain
-        by_strain = WANTED_STRAIN / max(strain, TINY)
-        by_angle = (1.0 - self.least_cosine) / max(2.0 * (1.0 - cosine), TINY)
+        # the angle grows like the step, 1 - cos and the strain like the square or faster
+        by_strain = WANTED_STRAIN / max(strain, NO_DIVISION_BY_ZERO)
+        by_angle = (1.0 - self.least_cosine) / max(2.0 * (1.0 - cosine), NO_DIVISION_BY_ZERO)
         factor = min(max(min(by_strain, by_angle) ** 0.5, 0.5), 2.0)
         return float(min(max(length * factor, self.smallest), self.largest))

@@ -261,14 +261,14 @@ class Stepper(ABC):
         Returns
         -------
         CurvedSegment or None
-            It ends where ``border`` is zero. None, the default, where the zero is too far for one
-            step, or the step would not be true: it is then found in a step beyond it.
+            The step ends where ``border`` is zero. None, the default, if the zero is too far for a
+            step or the step would not be true: the zero is then located in a step beyond.
         """
         return None
 
     def stretched(self, factor: float) -> Stepper:
-        """Return a stepper whose longest step is so many times as long; default: the same one.
+        """Return a stepper whose longest step is longer by a factor; default: this stepper.
 
-        It is asked for where a piece runs towards infinity, by steps in proportion to its size.
+        A piece that runs towards infinity is followed by steps in proportion to the distance.
         """
         return self

@@ -18,7 +18,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 class ExactLinear(Stepper):
     """Takes a whole piece of a :class:`~pwscont.PiecewiseLinearSystem` in one step.
 
-    The ray along the tangent is the curve; where it leaves its cell is a ratio test, and the
+    The ray along the tangent is the curve. A ratio test says where the ray leaves the cell, and the
     point there is solved for afresh, so that errors do not accumulate from piece to piece.
 
     Examples

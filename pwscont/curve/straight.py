@@ -9,9 +9,9 @@ direction. Jacobians that are neither small nor at hand are asked for by audits 
 
 Failure modes and answers
 -------------------------
-- Rounding adds up from cell to cell: the residual of the system itself is asked for at every
-  transition; where it is more than the stated error covers the point is corrected, and all is
-  audited if that was not done of late.
+- Rounding adds up from cell to cell: the residual of the system is asked for at every transition.
+  A residual larger than the stated error covers corrects the point, and asks for an audit if the
+  last audit was long ago.
 - The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
   matrices in one array that it writes to, or c: an audit compares the direction with the new
   Jacobian, and the residual of the next point is more than rounding.
@@ -40,14 +40,14 @@ from pwscont.linear.vectors import add_multiples
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseLinearSystem
 
-#: Systems of fewer unknowns are audited at every transition, others after so many at the latest:
-#: true errors of random bodies are at most 1.6 of those stated then, and 2.8 after 64.
-TINY, AUDIT = 16, 24
-#: After so many a residual that is more than rounding asks for an audit: directions have drifted.
-DRIFTED = 8
-#: Of systems of fewer unknowns Jacobians are asked for at every transition, as two residuals cost
-#: more.
-SMALL = 64
+#: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
+#: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
+#: times after 64 transitions.
+ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
+#: After this many transitions a residual above rounding asks for an audit: directions have drifted.
+DRIFTED_AFTER = 8
+#: Systems of fewer unknowns are asked for Jacobians at every transition: two residuals cost more.
+ASKED_FOR_JACOBIANS = 64
 #: A residual is corrected from this part of the terms of its row on: three quarters of what the
 #: stated error of the point covers.
 UNSEEN = 0.75 * CONFIDENCE * EPS
@@ -113,12 +113,12 @@ class StraightCell:
         self.along: Array = self._lines[0]
         self._wide = np.zeros(len(along))
         self._slopes = np.empty(0)  # of the last test crossed, along all of these
-        self._terms = np.empty(0)  # of the rows of H, as large as they were at the last audit
-        self._most, self._since = np.empty(0), AUDIT
+        self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
+        self._most, self._since = np.empty(0), AUDIT_AFTER
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
-        """Return the cell of a curve, factorised; None where it is next to singular."""
+        """Return the factorised cell of a curve; None where the Jacobian is next to singular."""
         jacobian, core = _factorised(curve, x)
         if core is None:
             return None
@@ -163,7 +163,7 @@ class StraightCell:
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._is_due(sizes)
         is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
-        if is_due or (is_off and self._since >= DRIFTED):
+        if is_due or (is_off and self._since >= DRIFTED_AFTER):
             aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
@@ -174,7 +174,7 @@ class StraightCell:
 
     def _is_due(self, sizes: Array) -> bool:
         """Tell whether an audit is due at a point with unknowns as large as these."""
-        if self._since >= AUDIT or len(sizes) <= TINY:
+        if self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED:
             return True
         return is_anywhere(sizes > self._most)
 
@@ -254,7 +254,7 @@ class StraightCell:
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
-        self._most = sizes if n < TINY else GROWN * _largest_alike(sizes, metric)
+        self._most = sizes if n < ALWAYS_AUDITED else GROWN * _largest_alike(sizes, metric)
         self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
         typical = product(magnitudes, metric.scale)
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
@@ -287,9 +287,9 @@ def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
-    """Tell whether c is read off Jacobians: where they cost little, or residuals mean nothing."""
+    """Tell whether c is read off Jacobians: these cost little, or far residuals mean nothing."""
     is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
-    is_small = jacobian.shape[0] < SMALL
+    is_small = jacobian.shape[0] < ASKED_FOR_JACOBIANS
     return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
 
 

@@ -149,15 +149,22 @@ def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) ->
     elif len(ramp) > 1:
         flat = Polyhedron.of(around.matrix @ basis, around.moved(point).vector, rounding)
         assert flat is not None, "the inequalities hold around a point inside"
-        (lo, lo_closed), (hi, hi_closed) = (_end(flat, w, ramp, rounding) for w in (-ramp, ramp))
+        (lo, lo_closed), (hi, hi_closed) = (
+            _end(flat, sign * ramp, ramp, rounding) or ((sign + 1) / 2 - here, False)
+            for sign in (-1, 1)
+        )
         lo, hi = (interval[0] + width * (here + end) for end in (lo, hi))
         yield Filled(lo, hi, lo_closed, hi_closed, blur)
 
 
-def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool]:
-    """Return the rise to the end of a polyhedron, and whether the end is more than a point."""
+def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool] | None:
+    """Return the rise to the end of a polyhedron, and whether it holds more than a point there.
+
+    None where rounding hides the end.
+    """
     w = flat.farthest(way)
-    assert w is not None, "alpha is bounded by the interval"
+    if w is None:
+        return None
     level = null_space(ramp[np.newaxis])
     at_end = Polyhedron.of(flat.matrix @ level, flat.moved(w).vector, rounding)
     inside = at_end and at_end.inside(rounding)

@@ -13,10 +13,10 @@ from pwscont.system.abilities import completed, shown_size
 from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem
 
-#: Solutions that are larger or smaller by this factor are not of the order of one.
-FAR = 8.0
-#: Pieces at whose ends the equations are asked for.
-ASKED = 4
+#: Components larger than this, or smaller than 1 / this, are not of the order of 1.
+ORDER_OF_ONE = 8.0
+#: At about this many pieces of a graph the equations are checked.
+MOST_CHECKED = 4
 
 
 def adopted(
@@ -26,17 +26,17 @@ def adopted(
     interval: tuple[float, float],
     system: PiecewiseSystem,
 ) -> PiecewiseSystem:
-    """Return the system of a graph, fitted to it.
+    """Return the system of a graph, fitted to the interval and solutions of the graph.
 
     Raises
     ------
     InvalidInputError
-        If it has another number of unknowns or tests, or does not have the graph's solutions.
+        If the system has another number of unknowns or tests, or other solutions.
     """
     if pieces:
         _check_numbers(path, system, points[0], pieces[0])
     fitted = _fitted(system, interval, points)
-    for piece in pieces[:: max(1, len(pieces) // ASKED)]:
+    for piece in pieces[:: max(1, len(pieces) // MOST_CHECKED)]:
         _check_solution(path, fitted, piece, interval)
     return fitted
 
@@ -62,10 +62,10 @@ def _check_numbers(
 def _fitted(
     system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
 ) -> PiecewiseSystem:
-    """Return a system fitted to an interval, and to its solutions where it gives no scale."""
+    """Return a system fitted to an interval; a system without a scale, also to the solutions."""
     states = [completed(system, point.z, point.alpha) for point in points]
     sizes = np.max(np.abs(states), axis=0, initial=0.0)
-    usual = (sizes == 0.0) | ((sizes > 1.0 / FAR) & (sizes < FAR))
+    usual = (sizes == 0.0) | ((sizes > 1.0 / ORDER_OF_ONE) & (sizes < ORDER_OF_ONE))
     found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
     return system.within(*interval, found)
 

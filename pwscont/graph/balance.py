@@ -1,16 +1,17 @@
 """The balance of signs, and the verdict on what may be missing.
 
-The ends that a vertical piece joins count as one.
+The ends that a vertical piece joins count as a single end.
 
 The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
-where the sum is wrong on a stretch of alpha, the ends around it tell why: a piece was stopped, or
-the model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
+where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
+stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
+there twice.
 
 Failure modes and answers
 -------------------------
-- A branch that ends on purpose takes its sign out of the sum: the sums on both sides of such an end
+- A branch that ends on purpose takes a sign out of the sum: the sums on both sides of such an end
   are compared without that sign.
-- A solution that stands twice is told from two that are close by their errors.
+- A solution that stands twice is told from two close solutions by the estimated errors.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def check_places(
         raise DamagedError("pieces have different numbers of signs")
 
 
-#: Kinds of points at which a branch may end because the system or the user ends it.
+#: Kinds of points at which a branch may end because the system or the user ends branches.
 ON_PURPOSE = ("end", "event")
 
 
@@ -98,20 +99,35 @@ def _jumps(graph: Structure) -> dict[int, int]:
 
 
 def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield sets of nodes: those joined by vertical pieces together, the others alone."""
+    """Yield sets of nodes: nodes joined by vertical pieces together, every other node alone."""
     yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
 
 
 def _suspicion(point: SpecialPoint) -> int:
-    """Return a key that sorts points: ends on purpose, then stops, then the others."""
+    """Return a key that sorts points: ends on purpose, then stops, then other kinds."""
     order = (*ON_PURPOSE, Kind.STOPPED)
     return order.index(point.kind) if point.kind in order else len(order)
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether branches end at a point because the system or the user ends them."""
+    """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
     return point.kind == Kind.END or ends or ON_BOUND in point.message
+
+
+#: Failures after which a branch is said to run to infinity.
+TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLAT)
+
+
+def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
+    runs = any(reason.value in point.message for reason in TO_INFINITY)
+    return runs and is_beside_infinite(graph, point.alpha)
+
+
+def _may_end(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a branch ends at a point on purpose, or runs to infinity at one alpha."""
+    return is_on_purpose(graph, point) or leaves_upright(graph, point)
 
 
 def balance_at(graph: Structure, alpha: float) -> int:
@@ -135,8 +151,8 @@ def balance_values(graph: Structure) -> list[int]:
 def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
     """Return balance and ends of the stretches that are longer than their ends are uncertain.
 
-    If there is no such stretch, return all of them; none where solutions are infinitely many,
-    for the signs of the pieces around them say nothing.
+    If no stretch is longer, return all stretches. Stretches with infinitely many solutions are left
+    out: the signs of the pieces around such a stretch say nothing.
     """
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
@@ -157,7 +173,7 @@ def unbalanced(graph: Structure) -> list[tuple[float, float]]:
     judged = _judged(graph)
     degree = graph.system.degree if graph.system else None
     if degree is None:
-        ends = [(p, n) for p, n in loose_ends(graph).items() if is_on_purpose(graph, p)]
+        ends = [(p, n) for p, n in loose_ends(graph).items() if _may_end(graph, p)]
         judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
         values = [value for value, _ in judged]
         degree = max(values, key=values.count, default=None)
@@ -175,11 +191,12 @@ def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> in
     return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
 
 
-#: A special point known to fewer digits may hide others: no promise of a search is kept then.
+#: A special point known to fewer digits may hide another special point: then no search keeps a
+#: promise.
 TOO_FEW_DIGITS = 2.0
 #: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
-#: Most places of one kind that are listed; more are counted.
+#: At most this many places of a kind are listed; further places are counted.
 MOST_PLACES = 3
 #: What is said of corners at which only some ways on are known.
 IN_PART = "a corner was searched in part (one way on, possibly of several)"
@@ -201,8 +218,8 @@ def verdict(graph: Structure) -> str:
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
-    if not doubts and not graph.pieces and not promises:
-        return f"nothing found by {graph.searched.what}"
+    if not graph.pieces and not graph.infinite and not promises:
+        return "; ".join([f"nothing found by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
@@ -243,10 +260,10 @@ def _listed(gaps: Iterable[Gap]) -> str:
 
 
 def _stands_twice(graph: Structure, gap: Gap) -> bool:
-    """Tell whether two solutions in the middle of a stretch agree within their errors."""
+    """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
     try:
         found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
-    except PwscontError:  # the graph was loaded without its system, or is damaged here
+    except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
     return any(_is_one(a, b) for a, b in combinations(found, 2))
 
@@ -257,11 +274,11 @@ def _is_one(a: Solution, b: Solution) -> bool:
     return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
 
 
-# -- doubts, and where they arise ----------------------------------------------------------------
+# -- doubts, and where doubts arise ----------------------------------------------------------------
 
 
 def _doubts(graph: Structure) -> Iterator[str]:
-    """Yield why a search cannot keep its promise, because of what was found at special points."""
+    """Yield what was found at special points and prevents a search from keeping a promise."""
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, lost)
@@ -299,6 +316,8 @@ def _what_happened(graph: Structure, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
+    if leaves_upright(graph, point):
+        return "infinitely many solutions"
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))

@@ -1,4 +1,4 @@
-"""The branch graph: smooth pieces joined at special points, and its queries."""
+"""The branch graph: smooth pieces joined at special points, with all queries as methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @final
 class BranchGraph(Structure):
-    """All that was found of the solutions of a system in an interval of its parameter.
+    """All that was found of the solutions of a system in an interval of the parameter.
 
     Made by :func:`pwscont.trace` and :func:`pwscont.explore`; not changed afterwards.
 
@@ -43,8 +43,8 @@ class BranchGraph(Structure):
         Where starts were searched, and what that promises.
     record : mapping of str to callable, optional
         Quantities to have at hand by name, such as ``solution["power"]``: functions of (z, alpha)
-        that return a finite float. They are evaluated when asked for; one that fails raises then,
-        and nothing else of the graph is lost.
+        that return a finite float. A function is evaluated when the quantity is asked for; a
+        function that fails raises then, and nothing else of the graph is lost.
     names : sequence of str, optional
         Names of the unknowns; default those of the system.
     infinite : sequence of Stretch
@@ -77,14 +77,15 @@ class BranchGraph(Structure):
     def solutions(self, alpha: float) -> list[Solution]:
         """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
 
-        Of infinitely many, as on a vertical piece, these are the ends of segments that are pieces.
+        Where solutions are infinitely many, as on a vertical piece, the ends of the segments are
+        returned.
 
         Raises
         ------
         InvalidInputError
             If alpha lies outside the interval.
         SystemNeededError
-            If a curved piece must be corrected and the graph was loaded without its system.
+            If a curved piece must be corrected and the graph was loaded without a system.
         """
         return queries.solutions_at(self, alpha)
 
@@ -95,10 +96,10 @@ class BranchGraph(Structure):
     def multiplicity(self) -> list[Stretch]:
         """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
 
-        The number holds at every alpha of the stretch; each entry says whether it holds at its ends
-        as well (``lo_closed``, ``hi_closed``). A single value of alpha with infinitely many
-        solutions is an entry of its own; those with another number, such as folds, are found by
-        :meth:`with_count` and :meth:`count`.
+        The number holds at every alpha of the stretch; ``lo_closed`` and ``hi_closed`` say whether
+        the number holds at the ends as well. A single value of alpha with infinitely many solutions
+        is an entry of its own; single values with another finite number, such as folds, are found
+        by :meth:`with_count` and :meth:`count`.
         """
         return queries.multiplicity(self)
 
@@ -107,7 +108,7 @@ class BranchGraph(Structure):
         return queries.with_count(self, count)
 
     def is_beside_infinite(self, alpha: float) -> bool:
-        """Tell whether there are infinitely many solutions at ``alpha`` or next to it."""
+        """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
         return queries.is_beside_infinite(self, alpha)
 
     def balance(self, alpha: float) -> int:
@@ -123,23 +124,23 @@ class BranchGraph(Structure):
         return balance.balances(self)
 
     def balance_values(self) -> list[int]:
-        """Return the different values of the balance, ascending; one where nothing is missing.
+        """Return the different values of the balance, ascending: one value if nothing is missing.
 
         A stretch of alpha that is no longer than the uncertainty of the special points around it
-        does not count: it may not exist, and its ends may be in the other order.
+        does not count: such a stretch may not exist, for the ends may be in the opposite order.
         """
         return balance.balance_values(self)
 
     def is_balanced(self) -> bool:
         """Tell whether the balance is the same at every regular alpha of the interval.
 
-        Where the system knows its degree (+1 for Coulomb friction), the balance must equal it.
-        Stretches too short to be judged do not count, see :meth:`balance_values`.
+        Where the system knows the degree (+1 for Coulomb friction), the balance must equal the
+        degree. Stretches too short to be judged do not count, see :meth:`balance_values`.
         """
         return not balance.unbalanced(self)
 
     def unbalanced(self) -> list[tuple[float, float]]:
-        """Return the stretches in which the balance is not what it must be.
+        """Return the stretches in which the balance is not what the balance must be.
 
         Without a known degree: the stretches whose balance differs from the most frequent one, each
         without the signs of branches that end on purpose.
@@ -148,19 +149,20 @@ class BranchGraph(Structure):
 
     @cached_property
     def nx(self) -> nx.MultiGraph:
-        """The same as a networkx graph of its own, with plain attributes.
+        """The branch graph as a new networkx graph with plain attributes.
 
-        Its values are numbers and texts, so that :func:`networkx.write_graphml` and the like take
-        them. Made when first asked for; changing it changes nothing else.
+        All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
+        write. The networkx graph is made when first asked for; changing the networkx graph does not
+        change the branch graph.
 
-        Nodes are the ids of special points. They have ``kind``, ``alpha``, ``message``, ``name``,
-        the recorded quantities, and ``z``, the state as a JSON list. (As an array it is
-        ``graph.point(node).z``; one unknown is ``graph.point(node)["u_t"]``.)
+        Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``,
+        the recorded quantities, and ``z``, the state as a JSON list. (The array is
+        ``graph.point(node).z``; a single unknown is ``graph.point(node)["u_t"]``.)
 
-        The key of an edge is the id of its piece. Edges have this ``piece``, ``label``,
+        The key of an edge is the id of the piece. Edges have this ``piece``, ``label``,
         ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
         the sum of the chords between stored points in (z, alpha), where alpha is measured by the
-        interval and each unknown by its largest magnitude in the graph.
+        interval and each unknown by the largest magnitude in the graph.
         """
         return networkx_graph(self)
 
@@ -168,14 +170,14 @@ class BranchGraph(Structure):
     def guarantee(self) -> str:
         """What is known about the completeness of the graph, in words.
 
-        It begins with "complete", "complete but for closed loops", "balanced", or "not balanced",
-        and goes on with what stands in the way, and where: a branch is missing, a solution stands
-        twice, a piece was stopped, the model ends, a branch ends on purpose. No graph is called
-        complete with a special point that is stopped, searched in part, left by a piece that could
-        not be followed, or known to less than two digits. Where the run was interrupted or its
-        limits ran out, it says that instead. Balance is necessary for completeness, not
-        sufficient, and says nothing of stretches shorter than the uncertainty of their ends, see
-        :meth:`balance_values`.
+        The text begins with "complete", "complete but for closed loops", "balanced", or "not
+        balanced", and goes on with what stands in the way, and where: a branch is missing, a
+        solution stands twice, a piece was stopped, the model ends, a branch ends on purpose. No
+        graph is called complete with a special point that is stopped, searched in part, left by a
+        piece that could not be followed, or known to less than two digits. Where the run was
+        interrupted or its limits ran out, the text says so instead. Balance is necessary for
+        completeness, not sufficient, and says nothing of stretches shorter than the uncertainty of
+        the ends, see :meth:`balance_values`.
         """
         return verdict(self)
 
@@ -191,7 +193,7 @@ class BranchGraph(Structure):
         Raises
         ------
         GraphFileError
-            If it cannot be written.
+            If the file cannot be written.
         """
         storage.write(
             path,
@@ -227,19 +229,20 @@ class BranchGraph(Structure):
         ----------
         path : str or Path
         system : PiecewiseSystem, optional
-            The system that the graph belongs to; without it, solutions between the stored
+            The system that the graph belongs to; without a system, solutions between the stored
             points of a curved piece cannot be corrected and are refused.
         record : mapping of str to callable, optional
-            Quantities to have at hand by name. Without it the special points keep those that were
-            recorded when the graph was saved; solutions between them need the functions.
+            Quantities to have at hand by name. Without ``record`` the special points keep the
+            quantities that were recorded when the graph was saved; solutions between special points
+            need the functions.
 
         Raises
         ------
         GraphFileError
             If the file is missing, damaged, or no branch graph.
         InvalidInputError
-            If the system has another number of unknowns or tests than the graph, or does not have
-            its solutions, or names and functions of ``record`` do not fit.
+            If the system has another number of unknowns or tests than the graph, or other
+            solutions, or names and functions of ``record`` do not fit.
         """
         file = storage.read(path)
         own = system and adopted(path, file.pieces, file.points, file.interval, system)
@@ -271,7 +274,7 @@ class BranchGraph(Structure):
             estimated error of alpha and the number of digits known.
 
             An unknown whose name is that of another column, such as ``alpha`` or ``name``, is
-            called by its place, ``z[i]``.
+            called by the place among the unknowns, ``z[i]``.
 
         Returns
         -------

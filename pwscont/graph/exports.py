@@ -5,7 +5,7 @@ Failure modes and answers
 - GraphML and the like know numbers and texts only: states and characters are written as texts.
 - A recorded quantity fails at some point: a data frame is refused with what happened, the networkx
   graph has no such attribute there, and neither changes the branch graph.
-- An unknown has the name of another column: its column is called ``z[i]``.
+- An unknown has the name of another column: the column is called ``z[i]``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class DamagedError(Exception):
 @final
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object, and its name in messages.
+    """A JSON object, and the name of the object in messages.
 
     All methods raise :class:`DamagedError` where an entry is missing or of another type.
 
@@ -41,7 +41,7 @@ class Fields:
     name : str
         Such as ``"node 3"``.
     data : object
-        The value read from the file; refused if it is no JSON object.
+        The value read from the file; a value that is no JSON object is refused.
     """
 
     name: str
@@ -117,7 +117,7 @@ class Fields:
         return np.array(values, dtype=float)
 
     def objects(self, key: str) -> list[Fields]:
-        """Return a list of JSON objects, named by their place in the list."""
+        """Return a list of JSON objects, each named by the place in the list."""
         return [Fields(f"entry {i} of {key}", item) for i, item in enumerate(self.items(key))]
 
     def _unfit(self, key: str, what: str) -> DamagedError:
@@ -125,7 +125,7 @@ class Fields:
 
 
 def _number(value: Any) -> float | None:
-    """Return a JSON number as a float, None if it is none or too large for one."""
+    """Return a JSON number as a float, None for another value or a number too large for a float."""
     if type(value) not in (int, float):
         return None
     try:
@@ -180,10 +180,10 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
 
 
 def magnitudes(graph: Structure) -> Array:
-    """Return the largest magnitude of each unknown, 1 where it is zero, and the interval's length.
+    """Return the largest magnitude of each unknown, 1 instead of zero, and the interval's length.
 
-    They are taken from the graph, not from its system, so that lengths are the same for a graph
-    that was read from a file.
+    Magnitudes are taken from the graph, not from the system, so that lengths are the same for a
+    graph that was read from a file.
     """
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
@@ -271,7 +271,7 @@ def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
 
 
 def columns(names: Sequence[str]) -> list[str]:
-    """Return a name for each unknown that no other column has: its own, or its place."""
+    """Return for each unknown a name that no other column has: the own name, or the place."""
     places = [f"z[{i}]" for i in range(len(names))]
     other = FIXED.union(places)
     return [

@@ -13,9 +13,9 @@ from pwscont.graph.queries import count_at, multiplicity
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
 from pwscont.graph.structure import Structure
 
-#: What is smaller than this part of the largest value of its kind is rounding, and reads as zero.
+#: A value below this part of the largest value of the same kind is rounding, and reads as zero.
 DUST = 1e-12
-#: The recorded quantities of a state by name; a text says why one failed.
+#: The recorded quantities of a state by name; a text says why a quantity failed.
 Attempt = Mapping[str, float | str]
 
 
@@ -55,11 +55,11 @@ def as_html(graph: Structure) -> str:
 def as_dict(graph: Structure) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
-    ``parameter`` has the name of alpha, and its interval. The ``name`` of a node is that of an
+    ``parameter`` has the name of alpha, and the interval. The ``name`` of a node is that of an
     event, empty for other kinds.
     ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
     single values of alpha with another number of solutions. Infinitely many are None. ``names``
-    are those of the components of every state. A ``recorded`` quantity is None where it failed,
+    are the names of the components of every state. A ``recorded`` quantity that failed is None,
     and ``not_recorded`` then says why.
     """
     sums = balance_values(graph)
@@ -115,7 +115,7 @@ def _node(point: SpecialPoint, attempt: Attempt) -> dict[str, Any]:
 
 
 def recorded(attempt: Attempt) -> dict[str, float | None]:
-    """Return the recorded quantities of a state, None for one that failed."""
+    """Return the recorded quantities of a state, None for a quantity that failed."""
     return {name: None if isinstance(v, str) else v for name, v in attempt.items()}
 
 

@@ -1,4 +1,4 @@
-"""Queries: solutions and counts at any alpha, refined between stored points."""
+"""Functions of a graph: solutions and counts at any alpha, refined between stored points."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.location import locate_zero
 
-#: Steps are halved so often where the cubic is too far from the curve to say which sheet it is on.
+#: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS = 8
 
 
@@ -81,8 +81,8 @@ def solve_between(
     Returns
     -------
     x, error : ndarray, shape (n + 1,)
-        The solution and an estimate of its error; where Newton fails, or another sheet is so
-        close that it may lead there, a point of the cubic, and an error as large as the chord.
+        The solution and the estimated error. Where Newton fails, or might lead to another sheet
+        close by: a point of the cubic, and an error as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
@@ -100,7 +100,7 @@ def solve_between(
 def _located(
     curve: Curve, a: Array, b: Array, alpha: float
 ) -> tuple[CurvedSegment, float, tuple[Array, Array] | None]:
-    """Return the cubic between two points, where it has an alpha, and the solution beside it."""
+    """Return the cubic between two points, the position of an alpha, and the solution there."""
     for start, end in _tangents(curve, a, b):
         first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
         segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
@@ -128,7 +128,7 @@ def _is_sure(segment: CurvedSegment, s: float, alpha: float) -> bool:
 
 
 def _middle(segment: CurvedSegment) -> Array | None:
-    """Return the point of the curve in the middle of a segment, None where it is not sure."""
+    """Return the point of the curve in the middle of a segment, None where Newton is not sure."""
     x = segment.near(0.5 * segment.length)
     found = BorderedNewton().correct(segment.curve, x, segment.chord)
     if isinstance(found, Failure) or found.contraction > SLOWEST:
@@ -141,7 +141,7 @@ def fine_points(
 ) -> Array:
     """Return points along a piece, from start to end: those of the cubics between stored points.
 
-    A step was taken only where its cubic solves the selection to a tolerance (docs/theory, F14).
+    A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
 
     Parameters
     ----------
@@ -171,8 +171,9 @@ def fine_points(
 def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
     """Yield pairs of directions of the curve at two points, the second and later ones as guesses.
 
-    At a point where two curves cross the Jacobian gives no direction. The guesses for it are that
-    of the parabola through both points with the other point's direction, and that of the chord.
+    At a point where two curves cross the Jacobian gives no direction. Guesses for the
+    direction are the parabola through the two points with the known direction at the second point,
+    and the chord.
     """
     chord = curve.metric.normalised(b - a)
     if curve.selection.is_straight:
@@ -209,7 +210,7 @@ def _where(segment: CurvedSegment, alpha: float) -> float:
 
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:
-    """Return the two neighbouring points with alpha between them."""
+    """Return the two neighbouring points around an alpha."""
     rising = points[-1, -1] > points[0, -1]
     ordered = points if rising else points[::-1]
     i = int(np.searchsorted(ordered[:, -1], alpha))
@@ -240,7 +241,8 @@ def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ..
     ----------
     parts : iterable of Filled
     known : sequence of float
-        Values of alpha, of which an end takes one that rounding does not tell from it; or zero.
+        Values of alpha. An end that rounding does not tell from a known value, or from zero, takes
+        that value.
     """
     ends = [*known, 0.0]
     rows = sorted(
@@ -279,14 +281,14 @@ def _touch(a: Stretch, b: Stretch) -> bool:
 
 
 def _both(a: Stretch, b: Stretch) -> Stretch:
-    """Return two stretches that touch, the first of which begins first, as one."""
+    """Return the union of two stretches that touch; ``a`` begins first."""
     hi = max(a[1], b[1])
     hi_closed = (a.hi_closed and a[1] == hi) or (b.hi_closed and b[1] == hi)
     return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 
 def rows_of(stretches: Iterable[Stretch]) -> list[list[float | bool]]:
-    """Return stretches as a file holds them: both ends, and whether they are closed."""
+    """Return stretches as rows for a file: two ends, and whether each end is closed."""
     return [[*row[:2], row.lo_closed, row.hi_closed] for row in stretches]
 
 
@@ -326,7 +328,7 @@ def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
 
 
 def solution_at(graph: Structure, node: int) -> Solution:
-    """Return a special point as one of the solutions at its alpha."""
+    """Return a special point as a solution at the alpha of the point."""
     point, pieces = graph.point(node), graph.pieces_at(node)
     if not pieces:
         return _isolated(graph, point)
@@ -379,7 +381,7 @@ def is_infinite(graph: Structure, alpha: float) -> bool:
 
 
 def is_beside_infinite(graph: Structure, alpha: float) -> bool:
-    """Tell whether there are infinitely many solutions at ``alpha`` or next to it."""
+    """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
     ends = (end for stretch in graph.infinite for end in stretch[:2])
     return is_infinite(graph, alpha) or any(bool(graph.same(end, alpha)) for end in ends)
 
@@ -408,9 +410,9 @@ def with_count(graph: Structure, count: int | float) -> list[Stretch]:
 
 
 def index_at(graph: Structure, node: int) -> int:
-    """Return the index of the solution at a node: the sum of the signs of pieces to its right.
+    """Return the index of the solution at a node: the sum of the signs of the pieces on the right.
 
-    At the right end of the interval the pieces to its left count; elsewhere both sums agree.
+    At the right end of the interval the pieces on the left count; elsewhere the two sums agree.
     """
     alpha, pieces = graph.point(node).alpha, graph.pieces_at(node)
     right = [p for p in pieces if not p.is_vertical and graph.same(p.interval[0], alpha)]

@@ -25,10 +25,11 @@ ALL_DIGITS = 16.0
 
 
 def significant(error: Array, values: Array, scale: Array) -> float:
-    """Return how many decimal digits of ``values`` are significant, by their estimated error.
+    """Return how many decimal digits of ``values`` are significant, by the estimated error.
 
-    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
-    the number does not depend on units; 16 where the error is rounding.
+    The error of each value is compared with the size of the value or, where larger, with the
+    typical magnitude: so the number does not depend on units. The number is 16 where the error is
+    rounding.
     """
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
@@ -36,10 +37,10 @@ def significant(error: Array, values: Array, scale: Array) -> float:
 
 @final
 class Messages:
-    """What happens at a special point, in both orientations.
+    """The messages of a special point in the two orientations.
 
-    Words for thousands of points take long to make, and few are ever read: they may be given as a
-    function, which is called when the words are first asked for.
+    Words for thousands of points take long to make, and few words are ever read: a function may be
+    given instead, which is called when the words are first asked for.
 
     Parameters
     ----------
@@ -73,12 +74,12 @@ def _no_error() -> Array:
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
-    """Return an unknown by the system's name for it, or a recorded quantity.
+    """Return an unknown by the name that the system gives, or a recorded quantity.
 
     Raises
     ------
     UnknownNameError
-        If there is no such name; the message names close ones.
+        If there is no such name; the message lists similar names.
     InvalidInputError
         If the function of a recorded quantity fails, or returns no finite float.
     """
@@ -90,19 +91,19 @@ def _value_of(state: SpecialPoint | Solution, name: str) -> float:
 class SpecialPoint:
     """A node of the branch graph.
 
-    ``point["u_t"]`` is an unknown by its name, or a recorded quantity.
+    ``point["u_t"]`` is an unknown by name, or a recorded quantity.
 
     Attributes
     ----------
     id : int
         The id of the node in ``graph.nx``; -1 for a start within a piece, which is no node.
     kind : str
-        A :class:`~pwscont.basics.outcome.Kind`, equal to its plain word, such as ``"transition"``
+        A :class:`~pwscont.basics.outcome.Kind`, equal to a plain word, such as ``"transition"``
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
-        The point (z, alpha) and the estimate of its error.
+        The point (z, alpha) and the estimated error.
     messages : Messages
-        What happens there, in both orientations.
+        What happens at the point, in the two orientations.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
     digits : float
@@ -194,7 +195,7 @@ class Piece:
     id : int
         Key of the edge in ``graph.nx``.
     start, end : int
-        Nodes at both ends, in the direction of positive orientation.
+        Nodes at the two ends, in the direction of positive orientation.
     character : Character
         The frozen character of the selection that the piece solves.
     naming : callable
@@ -202,9 +203,9 @@ class Piece:
     track : Track
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
-        Sign of det(dH/dz) inside the piece, 0 where it is vertical. Along interfaces the index:
-        the sum of the signs of the solutions into which a small change of H splits it, so 0 where
-        two solutions of opposite signs coincide.
+        Sign of det(dH/dz) inside the piece, 0 on a vertical piece. Along interfaces the index: the
+        sum of the signs of the solutions into which a small change of H splits the piece, so 0
+        where two solutions of opposite signs coincide.
     """
 
     id: int
@@ -243,7 +244,7 @@ class Piece:
 
     @property
     def is_vertical(self) -> bool:
-        """Whether all its points have one alpha, so that there are infinitely many solutions."""
+        """Whether all points have one alpha, so that there are infinitely many solutions."""
         lo, hi = self.interval
         return self.det_sign == 0 and hi - lo <= SAME_ALPHA * max(abs(lo), abs(hi), 1e-300)
 
@@ -267,7 +268,7 @@ class Piece:
 class Solution:
     """One solution at a given alpha.
 
-    ``solution["u_t"]`` is an unknown by its name, or a recorded quantity.
+    ``solution["u_t"]`` is an unknown by name, or a recorded quantity.
 
     Attributes
     ----------
@@ -279,8 +280,8 @@ class Solution:
     det_sign : int
         Sign of det(dH/dz); at a fold 0, the sum of the signs of the solutions that meet.
     piece : int
-        The id of the piece that the solution lies on (at a node: of one of several); -1 without a
-        graph.
+        The id of the piece on which the solution lies (at a node: the first of the pieces there);
+        -1 without a graph.
     kind : str or None
         The kind of special point, such as a fold; None inside a piece.
     error : ndarray, shape (n + 1,)
@@ -317,7 +318,7 @@ class Solution:
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
-    """Return all recorded quantities of a state; for one that fails, a text that says why."""
+    """Return all recorded quantities of a state; a text says why a quantity fails."""
     if not state.quantities.record:  # the state itself may have to be computed
         return {}
     return state.quantities.attempted(state.z, state.alpha)
@@ -327,7 +328,7 @@ def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:
 class Stretch(tuple[float, float, int | float]):
     """A stretch of alpha with one number of solutions; unpacks to (lo, hi, count).
 
-    It may be a single value of alpha, and the number may be infinite.
+    A stretch may be a single value of alpha, and the number may be infinite.
 
     Attributes
     ----------
@@ -342,7 +343,7 @@ class Stretch(tuple[float, float, int | float]):
     def __new__(
         cls, lo: float, hi: float, count: int | float, lo_closed: bool, hi_closed: bool
     ) -> Stretch:
-        """Return the tuple (lo, hi, count) that knows its ends."""
+        """Return the tuple (lo, hi, count) with the ends marked as closed or open."""
         stretch = super().__new__(cls, (lo, hi, count))
         stretch.lo_closed, stretch.hi_closed = lo_closed, hi_closed
         return stretch

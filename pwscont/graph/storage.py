@@ -1,12 +1,12 @@
-"""The file of a branch graph.
+"""The file of a branch graph: written and read, with the scene that made the graph.
 
-Readers that do not know the member ignore it.
+Readers that do not know the member of the scene ignore this member.
 
 Failure modes and answers
 -------------------------
-- The file is cut off or bytes of it have changed: a zip holds a checksum of every entry.
-- It was edited by hand: every entry is checked for its type, every array for its shape, and every
-  reference for what it refers to, before a graph is made.
+- The file is cut off or bytes have changed: a zip holds a checksum of every entry.
+- The file was edited by hand: the type of every entry, the shape of every array and the target of
+  every reference are checked before a graph is made.
 - The disk is full, or the program is interrupted: the file appears whole or not at all.
 """
 
@@ -54,7 +54,7 @@ def write_origin(path: Path, origin: Origin) -> None:
 
 
 def read_origin(path: Path) -> Origin | None:
-    """Return the scene that a file of a graph names, None where it names none.
+    """Return the scene that a file of a graph names, None where the file names no scene.
 
     Raises
     ------
@@ -77,7 +77,7 @@ FORMAT = "pwscont branch graph"
 VERSION = 2
 #: No number of special points, pieces or signs is larger.
 MOST = 2**31
-#: Squares of larger numbers overflow: no run ends with them.
+#: Squares of larger numbers overflow: no run returns numbers above this bound.
 LARGEST = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
@@ -103,7 +103,7 @@ def write(path: str | Path, contents: Contents) -> None:
     Raises
     ------
     GraphFileError
-        If it cannot be written.
+        If the file cannot be written.
     """
     points, starts = contents.points, contents.starts
     arrays = {
@@ -118,8 +118,9 @@ def write(path: str | Path, contents: Contents) -> None:
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
         _replace(Path(path), content.getbuffer())
-    except OSError as error:
-        raise GraphFileError(f"cannot write {path}: {error.strerror or error}") from error
+    except (OSError, TypeError, ValueError) as error:  # the last two: it is no path of a file
+        why = getattr(error, "strerror", None) or error
+        raise GraphFileError(f"cannot write {path}: {why}") from error
 
 
 def _header(contents: Contents) -> dict[str, Any]:
@@ -192,7 +193,7 @@ def read(path: str | Path) -> Contents:
         If the file cannot be read, is damaged, or is something else.
     """
     try:
-        # opened here, since numpy leaves a file open that it cannot read
+        # opened here: numpy would leave an unreadable file open
         with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in ("header", *ARRAYS)}
         header = json.loads(str(arrays["header"]))
@@ -275,7 +276,7 @@ class _StoredRows:
     def each(
         self, name: str, headers: list[Fields], errors: Iterator[Array]
     ) -> list[tuple[Fields, Array, Array]]:
-        """Return each header with its state and the next error."""
+        """Return each header with the state and the next error."""
         rows = getattr(self, name)
         if len(rows) != len(headers):
             raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
@@ -283,7 +284,7 @@ class _StoredRows:
 
 
 def _table(name: str, values: Any) -> Array:
-    if not isinstance(values, np.ndarray):  # numpy returns a member that is no array as it is
+    if not isinstance(values, np.ndarray):  # numpy returns bytes for a member that is no array
         raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
@@ -317,7 +318,7 @@ def _recorded(header: Fields) -> dict[str, Kept]:
 
 
 def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
-    """Return the pieces, each with the rows that follow those of the one before."""
+    """Return the pieces, each with the next rows of the points."""
     counts = [header.integer("count", 2) for header in headers]
     if sum(counts) != len(rows.points):
         raise DamagedError(f"pieces have {sum(counts)} points, there are {len(rows.points)}")
@@ -336,7 +337,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         character=Character.read(signs),
         naming=_Name(header.text("label")),
         track=Track.of(points),
-        det_sign=header.integer("det_sign", -MOST),  # along an interface it may be any
+        det_sign=header.integer("det_sign", -MOST),  # any number along an interface
     )
 
 

@@ -1,4 +1,4 @@
-"""The networkx graph of pieces and special points, and its components."""
+"""The data of a branch graph: special points, pieces, and how the pieces are connected."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Pair = tuple[int, int]
 
 
 def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
-    """Return the sets of members that are connected, in the order of their least ones."""
+    """Return the sets of members that are connected, ordered by the least member of each set."""
     joined = list(pairs)
     known = sorted({*members, *chain.from_iterable(joined)})
     place = {member: i for i, member in enumerate(known)}
@@ -42,7 +42,7 @@ def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
 
 
 def shortest_way(members: Iterable[int], pairs: Iterable[Pair], a: int, b: int) -> list[int]:
-    """Return the members on a shortest way from one to another; empty where there is none."""
+    """Return the members on a shortest way from ``a`` to ``b``; empty where no way exists."""
     import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
     graph = nx.Graph()
@@ -54,13 +54,13 @@ def shortest_way(members: Iterable[int], pairs: Iterable[Pair], a: int, b: int) 
         return []
 
 
-#: A word as similar as this to the word of a kind is a misspelt one.
+#: A word as similar as this to the word of a kind is a misspelt word.
 MISSPELT = 0.7
 NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
 
 
 class Structure:
-    """Pieces, special points, and how they hang together; see :class:`pwscont.BranchGraph`."""
+    """Pieces, special points, and how pieces are connected; see :class:`pwscont.BranchGraph`."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class Structure:
         self.system = system
         self.parameter = parameter
         given, within = list(points), list(starts)
-        #: The unknowns and recorded quantities of its states, by name.
+        #: The unknowns and recorded quantities of the states, by name.
         self.quantities = _quantities([*given, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
         self._given = given
@@ -122,7 +122,7 @@ class Structure:
         return () if some is None else self.quantities.names(some)
 
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
-        """Return the special points, of one kind if given.
+        """Return all special points, or the special points of a given kind.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class Structure:
         Raises
         ------
         InvalidInputError
-            If the kind is no text, or a misspelt one.
+            If the kind is no text, or a misspelt word.
         """
         everything = [*self.nodes, *self.starts]
         if kind is None:
@@ -152,7 +152,7 @@ class Structure:
         return self._nodes[node]
 
     def components(self) -> list[list[Piece]]:
-        """Return the pieces of each connected component, in the order in which they follow."""
+        """Return the pieces of each connected component, in the order along the branches."""
         pairs = ((piece.start, piece.end) for piece in self.pieces)
         return [self._at_any(nodes) for nodes in connected(self._nodes, pairs)]
 
@@ -161,7 +161,7 @@ class Structure:
         return [self._by_id[i] for i in sorted(ids)]
 
     def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
-        """Return the special points of a component in the order of its orientation.
+        """Return the special points of a component in the order of an orientation.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Structure:
         return list(self._touching[node])
 
     def path(self, a: Solution, b: Solution) -> list[Piece]:
-        """Return the pieces of a shortest way along the branches from one solution to another.
+        """Return the pieces of a shortest way along the branches from ``a`` to ``b``.
 
         Parameters
         ----------
@@ -188,7 +188,8 @@ class Structure:
         Returns
         -------
         list of Piece
-            From the piece of ``a`` to the piece of ``b``; empty where no way connects them.
+            From the piece of ``a`` to the piece of ``b``; empty where no way connects the
+            solutions.
         """
         touching = ((piece.id for piece in self.pieces_at(node)) for node in self._nodes)
         pairs = chain.from_iterable(combinations(ids, 2) for ids in touching)
@@ -196,7 +197,7 @@ class Structure:
         return [self._by_id[i] for i in way]
 
     def same(self, a: Array | float, b: float) -> Any:
-        """Tell whether values of alpha are one, but for rounding."""
+        """Tell whether values of alpha differ by rounding only."""
         lo, hi = self.interval
         return np.abs(np.asarray(a) - b) <= SAME_ALPHA * max(abs(b), hi - lo)
 
@@ -205,9 +206,9 @@ class Structure:
         return 0.0 if bool(self.same(alpha, 0.0)) else alpha
 
     def breaks(self) -> list[float]:
-        """Return both ends of the interval and the alphas of all nodes, without repetition.
+        """Return the ends of the interval and the alphas of all nodes, without repetition.
 
-        The ends of stretches with infinitely many solutions are among them.
+        The ends of stretches with infinitely many solutions belong to the list.
         """
         lo, hi = self.interval
         breaks = [lo]
@@ -244,7 +245,7 @@ def _quantities(
     record: Mapping[str, Function] | None,
     names: Sequence[str] | None,
 ) -> Quantities:
-    """Return the quantities of a graph; without a system the names come from its points."""
+    """Return the quantities of a graph; without a system the names come from the points."""
     naming: Naming = names if names is not None or system is None else system.names
     if naming is None:
         naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)

@@ -122,9 +122,11 @@ def _pair(bounds: Any) -> tuple[Any, Any] | None:
     if bounds is None:
         return None
     try:
-        lower, upper = bounds
+        lower, upper = (np.asarray(bound, dtype=float) for bound in bounds)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"bounds must be a pair (lower, upper), got {bounds!r}") from error
+        raise InvalidInputError(
+            f"bounds must be a pair (lower, upper) of numbers, got {bounds!r}"
+        ) from error
     return lower, upper
 
 
