@@ -36,7 +36,7 @@ from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import BodyPicture, Shapes, Shown
-from pwscont.search.search import Search
+from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
     BringsSearches,
     Compact,
@@ -81,6 +81,7 @@ __all__ = [
     "Indices",
     "Interior",
     "Kind",
+    "KnownBranches",
     "Look",
     "Matrix",
     "Metric",
