@@ -40,7 +40,7 @@ MANY_STEPS, NEAR = 150, 2.0
 #: so far from its beginning, and alpha changes by less than this part of the change before whenever
 #: the distance doubles, altogether by less than this part of the interval. The last does not matter
 #: any more after so many steps.
-LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 500, 20.0, 0.75, 1e-3, 1500
+LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 200, 20.0, 0.75, 1e-3, 600
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
