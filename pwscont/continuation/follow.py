@@ -36,11 +36,14 @@ MOST_STEPS = 20_000
 #: A piece of more steps may run to infinity: its longest step grows with the distance from where it
 #: began, from this distance in typical magnitudes on. So it is seen to be flat after a few hundred.
 MANY_STEPS, NEAR = 150, 2.0
-#: After each so many steps a piece is asked whether it runs to infinity: whether it is farther than
-#: so far from its beginning, and alpha changes by less than this part of the change before whenever
-#: the distance doubles, altogether by less than this part of the interval. The last does not matter
-#: any more after so many steps.
-LOOKED, FAR, SHRINKING, ALMOST, MANY_LOOKED = 200, 20.0, 0.75, 1e-3, 600
+#: After each so many steps a piece is asked whether it runs to infinity: whether z is farther out
+#: than so many magnitudes, and alpha changed by less than this part of the change before while z
+#: grew by as much. All changes to come are at most so many times the last one, if the distance from
+#: the limit is a power of 1 / z (0.5 and above), and are to be less than this part of the interval,
+#: which does not matter any more after so many points.
+LOOKED, FAR, SHRINKING, REST, ALMOST, MANY_LOOKED = 200, 20.0, 0.8, 13.0, 1e-3, 600
+#: The parts of the way out that are compared end at this part of the size of z, and at this one.
+PARTS = 0.7, 0.85
 #: A piece is singular where so many of its steps were too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Where so many more steps than not were shorter than the one before them proposed, derivatives by
@@ -297,27 +300,29 @@ class _Reached:
         All changes of alpha that are still to come are next to nothing together.
         """
         late, _ = self._changes()
-        rest = late * SHRINKING / (1.0 - SHRINKING)
-        is_next_to_nothing = rest <= ALMOST * self.curve.metric.width
+        is_next_to_nothing = REST * late <= ALMOST * self.curve.metric.width
         return self.shrinks() and (is_next_to_nothing or len(self.points) > MANY_LOOKED)
 
     def shrinks(self) -> bool:
-        """Tell whether alpha changes by less and less where the distance doubles, far away."""
+        """Tell whether alpha changes by less and less while z grows, far away.
+
+        So it is where alpha approaches a limit like any power of 1 / z, and not like a logarithm.
+        """
         late, early = self._changes()
         return late <= SHRINKING * early
 
     def _changes(self) -> tuple[float, float]:
-        """Return how alpha changed while the distance doubled, and doubled before; infinite near.
+        """Return how alpha changed on the last part of the way out, and on the part before.
 
-        Infinite, too, where the piece has been farther away.
+        Both parts are as long in the size of z. Infinite and zero where z is not far out, or has
+        been farther out.
         """
         points = np.array(self.points)
-        away = np.linalg.norm((points - points[0]) / self.curve.metric.scale, axis=1)
-        if away[-1] < max(FAR, away.max()):
+        sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
+        if sizes[-1] < max(FAR, sizes.max()) or sizes[0] > PARTS[0] * sizes[-1]:
             return np.inf, 0.0
-        parts = (np.argmax(away >= part * away[-1]) for part in (1.0, 0.5, 0.25))
-        last, half, quarter = (float(points[i, -1]) for i in parts)
-        return abs(last - half), abs(half - quarter)
+        first, middle = (float(points[np.argmax(sizes >= p * sizes[-1]), -1]) for p in PARTS)
+        return abs(float(points[-1, -1]) - middle), abs(middle - first)
 
     def refines(self) -> bool:
         """Let differences have shorter steps where that helps; tell whether it does."""
