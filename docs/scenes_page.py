@@ -6,8 +6,7 @@ from pathlib import Path
 from shutil import move
 from tempfile import TemporaryDirectory
 
-from pwscont.scenes.answer import Runnable
-from pwscont.scenes.look import Look
+from pwscont.scenes.answer import Look, Runnable
 from pwscont.scenes.registry import described_package, load_scene, scene_names, scenes_by_package
 
 LOOK = Look(dpi=80)

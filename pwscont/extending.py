@@ -16,10 +16,8 @@ solutions are states of a body shows them on it by a :class:`BodyPicture`.
 """
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import card, counted, named
-from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.continuation.plan import Report, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
@@ -27,27 +25,27 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
 from pwscont.curve.predictor import Predictor
+from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
+from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
-from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.body_picture import BodyPicture, Shapes
+from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
-from pwscont.scenes.look import DEFAULT_LOOK, Look
-from pwscont.scenes.panels import Shown
+from pwscont.scenes.panels import BodyPicture, Shapes, Shown
 from pwscont.search.search import Search
-from pwscont.stepping.acceptance import accepted
-from pwscont.stepping.landing import land_on, land_on_end, land_on_zero
-from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper, StraightSegment
-from pwscont.system.compact import Compact
+from pwscont.system.abilities import (
+    BringsSearches,
+    Compact,
+    Ending,
+    HidesUnknowns,
+    Reducible,
+    Reduction,
+)
 from pwscont.system.contract import checked_magnitudes
-from pwscont.system.ending import Ending
-from pwscont.system.hidden import HidesUnknowns
-from pwscont.system.own_searches import BringsSearches
-from pwscont.system.reduction import Reducible, Reduction
 from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero

@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pwscont.basics.budget import Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import (
     GraphFileError,
@@ -15,12 +16,14 @@ from pwscont.basics.errors import (
     SystemNeededError,
     UnknownNameError,
 )
-from pwscont.basics.limits import Limits
 from pwscont.continuation import explore, trace
 from pwscont.continuation.journal import Journal
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
 from pwscont.curve.predictor import Hermite, Secant, Tangent
+from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import Stepper
+from pwscont.curve.steppers import ExactLinear, NaturalParameter
 from pwscont.graph import BranchGraph
 from pwscont.linear.banded import BandedJacobian
 from pwscont.search import (
@@ -31,9 +34,12 @@ from pwscont.search import (
     Slices,
     enumerate_solutions,
 )
-from pwscont.stepping import ExactLinear, NaturalParameter, PseudoArclength, Stepper
-from pwscont.system.blocks import Block
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.user_event import Stop
 
@@ -41,8 +47,8 @@ if TYPE_CHECKING:
     from pwscont.continuation.kit import check_detector, check_search, check_stepper
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
-    from pwscont.scenes.counting import draw_counts
     from pwscont.scenes.panels import Panel, ParameterPath
+    from pwscont.scenes.paths import draw_counts
     from pwscont.scenes.plotting import plot
     from pwscont.scenes.scene import Scene
     from pwscont.studies.measures import (
@@ -59,10 +65,9 @@ if TYPE_CHECKING:
     from pwscont.studies.study import Study
     from pwscont.system.check import check_system
     from pwscont.two_parameters.axes import Axes
-    from pwscont.two_parameters.fold_locus import FoldLocus
-    from pwscont.two_parameters.maps import plane
+    from pwscont.two_parameters.exact_plane import plane
+    from pwscont.two_parameters.locus import FoldLocus, TransitionLocus
     from pwscont.two_parameters.scene import PlaneScene
-    from pwscont.two_parameters.transition_locus import TransitionLocus
     from pwscont.view.view import View
 
 __all__ = [
@@ -144,7 +149,7 @@ LATER = {
     "CountAt": "pwscont.studies.measures",
     "CriticalValue": "pwscont.studies.measures",
     "FirstFold": "pwscont.studies.measures",
-    "FoldLocus": "pwscont.two_parameters.fold_locus",
+    "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
     "MaxCount": "pwscont.studies.measures",
     "Measure": "pwscont.studies.measures",
@@ -158,14 +163,14 @@ LATER = {
     "Study": "pwscont.studies.study",
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",
-    "TransitionLocus": "pwscont.two_parameters.transition_locus",
+    "TransitionLocus": "pwscont.two_parameters.locus",
     "View": "pwscont.view.view",
     "check_detector": "pwscont.continuation.kit",
     "check_search": "pwscont.continuation.kit",
     "check_stepper": "pwscont.continuation.kit",
     "check_system": "pwscont.system.check",
-    "draw_counts": "pwscont.scenes.counting",
-    "plane": "pwscont.two_parameters.maps",
+    "draw_counts": "pwscont.scenes.paths",
+    "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
 }
 

@@ -30,7 +30,6 @@ ROOMS = [
     "linear",
     "notation",
     "curve",
-    "stepping",
     "enumeration",
     "transitions",
     "graph",

@@ -15,11 +15,9 @@ from reference_enumeration import solve_modes
 
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
-from pwscont.basics.kind import Kind
-from pwscont.graph.passages import Said
-from pwscont.graph.place import Stored
-from pwscont.graph.records import Piece, SpecialPoint
-from pwscont.graph.track import Track
+from pwscont.basics.outcome import Kind
+from pwscont.graph.place import Stored, Track
+from pwscont.graph.records import Piece, Said, SpecialPoint
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 

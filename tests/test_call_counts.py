@@ -222,7 +222,7 @@ def test_no_words_and_digits_are_made_before_they_are_asked_for(monkeypatch):
         CoulombLoad, "describe_transition", lambda *of: said.append("change") or change(*of)
     )
     with monkeypatch.context() as patch:
-        patch.setattr("pwscont.graph.accuracy.significant", refuse)
+        patch.setattr("pwscont.graph.records.significant", refuse)
         graph = counts(random_path(), (-5.0, 5.0), ExactLinear())[1]
         with pytest.raises(UsedError):  # the trap works
             _ = graph.special_points()[1].digits

@@ -19,8 +19,8 @@ from sweeps import swept
 
 from pwscont import BranchGraph, PiecewiseLinearSystem, trace
 from pwscont.basics.errors import BrokenSceneError
-from pwscont.commands.arguments import spread
 from pwscont.commands.cli import main
+from pwscont.commands.options import spread
 from pwscont.linear.threads import VARIABLES
 from pwscont.scenes import registry
 from pwscont.scenes.registry import load_scene

@@ -31,7 +31,7 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.quantities import Quantities
-from pwscont.graph.passages import Said
+from pwscont.graph.records import Said
 from pwscont.scenes.graph_answer import GraphAnswer
 
 SCENES = [fig7, fig10, example1, example3]

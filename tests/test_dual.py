@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from pwscont import InvalidSystemError
 from pwscont.basics.arrays import dense
 from pwscont.notation import array_functions  # noqa: F401  what numpy's functions do
+from pwscont.notation.arithmetic import KINKED, SMOOTH
 from pwscont.notation.dual import Dual, as_operand
-from pwscont.notation.rules import KINKED, SMOOTH
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(4, 4)), RNG.normal(size=(3, 4))

@@ -26,7 +26,7 @@ from pwscont_coulomb.modes import Mode
 from pwscont import explore
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
 from pwscont.continuation.plan import silent
-from pwscont.scenes.look import Look
+from pwscont.scenes.answer import Look
 
 
 @pytest.fixture(scope="module")

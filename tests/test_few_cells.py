@@ -11,8 +11,7 @@ from pwscont.bench.calls import counted
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton
-from pwscont.curve.uncertainty import uncertainty
+from pwscont.curve.newton import newton, uncertainty
 from pwscont.linear.factorise import last_unit
 from pwscont.search import all_transitions
 from pwscont.search.few_cells import FewCells

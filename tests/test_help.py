@@ -10,7 +10,7 @@ import pytest
 
 import pwscont.__main__ as entry
 from pwscont.commands.cli import main
-from pwscont.commands.examples import EXAMPLES, STATUS
+from pwscont.commands.options import EXAMPLES, STATUS
 from pwscont.scenes.registry import scene_names
 
 LINES = [line for lines in EXAMPLES.values() for line in lines]

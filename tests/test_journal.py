@@ -22,7 +22,7 @@ from sweeps import swept
 from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
 from pwscont.commands.cli import main
 from pwscont.continuation.follow import PieceFollower
-from pwscont.continuation.transcript import walk_of, written
+from pwscont.continuation.journal import walk_of, written
 from pwscont.scenes.scene import Scene
 
 ROUNDING = {"rtol": 1e-12, "atol": 1e-13}

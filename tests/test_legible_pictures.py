@@ -8,11 +8,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from pwscont import LCP, Switched, explore, plot
-from pwscont.scenes.legend import told_apart
-from pwscont.scenes.plotting import draw_scene
+from pwscont.scenes.plotting import draw_scene, told_apart
 from pwscont.scenes.registry import load_scene
-from pwscont.scenes.styles import COLORS, color_of
-from pwscont.scenes.symbols import in_letters, in_notation, symbol
+from pwscont.scenes.styles import COLORS, color_of, in_letters, in_notation, symbol
 from pwscont.two_parameters.plotting import draw_plane
 
 

@@ -16,7 +16,7 @@ from sweeps import swept
 from pwscont import LCP, PiecewiseLinearSystem, Switched, enumerate_solutions, plane
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, MissingPackageError
 from pwscont.two_parameters.loci_plane import LociPlane
-from pwscont.two_parameters.regions import area_and_centre
+from pwscont.two_parameters.plane import area_and_centre
 
 pytest.importorskip("shapely", reason="exact maps need the extra 'maps'")
 

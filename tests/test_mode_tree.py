@@ -15,9 +15,8 @@ from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import solve_slice, tree
 from pwscont.enumeration.choices import SLACK, Subspace
-from pwscont.enumeration.forms import NOT_NEGATIVE, NOT_POSITIVE, Forms
 from pwscont.enumeration.options import reduce
-from pwscont.enumeration.simplex import feasible, first_vertex
+from pwscont.enumeration.simplex import NOT_NEGATIVE, NOT_POSITIVE, Forms, feasible, first_vertex
 from pwscont.enumeration.tree import OPEN, leaves
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

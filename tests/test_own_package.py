@@ -12,7 +12,7 @@ import pytest
 from pages import blocks, page
 
 from pwscont import InvalidInputError
-from pwscont.scenes.settings import settings_of
+from pwscont.scenes.registry import settings_of
 
 PYPROJECT = blocks("extending.rst", "toml")[0]
 MODULE = next(code for code in blocks("extending.rst") if code.startswith('"""A strut'))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pwscont import Block, Character, PiecewiseLinearSystem, enumerate_solutions, explore, trace
-from pwscont.enumeration.parts import most_cells, parts_of
+from pwscont.enumeration.by_parts import most_cells, parts_of
 
 
 class Chained(PiecewiseLinearSystem):

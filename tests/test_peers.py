@@ -14,10 +14,8 @@ import numpy as np
 import pytest
 
 from pwscont.bench.cases import load_case
-from pwscont.bench.machine import machine
 from pwscont.bench.picture import draw
-from pwscont.bench.report import as_dict
-from pwscont.bench.table import as_text
+from pwscont.bench.report import as_dict, as_text, machine
 
 PEERS = Path(__file__).parents[1] / "benchmarks" / "peers"
 sys.path.append(str(PEERS))

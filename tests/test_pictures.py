@@ -22,15 +22,13 @@ from pwscont import (
     plot,
     trace,
 )
-from pwscont.scenes.drawn import Drawn
-from pwscont.scenes.layout import arrange, place_legend
-from pwscont.scenes.look import FORMATS, Look
-from pwscont.scenes.plotting import draw_scene
+from pwscont.scenes.answer import FORMATS, Look
+from pwscont.scenes.panels import Drawn
+from pwscont.scenes.plotting import arrange, draw_scene, place_legend
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Panel, Scene
 from pwscont.scenes.strokes import line_of
-from pwscont.scenes.styles import COLORS, LINE_STYLES, THIN, WIDTH, styles_of
-from pwscont.scenes.symbols import number_of, symbol
+from pwscont.scenes.styles import COLORS, LINE_STYLES, THIN, WIDTH, number_of, styles_of, symbol
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 

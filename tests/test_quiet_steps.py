@@ -9,8 +9,7 @@ from test_smooth_special_points import make, pitchfork, transcritical
 
 from pwscont import PseudoArclength, StepSize, check_detector, explore
 from pwscont.extending import Reading
-from pwscont.transitions.detection import first_on_curve
-from pwscont.transitions.watch import Watch
+from pwscont.transitions.watch import Watch, first_on_curve
 
 
 def scene(make_scene):

@@ -28,7 +28,7 @@ from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, e
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.loci_plane import LociPlane
-from pwscont.two_parameters.regions import area_and_centre, regions
+from pwscont.two_parameters.plane import area_and_centre, regions
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

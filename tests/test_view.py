@@ -24,7 +24,7 @@ from pwscont import (
 )
 from pwscont.commands.cli import main
 from pwscont.extending import BodyPicture, Shapes
-from pwscont.graph.origin import Origin, read_origin, write_origin
+from pwscont.graph.storage import Origin, read_origin, write_origin
 from pwscont.scenes.registry import load_scene
 from pwscont.view.body import MOST_NUMBERS, outline_of
 from pwscont.view.records import dash_of

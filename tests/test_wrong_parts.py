@@ -34,7 +34,7 @@ from pwscont import (
 from pwscont.commands.cli import main
 from pwscont.extending import Ending, Failure, FailureReason, Guarantee, SearchScope
 from pwscont.scenes import registry
-from pwscont.scenes.settings import settings_of
+from pwscont.scenes.registry import settings_of
 
 
 class Bent(PiecewiseSystem):

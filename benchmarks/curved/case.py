@@ -10,7 +10,7 @@ import numpy as np
 
 from curved.truth import Component, Curve
 from pwscont import Character, PiecewiseSystem
-from pwscont.stepping import Stepper
+from pwscont.curve.stepper import Stepper
 
 Scalar = Callable[[float, float, Sequence[bool]], float]
 

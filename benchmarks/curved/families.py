@@ -12,7 +12,7 @@ from curved.case import Case
 from pwscont import NaturalParameter, PseudoArclength
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
 from pwscont.curve.predictor import Hermite, Secant, Tangent
-from pwscont.stepping import Stepper
+from pwscont.curve.stepper import Stepper
 
 Family = Callable[[np.random.Generator], Case]
 

@@ -23,10 +23,8 @@ import by_siconos
 from curve import row_of
 
 from pwscont.bench.cases import Case, load_case
-from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row
-from pwscont.bench.report import as_dict
-from pwscont.bench.table import as_text
+from pwscont.bench.report import as_dict, as_text, machine
 from pwscont.commands.bench import measured, write
 from pwscont.commands.run import make_directory
 

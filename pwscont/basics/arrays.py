@@ -1,8 +1,9 @@
-"""Names of the array types, and the check that every array from a caller goes through."""
+"""Arrays: types, checks, and the small operations that every room uses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import isfinite
 from typing import Any, TypeAlias
 
@@ -112,3 +113,20 @@ def by_rows(matrix: Matrix) -> Matrix:
 def own_dense(matrix: Matrix) -> Array:
     """Return any matrix as an array of its own: its owner may use the same one for the next."""
     return np.array(dense(matrix), dtype=float)
+
+
+@lru_cache(maxsize=16)
+def generic(size: int, shift: float = 0.0) -> Array:
+    """Return numbers between -1 and 1, the same in every run; other numbers for each shift.
+
+    They are not to be written to.
+    """
+    numbers: Array = np.cos(generic_angles(size, shift))
+    numbers.flags.writeable = False
+    return numbers
+
+
+def generic_angles(size: int, shift: float = 0.0) -> Array:
+    """Return the angles whose cosines and sines are generic: multiples of the root of two."""
+    angles: Array = 1.0 + shift + np.sqrt(2.0) * np.arange(size)
+    return angles

@@ -1,10 +1,35 @@
-"""Failure of a numerical step as a value that says what to try."""
+"""What a run ends in: kinds of special points, reasons of failure, guarantees."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum, StrEnum
 from typing import final
+
+
+@final
+class Kind(StrEnum):
+    """The kind of a special point; its value is the word that users read and query by."""
+
+    START = "start"
+    END = "end"
+    TRANSITION = "transition"
+    NONSMOOTH_FOLD = "nonsmooth fold"
+    FOLD = "fold"
+    BRANCH_POINT = "branch point"
+    CORNER = "corner"
+    PARTIAL_CORNER = "corner searched in part"
+    NONSMOOTH_BRANCH_POINT = "nonsmooth branch point"
+    DEGENERATE = "degenerate"
+    ISOLATED = "isolated solution"
+    EVENT = "event"
+    STOPPED = "stopped"
+
+
+def kind_of(word: str) -> Kind | str:
+    """Return the kind with this word, or the word itself where a detector of a user made it."""
+    return Kind(word) if word in set(Kind) else word
+
 
 #: The message where special points seem to accumulate; the value of alpha follows.
 ACCUMULATE = "special points seem to accumulate at alpha ="
@@ -83,3 +108,46 @@ class Failure:
 
     def __str__(self) -> str:
         return self.trouble.value if isinstance(self.trouble, FailureReason) else self.trouble
+
+
+@final
+class Guarantee(IntEnum):
+    """How much of the zero set a search finds; larger is more.
+
+    UNIQUE is the system's own promise: at every alpha one solution at most.
+    """
+
+    NOTHING = 0
+    BUT_LOOPS = 1
+    EVERYTHING = 2
+    UNIQUE = 3
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SearchScope:
+    """The searches of a run, and the promise that they make.
+
+    Attributes
+    ----------
+    what : str
+        The searches, in words.
+    promise : Guarantee
+    spent : str
+        Why the run ended before it was finished, in words; empty where it was finished.
+    gap : float
+        Distance along a curve within which two smooth folds may be passed over, where alpha is
+        measured by the interval and each unknown by its typical magnitude; zero where none may.
+    """
+
+    what: str
+    promise: Guarantee
+    spent: str = ""
+    gap: float = 0.0
+
+    @property
+    def unseen(self) -> str:
+        """What may have been passed over on the pieces that were followed; empty where nothing."""
+        if not self.gap:
+            return ""
+        return f"two smooth folds closer together along a curve than {self.gap:.2g} of the interval"

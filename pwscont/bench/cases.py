@@ -24,14 +24,18 @@ from pwscont.bench.truth.slicewise import cellwise_pieces
 from pwscont.continuation import explore
 from pwscont.continuation.plan import uninterrupted
 from pwscont.curve.metric import Metric
+from pwscont.curve.steppers import ExactLinear
 from pwscont.scenes.answer import Runnable
 from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
 from pwscont.search import enumerate_solutions
-from pwscont.stepping import ExactLinear
-from pwscont.system.blocks import number_of_cells
-from pwscont.system.reduction import reduction_of
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.abilities import reduction_of
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    number_of_cells,
+)
 
 #: Values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37

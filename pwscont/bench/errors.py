@@ -15,7 +15,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Kind
 from pwscont.bench.truth.known_answer import Cell, TruePiece, Truth
 from pwscont.graph import BranchGraph, Piece
 from pwscont.system.system import PiecewiseSystem

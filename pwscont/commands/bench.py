@@ -10,10 +10,8 @@ from pathlib import Path
 from pwscont.basics.errors import BrokenSceneError, InvalidInputError
 from pwscont.bench.cases import Case, case_names, load_case
 from pwscont.bench.contestants import contestants
-from pwscont.bench.machine import machine
 from pwscont.bench.measure import Row, measure
-from pwscont.bench.report import as_dict
-from pwscont.bench.table import as_text
+from pwscont.bench.report import as_dict, as_text, machine
 from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.commands.run import make_directory
 

@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from pwscont.commands.completion import add_scene
-from pwscont.commands.examples import with_examples
-from pwscont.scenes.settings import add_settings
+from pwscont.commands.options import add_scene, with_examples
+from pwscont.scenes.registry import add_settings
 
 
 def add_to(commands: Any) -> None:

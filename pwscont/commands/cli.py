@@ -12,13 +12,14 @@ from pathlib import Path
 
 from pwscont.basics.errors import PwscontError
 from pwscont.commands import bench_arguments, sweep_arguments, view_arguments
-from pwscont.commands.arguments import spread
-from pwscont.commands.completion import add_scene, complete
-from pwscont.commands.examples import with_examples
-from pwscont.commands.looks import add_looks
+from pwscont.commands.options import add_looks, add_scene, complete, spread, with_examples
 from pwscont.commands.run import run_scene
-from pwscont.scenes.registry import described_package, described_scene, scenes_by_package
-from pwscont.scenes.settings import add_settings
+from pwscont.scenes.registry import (
+    add_settings,
+    described_package,
+    described_scene,
+    scenes_by_package,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

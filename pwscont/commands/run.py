@@ -14,13 +14,12 @@ from tempfile import TemporaryDirectory
 
 from pwscont.basics.errors import GraphFileError, InvalidInputError, PwscontError
 from pwscont.basics.looks import counted
-from pwscont.commands.looks import look_of, with_panels
+from pwscont.commands.options import look_of, with_panels
 from pwscont.commands.progress import Progress
 from pwscont.commands.view import check_viewable, write_page
 from pwscont.continuation.journal import Journal
-from pwscont.graph.origin import Origin, write_origin
-from pwscont.scenes.answer import Answer, Runnable
-from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.graph.storage import Origin, write_origin
+from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
 from pwscont.scenes.registry import load_scene
 
 

@@ -7,9 +7,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from pwscont.commands.completion import add_scene
-from pwscont.commands.examples import with_examples
-from pwscont.scenes.settings import add_settings
+from pwscont.commands.options import add_scene, with_examples
+from pwscont.scenes.registry import add_settings
 
 FORM = "NAME=LO:HI:COUNT, or NAME=VALUE,VALUE,..."
 

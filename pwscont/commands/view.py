@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pwscont.basics.errors import InvalidInputError, PwscontError
 from pwscont.graph import BranchGraph
-from pwscont.graph.origin import Origin, read_origin
+from pwscont.graph.storage import Origin, read_origin
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Scene

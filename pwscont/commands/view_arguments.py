@@ -6,7 +6,7 @@ import argparse
 from importlib import import_module
 from pathlib import Path
 
-from pwscont.commands.examples import with_examples
+from pwscont.commands.options import with_examples
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

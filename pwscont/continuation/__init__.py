@@ -1,6 +1,5 @@
 """The loops, trace and explore."""
 
-from pwscont.continuation.explore import explore
-from pwscont.continuation.trace import trace
+from pwscont.continuation.explore import explore, trace
 
 __all__ = ["explore", "trace"]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pwscont.stepping import ExactLinear, Stepper
+from pwscont.curve.stepper import Stepper
+from pwscont.curve.steppers import ExactLinear
 from pwscont.transitions import (
     BoundingTests,
     IntervalEnds,

@@ -8,36 +8,145 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import final
+from dataclasses import dataclass, field, replace
+from functools import partial, reduce
+from typing import NamedTuple, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import ON_BOUND, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.arrival import (
-    ends_on_purpose,
-    keys_at_end,
-    place_of_arrival,
-    points_inside,
-    without_leaving,
-)
 from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
-from pwscont.continuation.joints import Edge, Node
-from pwscont.continuation.known_rays import KnownRay, KnownRays
-from pwscont.continuation.membership import lies_on
-from pwscont.continuation.ray_keys import JOIN, FollowedRay, RayKey, name_of, names
+from pwscont.continuation.ray_keys import (
+    JOIN,
+    FollowedRay,
+    KnownRay,
+    KnownRays,
+    RayKey,
+    lies_on,
+    name_of,
+    names,
+)
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.place import Place
-from pwscont.graph.track import Track
+from pwscont.graph.place import Place, Stored, Track
+from pwscont.graph.place import place as place_of
+from pwscont.system.abilities import Ending
+from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
-from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.detector import Said, SpecialPointFound, worded
 from pwscont.transitions.rays import Ray
+
+
+@final
+@dataclass(slots=True)
+class Node:
+    """A special point under discovery.
+
+    Of a ray that was followed, or on which a piece arrived, only the key is kept. ``also`` are the
+    words of users' detectors that would have marked the point, which is of another kind.
+    """
+
+    kind: Kind | str
+    place: Place
+    said: Said
+    rays: list[Ray | None] = field(default_factory=list)
+    keys: list[RayKey] = field(default_factory=list)
+    lost: int = 0
+    also: list[str] = field(default_factory=list)
+
+    def add(self, rays: Iterable[Ray], keys: Iterable[RayKey]) -> None:
+        """Let more rays leave, which are known by these keys."""
+        self.rays.extend(rays)
+        self.keys.extend(keys)
+
+    def stop(self, message: str, rays: int = 1) -> None:
+        """Note that rays could not be followed; a degenerate point keeps its kind."""
+        if self.kind != Kind.DEGENERATE:
+            self.kind = Kind.STOPPED
+        self.lost += rays
+        if message not in self.message:  # said already, of another ray
+            self.said = f"{self.message}; {message}"
+
+    @property
+    def message(self) -> str:
+        """What is said of the point."""
+        return worded(self.said)
+
+
+@final
+class Edge(NamedTuple):
+    """A piece under discovery, from the node where it was begun to the node it reached.
+
+    ``begun_at`` is the point in its middle where tracing began, if it began there.
+    """
+
+    start: int
+    end: int
+    followed: FollowedRay
+    track: Track
+    begun_at: Place | None = None
+
+
+def ends_on_purpose(arrival: SpecialPointFound) -> bool:
+    """Tell whether the system, or an event, ends curves at a special point."""
+    rays = arrival.rays
+    stops = arrival.kind == Kind.EVENT and len(rays) == 1
+    ends = arrival.kind == Kind.END and len(rays) > 0
+    return stops or (ends and isinstance(rays[0].curve.selection.system, Ending))
+
+
+def place_of_arrival(arrival: SpecialPointFound) -> Place:
+    """Return the place of an arrival, with the error of its least certain ray.
+
+    The place is stored as a solution of the selection of the piece that arrived.
+    """
+    x = arrival.x
+    if not arrival.rays:
+        return Stored(x, magnitude(x, np.zeros((1, len(x)))))
+    selection = arrival.rays[0].curve.selection
+    first, *others = [ray.state.size for ray in arrival.rays]
+    error = reduce(np.maximum, [size for size in others if size is not first], first)
+    return place_of(selection.system, selection.character, x, error)
+
+
+def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[RayKey]:
+    """Return the keys of the rays at the end of a piece, which began with a ray with this key."""
+    back, *others = walk.arrival.rays
+    is_straight = len(walk.points) == 2 and back.curve is ray.curve
+    first = key.reversed(end) if is_straight else RayKey.of(back, end)
+    return [first, *[RayKey.of(other, end) for other in others]]
+
+
+def points_inside(ray: Ray, lo: float, hi: float) -> bool:
+    """Tell whether a ray from a point of the interval stays in it at first.
+
+    At a fold at an end the rays' own alphas may be beside that end by rounding.
+    """
+    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
+    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
+
+
+def without_leaving(
+    arrival: SpecialPointFound, staying: tuple[Ray, ...], bounds: Bounds
+) -> SpecialPointFound:
+    """Return a special point with the rays that stay, and words on bounds that others leave."""
+    gone = [ray for ray in arrival.rays if ray not in staying]
+    why = next(filter(None, map(bounds.left_by, gone)), None)
+    if why is None:
+        return arrival.leading(staying)
+    if len(staying) == 1:
+        return SpecialPointFound(Kind.END, arrival.x, why, staying)
+    said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
+    return SpecialPointFound(arrival.kind, arrival.x, said, staying)
+
+
+def _also(said: Said, more: str) -> str:
+    return f"{worded(said)}; {more}"
+
 
 #: Where a curve leaves one cell for another.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)

@@ -1,18 +1,29 @@
-"""The branch graph of every component that a search finds."""
+"""trace and explore, and the plan of a run made ready."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
 
-from pwscont.basics.budget import Budget
+from pwscont.basics.arrays import Array, finite_array, product
+from pwscont.basics.budget import Budget, Limits
+from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.given import checked_kind
-from pwscont.basics.guarantee import SearchScope
-from pwscont.basics.limits import Limits
+from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
+from pwscont.continuation.magnitudes import (
+    Gauge,
+    MisjudgedError,
+    are_alike,
+    magnitudes_of,
+    rough_magnitudes,
+    rounded_to_one,
+)
 from pwscont.continuation.plan import (
     Plan,
     Report,
@@ -20,20 +31,296 @@ from pwscont.continuation.plan import (
     checked_interval,
     silent,
 )
-from pwscont.continuation.prepared import followed, prepared
-from pwscont.continuation.start import Start, checked_starts, corrected
+from pwscont.curve.error_samples import Found, is_inside
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
+from pwscont.graph.structure import NOT_SEARCHED
+from pwscont.linear.threads import few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
-from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of, starts_of
-from pwscont.stepping import Stepper
-from pwscont.system.contract import checked_size
-from pwscont.system.hidden import shown_size
-from pwscont.system.promises import refuse_undefined
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.abilities import check_abilities, completed, shown_size
+from pwscont.system.contract import check_contract, check_names, checked_size
+from pwscont.system.promises import check_promises, refuse_undefined
+from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
+from pwscont.transitions.departures import settled
+from pwscont.transitions.events import Events
 from pwscont.transitions.user_event import Stop
+
+#: A rough state and its alpha, and a solution with samples of its error.
+Start = tuple[Array, float]
+
+
+def checked_start(
+    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
+) -> Start:
+    """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the start by ``name``.
+    """
+    try:
+        z, alpha = start[0], float(start[1])
+        pair = len(start) == 2
+    except (TypeError, ValueError, IndexError, KeyError) as error:
+        raise InvalidInputError(f"{name} must be a pair (z, alpha): {error}") from error
+    if not pair:
+        raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
+    lo, hi = interval
+    if not lo <= alpha <= hi:
+        raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
+    checked_size(system)
+    return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
+
+
+def checked_starts(
+    system: PiecewiseSystem, starts: Any, interval: tuple[float, float]
+) -> tuple[Start, ...]:
+    """Return several starts; a bad one is named by its place, as in ``starts[2]``."""
+    try:
+        listed = list(starts)
+    except TypeError as error:
+        raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
+    return tuple(
+        checked_start(system, start, interval, f"starts[{i}]") for i, start in enumerate(listed)
+    )
+
+
+def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
+    """Return the solution near a start of the full system, by semismooth Newton at its alpha.
+
+    Raises
+    ------
+    StartNotFoundError
+        If there is no solution nearby, or it lies outside the bounds.
+    """
+    z, alpha = start
+    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha, last=plan.last)
+    if isinstance(found, Failure):
+        raise StartNotFoundError(
+            f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
+            "solution, or let explore() search for starts"
+        )
+    on_curve = settled(plan.followed, plan.metric, found)
+    if on_curve is None:
+        raise StartNotFoundError(
+            f"the solution nearest to {name} lies outside the interval {plan.interval}"
+        )
+    x, error = on_curve
+    if not is_inside(plan.box, x, error, plan.metric.scale):
+        raise StartNotFoundError(
+            f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
+            f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"
+        )
+    return on_curve
+
+
+#: Number of starts that measure the unknowns.
+FIRST = 2
+#: How often magnitudes are revised by the path.
+REVISIONS = 6
+
+
+def prepared(
+    system: PiecewiseSystem,
+    start: tuple[Array, float],
+    interval: tuple[float, float],
+    stepper: Stepper | None,
+    detectors: tuple[TransitionDetector | Events, ...] = (),
+) -> Plan:
+    """Return the plan for a system whose promises hold at a start.
+
+    Raises
+    ------
+    InvalidSystemError
+        If a promise is broken there, names do not fit the unknowns, or a method would never be
+        called.
+    """
+    z, alpha = start
+    checked_size(system)
+    check_names(system)
+    check_abilities(system)
+    plan = Plan.of(system, interval, stepper, detectors)
+    sample = check_contract(plan.system, z, alpha)
+    terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
+    refuse_extreme_rows(plan.system, np.abs(sample.residual) + terms)
+    check_promises(plan.system, interval, sample)
+    if not isinstance(system, PiecewiseLinearSystem):
+        with np.errstate(all="ignore"):
+            refuse_wrong_jacobian(plan.system, sample.character, sample.x)
+            refuse_wrong_gradients(plan.system, sample.x)
+    if plan.followed is plan.system:
+        plan.last.begin(sample)
+    return plan
+
+
+def followed(
+    plan: Plan,
+    guess: Array,
+    starts_of: Callable[[Plan], Iterator[Found]],
+    follow: Callable[[Plan, Iterator[Found]], BranchGraph],
+) -> BranchGraph:
+    """Return the graph from all starts; where the path shows other magnitudes, it begins again.
+
+    Parameters
+    ----------
+    plan : Plan
+    guess : ndarray, shape (n,)
+        Around which the system is asked for typical magnitudes if it gives none.
+    starts_of : callable
+        Plan -> its starts, computed as they are taken.
+    follow : callable
+        (plan, starts) -> the graph.
+    """
+    if plan.system.gives_scale or plan.reduction:
+        return follow(plan, starts_of(plan))
+    with few_threads(plan.system.size):
+        plan, starts = _measured(plan, guess, starts_of)
+    for _ in range(REVISIONS):
+        try:
+            return follow(replace(plan, gauge=Gauge(plan.metric)), starts)
+        except MisjudgedError as wrong:
+            plan = _with(plan, wrong.magnitudes)
+            starts = starts_of(plan)
+    return follow(plan, starts)
+
+
+def _measured(
+    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]]
+) -> tuple[Plan, Iterator[Found]]:
+    """Return a plan with magnitudes from H, then from its first solutions, and its starts."""
+    first: list[Found] = []
+    starts: Iterator[Found] = iter(())
+    try:
+        plan = _with(plan, rough_magnitudes(plan.system, plan.interval, guess))
+        first, starts = _looked_ahead(starts_of(plan))
+    except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
+        return plan, chain(first, _raising(why))
+    if not first:
+        return plan, starts
+    sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
+    if are_alike(sizes, plan.metric.scale[:-1]):
+        return plan, chain(first, starts)
+    plan = _with(plan, sizes)
+    return plan, starts_of(plan)
+
+
+def _with(plan: Plan, magnitudes: Array) -> Plan:
+    """Return a plan with other magnitudes."""
+    sizes = rounded_to_one(magnitudes)
+    if (sizes == plan.metric.scale[:-1]).all():
+        return plan
+    other = Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
+    is_straight = isinstance(plan.system, PiecewiseLinearSystem)  # elsewhere differences change
+    return replace(other, last=plan.last) if is_straight else other
+
+
+def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
+    """Return the first starts and the others; if no start is found, the others raise the error."""
+    try:
+        return list(islice(starts, FIRST)), starts
+    except StartNotFoundError as error:
+        return [], _raising(error)
+
+
+def _raising(error: BaseException) -> Iterator[Found]:
+    """Raise when the next start is taken."""
+    raise error
+    yield
+
+
+def trace(
+    system: PiecewiseSystem,
+    start: tuple[Any, float],
+    interval: tuple[float, float],
+    *,
+    stepper: Stepper | None = None,
+    detectors: Iterable[TransitionDetector] = (),
+    events: Mapping[str, Function | Stop] | None = None,
+    record: Mapping[str, Function] | None = None,
+    parameter: str = "alpha",
+    report: Report = silent,
+    journal: Journal | None = None,
+    limits: Limits | None = None,
+) -> BranchGraph:
+    """Follow the component of H(z, alpha) = 0 through a start, in both directions.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    start : tuple of (array_like, shape (n,)) and float
+        (z, alpha); z may be rough and is corrected at fixed alpha by semismooth Newton.
+    interval : tuple of float
+        (lo, hi): the values of alpha to stay in.
+    stepper : Stepper, optional
+        Default: exact for a PiecewiseLinearSystem, else PseudoArclength.
+    detectors : iterable of TransitionDetector, optional
+        Detectors beside the default ones; their special points may be of kinds of their own.
+    events : mapping of str to callable or Stop, optional
+        Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
+        with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
+        balance. What is a transition, a fold or an end already stays what it is, and has the
+        event's ``name``.
+    record : mapping of str to callable, optional
+        Quantities f(z, alpha) -> float by name, at hand as ``solution["name"]`` and
+        ``point["name"]``, in data frames, tables and pictures.
+    parameter : str, optional
+        Name of alpha in tables and on axes.
+    report : callable, optional
+        Called with the number of pieces and the alpha reached, after each piece.
+    journal : Journal, optional
+        Where every finished piece is kept at once, so that an interrupted run can go on.
+    limits : Limits, optional
+        How many pieces the graph may have, and how many seconds it may take; default no limits.
+        Where one runs out, and after Ctrl-C, the graph found so far comes back: its unfinished ends
+        are special points of kind "stopped", and its guarantee says why. Ctrl-C ends the step that
+        is being taken first; a second one does not wait for it.
+
+    Returns
+    -------
+    BranchGraph
+
+    Raises
+    ------
+    InvalidInputError
+        If start, interval or stepper do not fit the system.
+    InvalidSystemError
+        If a method of the system returns the wrong shape.
+    StartNotFoundError
+        If no solution is found near the start.
+
+    Examples
+    --------
+    >>> from pwscont import Switched, trace
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> branch = trace(arch, ([0.1], 0.0), (-0.5, 1.0))
+    >>> [round(p.alpha, 6) for p in branch.special_points("fold")]
+    [0.3849]
+    """
+    lo, hi = checked_interval(system, interval)
+    checked_kind("journal", journal, Journal)
+    checked_kind("limits", limits, Limits)
+    rough = checked_start(system, start, (lo, hi))
+    watched = checked_detectors(system, detectors, events)
+    recorded = checked_record(record, system.names() if record else ())
+    with Budget(limits or Limits()) as budget:
+        plan = prepared(system, rough, (lo, hi), stepper, watched)
+
+        def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
+            return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
+
+        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), follow)
+
+
+def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
+    """Yield the solution near the start, computed when it is taken."""
+    yield corrected(plan, start)
 
 
 def explore(

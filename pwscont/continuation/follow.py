@@ -1,4 +1,13 @@
-"""One piece, from a ray to the special point where it ends."""
+"""One piece, from a ray to the special point where it ends.
+
+Failure modes and answers
+-------------------------
+- Shorter steps amplify rounding, and noise of the user's function, and every later piece of the run
+  would have them: the error of steps that are too long falls with their length, that of rounding
+  and noise grows. So finer steps are taken only where the next finer ones change derivatives more
+  than those after them.
+- Beside an end of the model derivatives are nan, or change by rounding: that is no reason.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +18,63 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.continuation.finer import part_of, refined
-from pwscont.continuation.gauge import Gauge, MisjudgedError
+from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.continuation.magnitudes import Gauge, MisjudgedError
 from pwscont.curve.curve import Curve, State
-from pwscont.stepping.stepper import CurvedSegment, Segment, Stepper
+from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
+from pwscont.system.differences import FINER, FINEST
 from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounds import Bounds
-from pwscont.transitions.detection import first_on_curve, first_on_ray
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
-from pwscont.transitions.ends import ended
-from pwscont.transitions.events import Events
-from pwscont.transitions.events_along import EventsAlong
-from pwscont.transitions.fold_at_end import leaning
-from pwscont.transitions.interval import IntervalEnds
+from pwscont.transitions.events import Events, EventsAlong
+from pwscont.transitions.fold import leaning
+from pwscont.transitions.interval import IntervalEnds, ended
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
-from pwscont.transitions.watch import Event, Readings, Watch
+from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, first_on_ray
+
+
+def refined(curve: Curve, x: Array) -> bool:
+    """Let differences have shorter steps where that makes derivatives better; tell whether it does.
+
+    Parameters
+    ----------
+    curve : Curve
+    x : ndarray, shape (n + 1,)
+        Where derivatives are compared.
+    """
+    part = part_of(curve)
+    if part * FINER < FINEST:
+        return False
+    usual, finer, finest = (_derivatives(curve, x, part * FINER**k) for k in range(3))
+    is_better = _apart(usual, finer) > _apart(finer, finest)
+    curve.selection.system.refine_differences(part * FINER if is_better else part)
+    return is_better
+
+
+def part_of(curve: Curve) -> float:
+    """Return what part of the usual steps differences take."""
+    return curve.selection.system.differences(curve.metric.interval[0]).part
+
+
+def _derivatives(curve: Curve, x: Array, part: float) -> tuple[Array, Array]:
+    """Return derivatives along a generic direction by steps of this part, and their terms."""
+    curve.selection.system.refine_differences(part)
+    jacobian, scale = curve.selection.jacobian(x), curve.metric.scale
+    return jacobian @ (scale * generic(len(scale))), abs(jacobian) @ scale
+
+
+def _apart(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
+    """Return the largest difference of derivatives, relative to the terms of the second ones."""
+    (first, _), (second, terms) = one, other
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(first - second)
+    known = terms != 0.0
+    return float(np.divide(apart, terms, out=np.zeros_like(terms), where=known).max())
+
 
 #: A piece of more steps is given up: at the default step it is thousands of intervals long.
 MOST_STEPS = 20_000

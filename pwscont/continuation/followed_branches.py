@@ -8,9 +8,9 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.continuation.joints import Edge
+from pwscont.continuation.discovery import Edge
 from pwscont.curve.metric import Metric
-from pwscont.search.known import KnownBranches
+from pwscont.search.search import KnownBranches
 
 #: A curve strays from the chord between two stored points by less than this part of its length.
 NEAR = 0.2

@@ -1,4 +1,7 @@
-"""The journal of a long run: every finished piece is stored at once, and not computed again.
+"""The journal of a long run.
+
+All arrays of a walk are rows of n + 1 numbers. Many are the same: the end of the piece is also
+where its rays start, and the rays share the samples of its error. Each row is written once.
 
 A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
 walks take long. So an interrupted run is repeated, with its recorded walks read from the journal.
@@ -30,17 +33,89 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from itertools import islice
 from pathlib import Path
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from pwscont.basics.arrays import Array
+from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named
+from pwscont.basics.outcome import kind_of
 from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
-from pwscont.continuation.transcript import Transcript, walk_of, written
-from pwscont.search.enumeration import Found
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import Found
+from pwscont.curve.metric import Metric
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
+
+
+class Transcript(NamedTuple):
+    """A walk as a text, which is a JSON object, and rows of doubles."""
+
+    header: str
+    rows: bytes
+
+
+def written(walk: FollowedPiece) -> Transcript:
+    """Return the transcript of a walk."""
+    rows, arrival = _JournalRows(), walk.arrival
+    header = {
+        "kind": str(arrival.kind),
+        "message": arrival.message,
+        "points": rows.add(walk.points),
+        "x": rows.add(arrival.x[np.newaxis]),
+        "rays": [_ray(ray, rows) for ray in arrival.rays],
+    }
+    return Transcript(json.dumps(header), b"".join(rows.numbers))
+
+
+def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
+    """Return the walk of a transcript; ``ray``, with which it began, has system and metric."""
+    header = json.loads(transcript.header)
+    rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
+    system, metric = ray.curve.selection.system, ray.curve.metric
+    rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
+    x = rows[header["x"][0]]
+    arrival = SpecialPointFound(kind_of(header["kind"]), x, header["message"], rays)
+    return FollowedPiece(list(rows[header["points"]]), arrival)
+
+
+@final
+class _JournalRows:
+    """The different rows of a transcript, each with its number."""
+
+    def __init__(self) -> None:
+        self.numbers: dict[bytes, int] = {}
+
+    def add(self, rows: Iterable[Array]) -> list[int]:
+        """Return the numbers of these rows."""
+        return [self.numbers.setdefault(row.tobytes(), len(self.numbers)) for row in rows]
+
+
+def _ray(ray: Ray, rows: _JournalRows) -> dict[str, Any]:
+    state, selection = ray.state, ray.curve.selection
+    return {
+        "signs": str(selection.character),
+        "beside": [str(cell) for cell in selection.adjacent_cells],
+        "shared": [str(cell) for cell in ray.interface_cells],
+        "index": int(ray.index),
+        "state": rows.add(np.stack([state.x, state.tangent])),
+        "error": rows.add(state.error),
+        "orientation": int(state.orientation),
+    }
+
+
+def _ray_of(data: dict[str, Any], rows: Array, system: PiecewiseSystem, metric: Metric) -> Ray:
+    beside = tuple(map(Character.read, data["beside"]))
+    curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
+    x, tangent = rows[data["state"]]
+    state = State(x, tangent, rows[data["error"]], data["orientation"])
+    return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])
+
 
 #: The lock is kept from one transaction to the next, and ends with the process.
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"

@@ -1,57 +1,196 @@
-"""The work shared by trace and explore: check input, choose parts, follow, assemble."""
+"""The plan of a run: its parts chosen, its pieces followed.
+
+Signs are a corner at which solutions fill a cone, a piece that could not be followed, and starts
+without a digit, as from cells that have no corner; or nothing is found at all, as where solutions
+fill whole lines. Where none is met there are only curves.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, combinations, pairwise
 from math import isfinite
 from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.generic import generic
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.given import checked_kind
-from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.outcome import FILL, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function
-from pwscont.continuation.assembly import assemble
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.continuation.assembly import assemble, mark
 from pwscont.continuation.detectors import default_detectors
-from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.event_division import mark
-from pwscont.continuation.fill import infinite_stretches, is_sign
+from pwscont.continuation.discovery import Discovery, Node
 from pwscont.continuation.follow import Follower, PieceFollower, alone
 from pwscont.continuation.followed_branches import FollowedBranches
-from pwscont.continuation.gauge import Gauge
 from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.magnitudes import Gauge
 from pwscont.continuation.reentry import Beyond, reentries
-from pwscont.continuation.uniqueness import check_unique, unique
-from pwscont.continuation.usable import Usable
 from pwscont.curve.curve import LastHeld
+from pwscont.curve.error_samples import Found, has_digits, is_inside
+from pwscont.curve.looks import gap_of
 from pwscont.curve.metric import Metric
+from pwscont.curve.pseudo_arclength import PseudoArclength
+from pwscont.curve.stepper import Stepper
+from pwscont.curve.steppers import ExactLinear
+from pwscont.enumeration import Filled, filled, solve_slice
 from pwscont.graph import BranchGraph
-from pwscont.graph.records import Stretch
+from pwscont.graph.queries import joined
+from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
-from pwscont.search.enumeration import Found
 from pwscont.search.search import scope_of
-from pwscont.stepping import ExactLinear, PseudoArclength, Stepper, gap_of
+from pwscont.system.abilities import Reduction, reduction_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
-from pwscont.system.hidden import shown_size
-from pwscont.system.reduction import Reduction, reduction_of
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    has_too_many_tests,
+    number_of_cells,
+)
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import ended
 from pwscont.transitions.events import Events, checked_events
+from pwscont.transitions.interval import ended
 from pwscont.transitions.watch import Watch
+
+
+@final
+class Usable:
+    """Starts within the bounds, of which at least one digit is certain; the others are counted.
+
+    Parameters
+    ----------
+    starts : iterable of (x, error)
+    metric : Metric
+    box : Box
+    """
+
+    def __init__(self, starts: Iterable[Found], metric: Metric, box: Box) -> None:
+        self._starts, self._metric, self._box = starts, metric, box
+        self._uncertain = 0
+
+    def __iter__(self) -> Iterator[Found]:
+        for x, given in self._starts:
+            error = np.atleast_2d(given)  # searches may give one sample as a vector
+            if not has_digits(x, error, self._metric.scale):
+                self._uncertain += 1
+            elif is_inside(self._box, x, error, self._metric.scale):
+                yield x, error
+
+    @property
+    def is_part(self) -> bool:
+        """Whether some starts could not be followed."""
+        return self._uncertain > 0
+
+    def lowered(self, searched: SearchScope) -> SearchScope:
+        """Return what was searched, without a promise where a start could not be followed."""
+        if not self._uncertain:
+            return searched
+        lost = (
+            f"{self._uncertain} of the points found not followed, for no digit of them is certain"
+        )
+        return SearchScope(f"{searched.what}; {lost}", Guarantee.NOTHING)
+
+
+def unique(searched: SearchScope) -> SearchScope:
+    """Return what a search promises of a system that has one solution at most."""
+    what = f"{searched.what}; at most one solution, by the system's promise"
+    return replace(searched, what=what, promise=Guarantee.UNIQUE)
+
+
+def check_unique(graph: BranchGraph) -> None:
+    """Refuse a graph with two different solutions at one alpha.
+
+    Raises
+    ------
+    InvalidSystemError
+        Naming both solutions.
+    """
+    breaks = graph.breaks()
+    for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
+        if graph.count(alpha) > 1:
+            _check_at(graph, alpha)
+
+
+def _check_at(graph: BranchGraph, alpha: float) -> None:
+    for first, second in combinations(graph.solutions(alpha), 2):
+        if _differ(first, second):
+            raise InvalidSystemError(
+                f"{type(graph.system).__name__}.unique promises one solution at one "
+                f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
+                f"{first!r} and {second!r}; set unique = False"
+            )
+
+
+def _differ(first: Solution, second: Solution) -> bool:
+    """Tell whether two solutions are apart by more than their errors."""
+    apart = np.abs(first.z - second.z)
+    errors = (first.error + second.error)[:-1] if len(first.error) else np.zeros_like(apart)
+    return bool((apart > CONFIDENCE * errors).any())
+
+
+#: Of more cells nothing is asked.
+MANY_CELLS = 4**10
+
+
+def infinite_stretches(
+    system: PiecewiseSystem, metric: Metric, alphas: list[float]
+) -> tuple[Stretch, ...]:
+    """Return the stretches of alpha with infinitely many solutions.
+
+    Exact for piecewise-linear systems. For systems that are only affine in z at fixed alpha, all
+    solutions are sought at the special points and in the middle between them.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+        Nothing is asked of systems that are not affine in z at fixed alpha, or have many cells.
+    metric : Metric
+    alphas : list of float
+        Where special points are, and both ends of the interval.
+    """
+    if not isinstance(system, SlicewiseLinearSystem) or has_too_many_tests(system):
+        return ()
+    if number_of_cells(system.blocks()) > MANY_CELLS:
+        return ()
+    if isinstance(system, PiecewiseLinearSystem):
+        box = Box.of(system)
+        parts = filled(system, metric.scale[:-1], metric.interval, (box.lower, box.upper))
+        return joined(parts, alphas)
+    return joined(_between(system, metric, sorted(set(alphas))), alphas)
+
+
+def _between(
+    system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]
+) -> Iterator[Filled]:
+    at = [_is_filled(system, metric, alpha) for alpha in alphas]
+    for alpha, is_filled in zip(alphas, at, strict=True):
+        if is_filled:
+            yield Filled(alpha, alpha, True, True, 0.0)
+    for lo, hi in pairwise(alphas):
+        if _is_filled(system, metric, 0.5 * (lo + hi)):
+            yield Filled(lo, hi, False, False, 0.0)
+
+
+def _is_filled(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> bool:
+    return bool(solve_slice(system, metric, alpha).faces)
+
+
+def is_sign(node: Node) -> bool:
+    """Tell whether a special point is a sign that solutions fill more than curves."""
+    return node.lost > 0 or node.kind == Kind.STOPPED or FILL in node.message
+
 
 Report = Callable[[int, float], None]
 

@@ -1,11 +1,20 @@
-"""Keys of rays: enough to recognise a ray that was followed or arrived on.
+"""Rays that are known, and how they are told apart.
 
 A ray is recognised by its cells, its place and its direction. Directions are compared by the cosine
 between their sketches, see :meth:`~pwscont.curve.metric.Metric.sketch`.
+
+Failure modes and answers
+-------------------------
+- At a branch point several rays of one cell leave one place: the best aligned one is it.
+- Special points are closer than places are told apart by digits: of several, only errors tell that
+  they are this place. A walk that has never left that distance may have passed some of them: only
+  errors tell whether it has come back to any.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import NamedTuple, final
@@ -15,9 +24,10 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.curve import Curve
+from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.graph.place import Place
+from pwscont.graph.queries import solve_between
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import Ray
 
@@ -135,3 +145,109 @@ class FollowedRay:
         """Return the curve of the piece, in the system and metric of another."""
         first, *beside = self.selection
         return Curve(Selection(like.selection.system, first, tuple(beside)), like.metric)
+
+
+class KnownRay(NamedTuple):
+    """A ray of a node: the numbers of both, and its key."""
+
+    node: int
+    number: int
+    key: RayKey
+
+
+@final
+class KnownRays:
+    """All rays on which walks may arrive."""
+
+    def __init__(self) -> None:
+        self._by_cell: dict[bytes, list[KnownRay]] = defaultdict(list)
+
+    def add(self, node: int, keys: Iterable[RayKey], first: int = 0) -> None:
+        """Let walks arrive at a node, by these keys of its rays, numbered from ``first`` on."""
+        for number, key in enumerate(keys, start=first):
+            for cell in key.names:
+                self._by_cell[cell].append(KnownRay(node, number, key))
+
+    def nodes_in(self, cell: bytes) -> set[int]:
+        """Return the nodes that rays in a cell leave."""
+        return {known.node for known in self._by_cell.get(cell, ())}
+
+    def match(self, ray: Ray, key: RayKey, left: KnownRay | None = None) -> KnownRay | None:
+        """Return the known ray that a ray is, None if it is a new one.
+
+        Parameters
+        ----------
+        ray : Ray
+        key : RayKey
+            Its key.
+        left : KnownRay or None
+            The ray that a walk has followed without ever being clearly away from its node; it is
+            not the one that goes on where the walk arrives, and digits tell nothing then.
+        """
+        found = [
+            (cosine, known)
+            for cell in key.names
+            for known in self._by_cell.get(cell, ())
+            if (cosine := known.key.alignment(ray, key)) > 0.0
+        ]
+        return _best(found, ray, left) if found else None  # nearly always
+
+
+def _best(found: list[tuple[float, KnownRay]], ray: Ray, left: KnownRay | None) -> KnownRay | None:
+    """Return the best aligned ray of those with the same cell and, by digits, the same place."""
+    if left or len({known.node for _, known in found}) > 1:
+        surely = [one for one in found if _is_surely(one[1].key, ray)]
+        found = [one for one in surely if one[1].key is not left.key] if left else surely or found
+    if len({known.node for _, known in found}) > 1:
+        nearest = min((known for _, known in found), key=lambda known: _distance(known.key, ray))
+        found = [one for one in found if one[1].node == nearest.node]
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _distance(key: RayKey, ray: Ray) -> float:
+    """Return how far a ray starts from the place of a key."""
+    metric = ray.curve.metric
+    return metric.norm(metric.difference(key.place.x, ray.state.x))
+
+
+def _is_surely(key: RayKey, ray: Ray) -> bool:
+    """Tell whether a ray starts at the place of a key by the errors of both, not by digits."""
+    return key.is_within(ray.curve.metric, ray.state.x, ray.state.size)
+
+
+#: Solutions at one alpha in one cell are one when closer than this times their size.
+SAME = EPS**0.5
+
+
+def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, float]) -> bool:
+    """Tell whether a state lies on the piece with these points, to within its error.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve of the piece, on whose selection the state lies as well.
+    points : ndarray, shape (k, n + 1)
+    state : State
+    interval : tuple of float
+    """
+    metric, x, alpha = curve.metric, state.x, state.alpha
+    if not points[:, -1].min() <= alpha <= points[:, -1].max():
+        return False
+    if len(points) == 2:
+        nearest = _nearest_on_chord(curve, points, x)
+    else:
+        around = (curve.selection.system, curve.selection.character, points, alpha, interval)
+        nearest = solve_between(*around)[0]
+    apart = metric.difference(nearest, x)
+    if metric.norm(apart) <= metric.slack(x, SAME):
+        return True
+    both = 2.0 * state.size  # the piece is as uncertain as the state
+    return bool((np.abs(apart) <= CONFIDENCE * both).all())
+
+
+def _nearest_on_chord(curve: Curve, points: Array, x: Array) -> Array:
+    chord = points[1] - points[0]
+    row = curve.metric.covector(chord)
+    s = float(row.dot(x - points[0]) / row.dot(chord))
+    nearest: Array = points[0] + min(max(s, 0.0), 1.0) * chord
+    return nearest

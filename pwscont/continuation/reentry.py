@@ -19,17 +19,16 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import final
 
-from pwscont.basics.budget import Budget
-from pwscont.basics.kind import Kind
-from pwscont.basics.limits import Limits
+from pwscont.basics.budget import Budget, Limits
+from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.follow import PieceFollower
 from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
-from pwscont.search.enumeration import Found
-from pwscont.stepping import Stepper
+from pwscont.curve.stepper import Stepper
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem

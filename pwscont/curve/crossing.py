@@ -25,8 +25,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.generic import generic_angles
+from pwscont.basics.arrays import Array, generic_angles
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve

@@ -25,6 +25,8 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
 
+#: A solution (z, alpha), and samples of its error or the size of the last correction.
+Found = tuple[Array, Array]
 #: Up to this many unknowns the inverse is formed column by column, which samples nothing.
 SMALL = 16
 #: So many numbers, and fewer, are squared and added one by one in less time.

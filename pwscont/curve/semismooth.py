@@ -35,8 +35,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Held, LastHeld
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import is_rounding, uncertainty
+from pwscont.curve.newton import Root, is_rounding, uncertainty
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem

@@ -1,12 +1,10 @@
 """All solutions of systems that are affine in z, by a search over their cells."""
 
-from pwscont.enumeration.by_parts import Cells, Table, is_regular
-from pwscont.enumeration.exactly import solve_exactly
-from pwscont.enumeration.face import Face
+from pwscont.enumeration.by_parts import Cells, Table, is_regular, most_cells
+from pwscont.enumeration.exact import solve_exactly
 from pwscont.enumeration.filled import Filled, filled
 from pwscont.enumeration.options import aside
-from pwscont.enumeration.parts import most_cells
-from pwscont.enumeration.point import Point, Slice
+from pwscont.enumeration.polyhedron import Face, Point, Slice
 from pwscont.enumeration.slices import (
     ALONE,
     FEW_CELLS,

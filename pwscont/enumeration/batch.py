@@ -1,4 +1,6 @@
-"""The last blocks, decided for all their choices together.
+"""Many small linear systems at once.
+
+The same decisions as :mod:`pwscont.enumeration.slices` makes for larger parts, without matrices.
 
 One batch of small factorisations for each block, shared by all the choices of the blocks after it:
 the way for few cells, and where no choice can be cut off because a point lies in all of them.
@@ -15,15 +17,87 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.enumeration.by_parts import PartSlice
 from pwscont.enumeration.choices import Choices, Subspace, is_near, negligible, slack_at
 from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.polyhedron import Point, Slice
+
+
+def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
+    """Return all solutions of a part with one unknown; None where a mode does not decide it.
+
+    Parameters
+    ----------
+    part : PartSlice
+    scale : float
+        The typical magnitude of the unknown.
+    """
+    modes = part.blocks()[0].modes if part.blocks() else ((),)
+    found: list[_Root] = []
+    for character in map(Character, modes):
+        tests = np.array(part.bounding_tests(character), dtype=np.intp)
+        side = character.array[tests]
+        known = next((root for root in found if root.lies_in(tests, side)), None)
+        if known is None:
+            known = _Root.of(part, character, scale)
+            if known is None:
+                return None
+            if not known.lies_in(tests, side):
+                continue
+            found.append(known)
+        known.cells.append(character)
+        known.in_doubt |= not known.lies_in(tests, side, inside=True)
+    return Slice(tuple(root.point() for root in found), ())
+
+
+@final
+@dataclass(slots=True, eq=False)
+class _Root:
+    """The solution of one mode, with all tests, and how far these may be off."""
+
+    x: float
+    error: Array
+    sign: int
+    tests: Array
+    slack: Array
+    cells: list[Character] = field(default_factory=list)
+    in_doubt: bool = False
+
+    @classmethod
+    def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
+        """Solve one mode; None where its equation does not depend on the unknown."""
+        slope, value, errors = part.scalar_row(character)
+        if slope == 0.0:
+            return None
+        x = -value / slope
+        error = np.append(errors / slope, EPS * abs(x))
+        gradients, values, inherited = part.scalar_tests()
+        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
+        slack = CONFIDENCE * (off + inherited) + EPS * scale * np.abs(gradients)
+        return cls(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
+
+    def lies_in(self, tests: Indices, side: Signs, inside: bool = False) -> bool:
+        """Tell whether the solution lies in a closed cell, or certainly inside."""
+        values = np.where(side, self.tests[tests], -self.tests[tests])
+        slack = self.slack[tests]
+        return bool((values > slack).all() if inside else (values >= -slack).all())
+
+    def point(self) -> Point:
+        """Return the solution with an idle parameter of zero."""
+        error = np.column_stack([self.error, np.zeros(len(self.error))])
+        in_doubt = self.in_doubt and len(self.cells) == 1
+        return Point(np.array([self.x, 0.0]), error, tuple(self.cells), self.sign, (), in_doubt)
 
 
 def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:

@@ -1,4 +1,4 @@
-"""All solutions of one slice in exact arithmetic, for the numbers that the system returns.
+"""Enumeration of all cells in exact arithmetic.
 
 At fixed alpha selections and tests are affine in z with coefficients that are doubles, hence
 rational. Each row is made one of integers, and Bareiss's fraction-free elimination (1968) leaves
@@ -11,6 +11,9 @@ that is closer to it than rounding.
 
 Failure modes and answers
 -------------------------
+- A nearly singular cell, whose solution floating point does not know: it is left to exact
+  arithmetic, as is one whose solution may be within rounding of an interface.
+- Many cells: they are looked at in batches, so that memory is bounded.
 - Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded: selections that agree on an interface do so to rounding
@@ -24,21 +27,103 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import prod
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, dense
+from pwscont.basics.arrays import Array, Indices, Signs, dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
+from pwscont.curve.error_samples import is_same
+from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
-from pwscont.enumeration.excluded import CellsInDoubles
 from pwscont.enumeration.options import affine, aside, bounding, most_modes
-from pwscont.system.blocks import Block, number_of_cells
-from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.enumeration.polyhedron import Point, Slice
+from pwscont.enumeration.slices import tests_of
+from pwscont.system.selection import Selection
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+
+#: Cells that are looked at together.
+BATCH = 4**6
+#: Solutions are known to half of their digits where unit rows have no larger condition.
+WORST = EPS**-0.5
+#: A solution of such a cell is outside if a test is negative by more than this part of its terms:
+#: far above the error of the solution.
+OUTSIDE = 1e-5
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class CellsInDoubles:
+    """Equations of cells and their tests, by the unknowns that blocks decide, in doubles.
+
+    Attributes
+    ----------
+    options : list of ndarray, shapes (modes, k, d + 1)
+        The equations of each mode of each block, rows of unit size with the constant last.
+    sides : list of ndarray, shapes (modes, m)
+        +1 or -1 where a test bounds a mode, 0 where it does not.
+    tests : ndarray, shape (m, d + 1)
+    z : ndarray, shape (n, d + 1)
+        All unknowns as functions of those that blocks decide.
+    whole : ndarray, shape (m, n + 1)
+        The tests by all unknowns.
+    scale : ndarray, shape (n,)
+    growth : float
+        By how much rounding of the other equations grows in these.
+    """
+
+    options: Sequence[Array]
+    sides: Sequence[Array]
+    tests: Array
+    z: Array
+    whole: Array
+    scale: Array
+    growth: float
+
+    def left(self) -> Indices:
+        """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly."""
+        numbers = [len(options) for options in self.options]
+        found = [self._left_of(picks) for picks in _batches(numbers)]
+        return np.concatenate(found)
+
+    def _left_of(self, picks: Indices) -> Indices:
+        parts = [options[k] for options, k in zip(self.options, picks.T, strict=True)]
+        rows = np.concatenate([np.zeros((len(picks), 0, len(self.tests.T))), *parts], axis=1)
+        known = np.linalg.slogdet(rows[..., :-1])[0] != 0.0
+        excluded = np.zeros(len(picks), dtype=bool)
+        if known.any():
+            excluded[known] = self._excluded(picks[known], rows[known])
+        return picks[~excluded]
+
+    def _excluded(self, picks: Indices, rows: Array) -> Signs:
+        """Tell which regular choices have their solution outside."""
+        inverse = np.linalg.inv(rows[..., :-1])
+        condition = self.growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
+        y = np.ones((len(picks), len(self.tests.T)))
+        y[:, :-1] = -(inverse @ rows[..., -1:])[..., 0]
+        sizes = np.abs(y)
+        reach = EPS * condition * sizes.max(axis=1)
+        off = np.outer(reach, np.abs(self.tests).sum(axis=1))
+        typical = np.abs(y @ self.z.T) + self.scale
+        terms = typical @ np.abs(self.whole[:, :-1]).T + np.abs(self.whole[:, -1])
+        side = sum(sides[k] for sides, k in zip(self.sides, picks.T, strict=True))
+        outside = side * (y @ self.tests.T) < -(OUTSIDE * terms + off)
+        excluded: Signs = outside.any(axis=1) & (condition <= WORST)
+        return excluded
+
+
+def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
+    """Yield all choices of one number below each of some numbers, in batches."""
+    for first in range(0, prod(numbers), BATCH):
+        check_budget()
+        which = np.arange(first, min(first + BATCH, prod(numbers)))
+        yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
+
 
 #: A solution is far outside its cell if a test is negative by more than this part of its terms.
 FAR = 0.1
@@ -315,3 +400,60 @@ def _parity(order: Sequence[int]) -> int:
             length += 1
         sign = -sign if length % 2 else sign
     return sign
+
+
+def solve_exactly(
+    system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
+) -> Slice | None:
+    """Return all isolated solutions by trying every cell in exact arithmetic.
+
+    None where that takes too long, or the system's numbers are not finite. Faces are left out;
+    ``known`` are points of them, which rounding in the system may put outside of regular cells.
+    """
+    solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
+    if solutions is None:
+        return None
+    candidates = [_candidate(one, alpha) for one in solutions]
+    points: list[Point] = []
+    for one, point in candidates:
+        if one.is_inside and not any(_joins(metric, point, other) for other in points):
+            shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
+            cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
+            points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
+    undecided = sum(
+        _is_undecided(system, metric, *candidate, [*points, *known]) for candidate in candidates
+    )
+    return Slice(tuple(points), (), undecided, exact=True)
+
+
+def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
+    error = np.column_stack([one.error, np.zeros(len(one.error))])
+    return one, Point(np.append(one.z, alpha), error, (one.character,), one.det_sign)
+
+
+def _joins(metric: Metric, a: Point, b: Point) -> bool:
+    """Tell whether two points of exact cells are one.
+
+    Equal points are one. Points that differ by no more than their errors are one if their signs
+    agree: by F1 the curve crosses the interface between their cells. If the signs differ, the curve
+    turns back at the interface, and there are two points.
+    """
+    if np.array_equal(a.x, b.x):
+        return True
+    return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
+
+
+def _is_undecided(
+    system: PiecewiseSystem,
+    metric: Metric,
+    one: ExactSolution,
+    point: Point,
+    points: Sequence[Point],
+) -> bool:
+    """Tell whether a solution is outside its cell by no more than its error, in no other cell."""
+    if one.is_inside:
+        return False
+    selection = Selection(system, one.character)
+    tests, slack = tests_of(selection, metric, point.x, point.error)
+    found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
+    return bool((tests >= -slack).all()) and not found

@@ -1,4 +1,4 @@
-"""Values of alpha at which infinitely many solutions fill a segment or more, in all cells at once.
+"""Sets of solutions that fill a segment or an area.
 
 With alpha as one more unknown, the solutions in a closed cell of a piecewise-linear system are a
 polyhedron: a segment where the cell is regular. One of two or more dimensions fills all values of
@@ -26,9 +26,8 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import SLACK, Choices
-from pwscont.enumeration.face import polyhedron_of, satisfies
 from pwscont.enumeration.options import Problem, aside, in_modes, most_modes, problem_of
-from pwscont.enumeration.polyhedron import Polyhedron
+from pwscont.enumeration.polyhedron import Polyhedron, polyhedron_of, satisfies
 from pwscont.enumeration.tree import Prices, leaves
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import refuse_bent

@@ -16,15 +16,13 @@ from typing import final
 import numpy as np
 import scipy.linalg
 
-from pwscont.basics.arrays import Array, Indices, own_dense
+from pwscont.basics.arrays import Array, Indices, generic, own_dense
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.echelon import MOST_WORK, independent
-from pwscont.system.blocks import Block
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
-from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.system.system import Block, SlicewiseLinearSystem
 
 
 @final

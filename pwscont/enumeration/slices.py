@@ -27,21 +27,17 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton
-from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import uncertainty
+from pwscont.curve.newton import Root, newton, uncertainty
+from pwscont.enumeration.batch import solve_scalar
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.face import Face, face_of
 from pwscont.enumeration.options import Problem, aside, reduce
-from pwscont.enumeration.point import Point, Slice
-from pwscont.enumeration.scalar import solve_scalar
+from pwscont.enumeration.polyhedron import Face, Point, Slice, face_of
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
-from pwscont.system.blocks import number_of_cells
 from pwscont.system.promises import check_blocks
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
 #: Up to this many cells, all are tried at once, without splitting the system into parts.
 FEW_CELLS = 64

@@ -32,9 +32,16 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.enumeration.batch import together
 from pwscont.enumeration.choices import Choices, Subspace
-from pwscont.enumeration.forms import NOT_NEGATIVE, NOT_POSITIVE, Forms
 from pwscont.enumeration.options import Problem
-from pwscont.enumeration.simplex import Vertices, feasible, first_vertex, slack_of
+from pwscont.enumeration.simplex import (
+    NOT_NEGATIVE,
+    NOT_POSITIVE,
+    Forms,
+    Vertices,
+    feasible,
+    first_vertex,
+    slack_of,
+)
 
 #: Choices decided in one batch: more would gain little and cost memory.
 BATCH = 4**7

@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.basics.errors import InvalidInputError
 from pwscont.graph.records import Piece, SpecialPoint
-from pwscont.system.hidden import completed, shown_size
+from pwscont.system.abilities import completed, shown_size
 from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem
 

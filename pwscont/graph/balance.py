@@ -1,17 +1,110 @@
-"""The sum of the signs of det(dH/dz), which tells of missing branches (docs/theory, F4)."""
+"""The balance of signs, and the verdict on what may be missing.
+
+The ends that a vertical piece joins count as one.
+
+The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
+where the sum is wrong on a stretch of alpha, the ends around it tell why: a piece was stopped, or
+the model ends there. Where all pieces go on, a branch is missing, or a branch stands there twice.
+
+Failure modes and answers
+-------------------------
+- A branch that ends on purpose takes its sign out of the sum: the sums on both sides of such an end
+  are compared without that sign.
+- A solution that stands twice is told from two that are close by their errors.
+"""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.rounding import CONFIDENCE
-from pwscont.graph.loose_ends import is_on_purpose, loose_ends
+from pwscont.basics.errors import PwscontError
+from pwscont.basics.looks import apart
+from pwscont.basics.outcome import ACCUMULATE, FILL, ON_BOUND, FailureReason, Guarantee, Kind
+from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
+from pwscont.graph.exports import DamagedError
 from pwscont.graph.queries import Queries
-from pwscont.graph.records import SpecialPoint
+from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.structure import Structure, connected
+
+
+def check_references(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
+) -> None:
+    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
+    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
+    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
+        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
+    for piece in pieces:
+        if not {piece.start, piece.end} <= nodes:
+            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
+    for start in starts:
+        if start.piece not in known:
+            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
+
+
+def check_places(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
+) -> None:
+    """Refuse points outside the interval, and characters of different lengths."""
+    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
+    lo, hi = interval[0] - slack, interval[1] + slack
+    for point in points:
+        if not lo <= point.alpha <= hi:
+            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
+    for piece in pieces:
+        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
+            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
+    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
+        raise DamagedError("pieces have different numbers of signs")
+
+
+#: Kinds of points at which a branch may end because the system or the user ends it.
+ON_PURPOSE = ("end", "event")
+
+
+def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
+    """Return the points within the interval at which the sum of signs jumps, and the jumps."""
+    jumps, found = _jumps(graph), {}
+    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
+        points = [graph.point(node) for node in nodes]
+        jump = sum(jumps.get(node, 0) for node in nodes)
+        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
+            found[min(points, key=_suspicion)] = jump
+    return found
+
+
+def _jumps(graph: Structure) -> dict[int, int]:
+    """Return by how much the sum of signs grows from left to right at each node."""
+    jumps: dict[int, int] = defaultdict(int)
+    for piece in graph.pieces:
+        first, last = piece.track.start.alpha, piece.track.end.alpha
+        sign = piece.det_sign if first < last else -piece.det_sign
+        jumps[piece.start] += sign
+        jumps[piece.end] -= sign
+    return jumps
+
+
+def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
+    """Yield sets of nodes: those joined by vertical pieces together, the others alone."""
+    yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
+
+
+def _suspicion(point: SpecialPoint) -> int:
+    """Return a key that sorts points: ends on purpose, then stops, then the others."""
+    order = (*ON_PURPOSE, Kind.STOPPED)
+    return order.index(point.kind) if point.kind in order else len(order)
+
+
+def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether branches end at a point because the system or the user ends them."""
+    ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
+    return point.kind == Kind.END or ends or ON_BOUND in point.message
 
 
 class Balance(Queries):
@@ -95,3 +188,178 @@ class Balance(Queries):
 def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
     """Return by how much the ends to the left of a stretch change the balance."""
     return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
+
+
+#: A special point known to fewer digits may hide others: no promise of a search is kept then.
+TOO_FEW_DIGITS = 2.0
+#: A piece that stops closer than this part of the interval to an end stops because of that end.
+AT_THE_END = 1e-6
+#: Most places of one kind that are listed; more are counted.
+MOST_PLACES = 3
+#: What is said of corners at which only some ways on are known.
+IN_PART = "a corner was searched in part (one way on, possibly of several)"
+WORDS = {
+    Guarantee.NOTHING: "balanced",
+    Guarantee.BUT_LOOPS: "complete but for closed loops",
+    Guarantee.EVERYTHING: "complete",
+    Guarantee.UNIQUE: "complete (unique by the system's promise)",
+}
+Gap = tuple[float, float]
+
+
+def verdict(graph: Balance) -> str:
+    """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
+    if graph.searched.spent:
+        return _unfinished(graph)
+    ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
+    if gaps := graph.unbalanced():
+        return f"not balanced: {'; '.join(_causes(graph, gaps))}"
+    doubts = list(_doubts(graph))
+    promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
+    if not doubts and not graph.pieces and not promises:
+        return f"nothing found by {graph.searched.what}"
+    words = "balanced" if doubts else WORDS[graph.searched.promise]
+    return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
+
+
+# -- why the sum of signs is wrong ----------------------------------------------------------------
+
+
+def _causes(graph: Balance, gaps: list[Gap]) -> Iterator[str]:
+    """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
+    ends = list(loose_ends(graph))
+    stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
+    on_purpose = [point for point in ends if is_on_purpose(graph, point)]
+    twice = [gap for gap in gaps if _stands_twice(graph, gap)]
+    explained = {gap for gap in gaps if any(_touches(graph, gap, p) for p in stopped + on_purpose)}
+    partial = _searched_in_part(graph)
+    missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
+    if missing:
+        yield f"at least one branch missing in {_listed(missing)}"
+    if twice:
+        yield f"a solution stands twice in {_listed(twice)}"
+    yield from _stops(graph, stopped)
+    yield from _places(IN_PART, graph, partial)
+    yield from _places("a branch ends on purpose", graph, on_purpose)
+
+
+def _searched_in_part(graph: Balance) -> list[SpecialPoint]:
+    """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
+    return graph.special_points(Kind.PARTIAL_CORNER)
+
+
+def _touches(graph: Balance, gap: Gap, point: SpecialPoint) -> bool:
+    """Tell whether a stretch begins or ends at a point."""
+    return any(bool(graph.same(point.alpha, end)) for end in gap)
+
+
+def _listed(gaps: Iterable[Gap]) -> str:
+    return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
+
+
+def _stands_twice(graph: Balance, gap: Gap) -> bool:
+    """Tell whether two solutions in the middle of a stretch agree within their errors."""
+    try:
+        found = graph.solutions(0.5 * (gap[0] + gap[1]))
+    except PwscontError:  # the graph was loaded without its system, or is damaged here
+        return False
+    return any(_is_one(a, b) for a, b in combinations(found, 2))
+
+
+def _is_one(a: Solution, b: Solution) -> bool:
+    if not (len(a.error) and len(b.error)):
+        return bool((a.z == b.z).all())
+    return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
+
+
+# -- doubts, and where they arise ----------------------------------------------------------------
+
+
+def _doubts(graph: Balance) -> Iterator[str]:
+    """Yield why a search cannot keep its promise, because of what was found at special points."""
+    points = [point for point in graph.special_points() if point.id >= 0]
+    lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
+    yield from _stops(graph, lost)
+    yield from _places(IN_PART, graph, _searched_in_part(graph))
+    known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
+    if known:
+        yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
+    filled = [
+        point
+        for point in points
+        if FILL in point.message
+        and _leaves_its_alpha(graph, point)
+        and not graph.is_beside_infinite(point.alpha)
+    ]
+    yield from _places("solutions fill more than curves", graph, filled)
+    vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
+    yield from _places("hardly a digit is known", graph, vague)
+
+
+def _leaves_its_alpha(graph: Balance, point: SpecialPoint) -> bool:
+    """Tell whether a piece that is not vertical leaves from a special point."""
+    return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
+
+
+def _stops(graph: Balance, points: list[SpecialPoint]) -> Iterator[str]:
+    """Yield where pieces were stopped, and why: in the numbers, or at the end of the model."""
+    groups: dict[str, list[SpecialPoint]] = {}
+    for point in points:
+        groups.setdefault(_what_happened(graph, point), []).append(point)
+    for what, some in groups.items():
+        yield from _places(what, graph, some, _reason)
+
+
+def _what_happened(graph: Balance, point: SpecialPoint) -> str:
+    """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
+    if FailureReason.NOT_FINITE.value in point.message:
+        return "the model ends"
+    near = AT_THE_END * (graph.interval[1] - graph.interval[0])
+    domain = graph.system.domain if graph.system else ()
+    at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
+    if at_an_end and graph.pieces_at(point.id):  # else a start that could not be followed
+        return "the model seems to end"
+    return "a piece was stopped"
+
+
+def _reason(point: SpecialPoint) -> str:
+    """Return why a piece was stopped, without the advice, and where special points accumulate."""
+    known = [trouble.value for trouble in FailureReason if trouble.value in point.message]
+    words = (known or point.message.split("; ")[-1:])[0]
+    near = _accumulation(point)
+    words = words.split(";")[0].split(": ")[0]
+    return f" ({'; '.join(filter(None, ['' if words == near else words, near]))})"
+
+
+def _accumulation(point: SpecialPoint) -> str:
+    """Return the part of the message about special points that accumulate."""
+    _, what, limit = point.message.partition(ACCUMULATE)
+    return f"{what}{limit.split(';')[0]}"
+
+
+def _places(
+    what: str,
+    graph: Balance,
+    points: Iterable[SpecialPoint],
+    why: Callable[[SpecialPoint], str] = lambda _: "",
+) -> Iterator[str]:
+    """Yield a line for each reason, with the places of the points that share the reason."""
+    alphas: dict[str, dict[str, None]] = {}
+    for point in points:
+        alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None
+    for reason, found in alphas.items():
+        shown, rest = list(found)[:MOST_PLACES], len(found) - MOST_PLACES
+        more = f" and {rest} more" if rest > 0 else ""
+        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
+
+
+def _unfinished(graph: Balance) -> str:
+    """Say what ended the run, and where there is more."""
+    spent = graph.searched.spent
+    points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
+    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points, _beyond)])
+
+
+def _beyond(point: SpecialPoint) -> str:
+    near = _accumulation(point)
+    return f" ({near})" if near else ""

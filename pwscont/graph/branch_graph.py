@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.guarantee import Guarantee
+from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
 from pwscont.graph import presentation, storage
 from pwscont.graph.adopted import adopted
-from pwscont.graph.balance import Balance
+from pwscont.graph.balance import WORDS, Balance, verdict
 from pwscont.graph.exports import data_frame, networkx_graph
-from pwscont.graph.verdict import WORDS, verdict
 from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from math import isinf
 from typing import Any
 
 from pwscont.basics.looks import apart, counted
-from pwscont.graph.balance import Balance
+from pwscont.graph.balance import Balance, verdict
 from pwscont.graph.records import SpecialPoint, Stretch, attempted
-from pwscont.graph.verdict import verdict
 
 #: What is smaller than this part of the largest value of its kind is rounding, and reads as zero.
 DUST = 1e-12

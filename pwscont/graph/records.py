@@ -1,24 +1,131 @@
-"""The records of a branch graph: special points, pieces, solutions and stretches."""
+"""The records of a branch graph: special points, pieces, solutions."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, largest
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import apart, card, counted, short, state
+from pwscont.basics.outcome import Kind
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.graph.accuracy import ROUNDING, Accuracy
-from pwscont.graph.passages import Passage
-from pwscont.graph.place import Place
-from pwscont.graph.track import Track
+from pwscont.graph.place import Place, Track
+from pwscont.system.system import PiecewiseSystem
+
+#: Significant digits where the error is rounding.
+ALL_DIGITS = 16.0
+
+
+def significant(error: Array, values: Array, scale: Array) -> float:
+    """Return how many decimal digits of ``values`` are significant, by their estimated error.
+
+    Each is measured by its own size or, where that is smaller, by its typical magnitude, so that
+    the number does not depend on units; 16 where the error is rounding.
+    """
+    off = largest(error / np.maximum(np.abs(values), scale))
+    return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Accuracy:
+    """Tells how many digits of a place are significant, by its error when it is asked for.
+
+    Attributes
+    ----------
+    scale : ndarray, shape (n + 1,), or None
+        Typical magnitudes of (z, alpha).
+    known : float
+        The number where there are no magnitudes.
+    """
+
+    scale: Array | None = None
+    known: float = ALL_DIGITS
+
+    def digits(self, place: Place) -> float:
+        """Return the number of significant decimal digits."""
+        return self.known if self.scale is None else significant(place.error, place.x, self.scale)
+
+
+ROUNDING = Accuracy()
+
+
+#: Orientation, +1 or -1 -> message.
+Passage = Callable[[int], str]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Said:
+    """Two messages, or one for both orientations."""
+
+    forward: str
+    backward: str | None = None
+
+    def __call__(self, orientation: int) -> str:
+        """Return the message for an orientation."""
+        return self.forward if orientation > 0 or self.backward is None else self.backward
+
+
+@final
+@dataclass(slots=True, eq=False)
+class Begun:
+    """That tracing began inside a cell, put into words when it is asked for.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+        Has the words.
+    character : Character
+    """
+
+    system: PiecewiseSystem
+    character: Character
+
+    def __call__(self, orientation: int) -> str:
+        """Return the message."""
+        return f"start in {self.system.label(self.character)}"
+
+    def __reduce__(self) -> tuple[type[Said], tuple[str]]:
+        return Said, (self(1),)  # copies, also in other processes, have no system
+
+
+@final
+@dataclass(slots=True, eq=False)
+class Change:
+    """What changes from one cell to another, put into words when it is asked for.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+        Has the words.
+    before, after : Character
+        The cells in the order of the positive orientation.
+    note : str
+        What else is known.
+    """
+
+    system: PiecewiseSystem
+    before: Character
+    after: Character
+    note: str = ""
+
+    def __call__(self, orientation: int) -> str:
+        """Return the message for an orientation."""
+        cells = (self.before, self.after) if orientation > 0 else (self.after, self.before)
+        change = self.system.describe_transition(*cells)
+        return f"{change}; {self.note}" if self.note else change
+
+    def __reduce__(self) -> tuple[type[Said], tuple[str, str]]:
+        return Said, (self(1), self(-1))  # copies, also in other processes, have no system
+
 
 #: With fewer significant digits a result says so wherever it is shown.
 FEW_DIGITS = 6.0
@@ -53,7 +160,7 @@ class SpecialPoint:
     id : int
         The id of the node in ``graph.nx``; -1 for a start within a piece, which is no node.
     kind : str
-        A :class:`~pwscont.basics.kind.Kind`, equal to its plain word, such as ``"transition"``
+        A :class:`~pwscont.basics.outcome.Kind`, equal to its plain word, such as ``"transition"``
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimate of its error.

@@ -1,4 +1,6 @@
-"""One file for one branch graph: arrays and a JSON header in a zip, as numpy writes it.
+"""The file of a branch graph.
+
+Readers that do not know the member ignore it.
 
 Failure modes and answers
 -------------------------
@@ -12,11 +14,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, final
+from zipfile import ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -24,17 +27,52 @@ import numpy.typing as npt
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import GraphFileError
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.kind import kind_of
+from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
-from pwscont.graph.accuracy import Accuracy
-from pwscont.graph.consistency import check_places, check_references
-from pwscont.graph.fields import DamagedError, Fields
-from pwscont.graph.infinite import read_stretches, rows_of
-from pwscont.graph.passages import Said
-from pwscont.graph.place import Stored, WorkedOut, first_digits, from_first_digits
-from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
-from pwscont.graph.track import Track
+from pwscont.graph.balance import check_places, check_references
+from pwscont.graph.exports import DamagedError, Fields
+from pwscont.graph.place import Stored, Track, WorkedOut, first_digits, from_first_digits
+from pwscont.graph.queries import read_stretches, rows_of
+from pwscont.graph.records import Accuracy, Piece, Said, SpecialPoint, Stretch, attempted
+
+MEMBER = "scene.json"
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """The name of a scene and its settings, as texts."""
+
+    scene: str
+    settings: Mapping[str, str]
+
+
+def write_origin(path: Path, origin: Origin) -> None:
+    """Add the scene to the file of a graph."""
+    text = json.dumps({"scene": origin.scene, "settings": dict(origin.settings)})
+    with ZipFile(path, "a") as file:
+        file.writestr(MEMBER, text)
+
+
+def read_origin(path: Path) -> Origin | None:
+    """Return the scene that a file of a graph names, None where it names none.
+
+    Raises
+    ------
+    GraphFileError
+        If what the file says is no scene.
+    """
+    with ZipFile(path) as file:
+        if MEMBER not in file.namelist():
+            return None
+        text = file.read(MEMBER)
+    try:
+        said = json.loads(text)
+        settings = {str(name): str(value) for name, value in dict(said["settings"]).items()}
+        return Origin(str(said["scene"]), settings)
+    except (ValueError, KeyError, TypeError) as error:
+        raise GraphFileError(f"{path} names its scene in a damaged way") from error
+
 
 FORMAT = "pwscont branch graph"
 VERSION = 2

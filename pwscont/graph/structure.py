@@ -1,7 +1,8 @@
-"""The structure of a branch graph: pieces, and the special points that they join."""
+"""The networkx graph of pieces and special points, and its components."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
@@ -9,17 +10,48 @@ from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function, Naming, Quantities, checked_record
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.graph.connected import connected, shortest_way
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
-from pwscont.system.hidden import shown_size
+from pwscont.system.abilities import shown_size
 from pwscont.system.system import PiecewiseSystem
+
+#: Two members that are connected.
+Pair = tuple[int, int]
+
+
+def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
+    """Return the sets of members that are connected, in the order of their least ones."""
+    joined = list(pairs)
+    known = sorted({*members, *chain.from_iterable(joined)})
+    place = {member: i for i, member in enumerate(known)}
+    ends = np.array([[place[a], place[b]] for a, b in joined], dtype=int).reshape(-1, 2)
+    size = len(known)
+    matrix = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(size, size))
+    sets: dict[int, set[int]] = defaultdict(set)
+    for member, label in zip(known, connected_components(matrix, directed=False)[1], strict=True):
+        sets[int(label)].add(member)
+    return list(sets.values())
+
+
+def shortest_way(members: Iterable[int], pairs: Iterable[Pair], a: int, b: int) -> list[int]:
+    """Return the members on a shortest way from one to another; empty where there is none."""
+    import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
+
+    graph = nx.Graph()
+    graph.add_nodes_from(members)
+    graph.add_edges_from(pairs)
+    try:
+        return list(nx.shortest_path(graph, a, b))
+    except nx.NetworkXNoPath:
+        return []
+
 
 #: A word as similar as this to the word of a kind is a misspelt one.
 MISSPELT = 0.7
@@ -93,7 +125,7 @@ class Structure:
         Parameters
         ----------
         kind : str, optional
-            A value of :class:`~pwscont.basics.kind.Kind`, such as "nonsmooth fold", or a kind
+            A value of :class:`~pwscont.basics.outcome.Kind`, such as "nonsmooth fold", or a kind
             of a user's own detector, of which there may be no point.
 
         Raises

@@ -21,8 +21,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.generic import generic_angles
+from pwscont.basics.arrays import Array, generic_angles
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor, power_of_two
 

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont.basics.arrays import Indices
+from pwscont.notation.arithmetic import UntraceableError, refuse_kink
 from pwscont.notation.dual import (
     FUNCTIONS,
     Dual,
@@ -20,7 +21,6 @@ from pwscont.notation.dual import (
     joined,
     spread,
 )
-from pwscont.notation.rules import UntraceableError, refuse_kink
 
 #: Functions that move entries around, or put zeros between them.
 MOVING = tuple(

@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Indices, Matrix
 from pwscont.basics.character import Character
 from pwscont.notation.derivatives import Derivatives
-from pwscont.notation.function import Outcome
-from pwscont.notation.lifted import LiftedFunction
+from pwscont.notation.function import LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated
 
 

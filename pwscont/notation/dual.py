@@ -22,14 +22,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense
-from pwscont.notation.arithmetic import PLAIN, Arithmetic, added, scaled
-from pwscont.notation.rules import (
+from pwscont.notation.arithmetic import (
     KINKED,
     OF_TWO,
+    PLAIN,
     QUESTIONS,
     SMOOTH,
+    Arithmetic,
     UntraceableError,
+    added,
     refuse_kink,
+    scaled,
 )
 
 #: What functions of numpy other than ufuncs do with Duals, by name; filled by array_functions.

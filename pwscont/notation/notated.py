@@ -10,13 +10,12 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import counted
 from pwscont.notation.layout import Layout
-from pwscont.system.hidden import HidesUnknowns
+from pwscont.system.abilities import HidesUnknowns
 from pwscont.system.system import PiecewiseSystem
 
 #: Points at which the values of switches are seen.

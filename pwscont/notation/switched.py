@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Indices, Signs, generic
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.generic import generic
-from pwscont.notation.affine import coefficients
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.notation.derivatives import derivatives_of
+from pwscont.notation.derivatives import coefficients, derivatives_of
 from pwscont.notation.dual import Dual, as_dual
-from pwscont.notation.function import Function, UserFunction
+from pwscont.notation.function import Function, LiftedFunction, UserFunction
 from pwscont.notation.layout import Layout
-from pwscont.notation.lifted import LiftedFunction
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form

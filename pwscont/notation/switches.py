@@ -10,7 +10,7 @@ import numpy as np
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.notation.array_functions import chosen
 from pwscont.notation.dual import as_operand, joined, spread, value_of
-from pwscont.notation.operations import (
+from pwscont.notation.layout import (
     ABS,
     CLIP,
     LOWER,

@@ -1,11 +1,12 @@
-"""The base classes of scenes and of their answers, as the command line uses them."""
+"""Answers of scenes, and how a user asks for their files to look."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
@@ -15,8 +16,44 @@ from pwscont.basics.looks import card, named, short
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report
 from pwscont.graph import BranchGraph
-from pwscont.scenes.look import DEFAULT_LOOK, Look
 from pwscont.scenes.panels import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "pdf", "svg")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Format and resolution of pictures, and what is drawn of bodies.
+
+    Attributes
+    ----------
+    format : str
+        One of ``png``, ``pdf`` and ``svg``.
+    dpi : int
+        Dots per inch.
+    scale : float or None
+        Factor by which displacements of bodies are enlarged; the default makes them visible.
+    animate : bool
+        Whether moving pictures are written, too.
+    """
+
+    format: str = "png"
+    dpi: int = 150
+    scale: float | None = None
+    animate: bool = False
+
+    def save(self, figure: Figure, directory: Path, name: str) -> Path:
+        """Write a picture into an existing directory; return its file."""
+        path = directory / f"{name}.{self.format}"
+        figure.savefig(path, dpi=self.dpi)
+        return path
+
+
+DEFAULT_LOOK = Look()
 
 
 class Answer(ABC):

@@ -10,8 +10,7 @@ from pwscont.basics.looks import counted, named
 from pwscont.graph import BranchGraph, Solution
 from pwscont.graph.presentation import Attempt, not_recorded, recorded
 from pwscont.graph.records import attempted
-from pwscont.scenes.answer import Answer
-from pwscont.scenes.look import DEFAULT_LOOK, Look
+from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look
 from pwscont.scenes.panels import Shown
 from pwscont.scenes.table import report
 

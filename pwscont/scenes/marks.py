@@ -12,11 +12,10 @@ from matplotlib.axes import Axes
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Kind
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.scenes.drawn import DUST
-from pwscont.scenes.styles import color_of
-from pwscont.scenes.symbols import number_of
+from pwscont.scenes.panels import DUST
+from pwscont.scenes.styles import color_of, number_of
 
 #: Limits of the parameter and of the quantity.
 Window: TypeAlias = tuple[tuple[float, float], tuple[float, float]]

@@ -1,15 +1,231 @@
-"""The parts of a scene that its answer shows."""
+"""What a scene shows: quantities, bodies, panels."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol, final
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from numbers import Integral
+from typing import Any, Protocol, TypeAlias, final
 
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
-from pwscont.scenes.body_picture import BodyPicture
-from pwscont.scenes.drawn import What
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.quantities import Function, Quantities, as_written, spelled
+from pwscont.graph import BranchGraph
 from pwscont.system.system import PiecewiseSystem
+
+#: What a contact node may do.
+CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """The shapes in which pictures show a body in several states.
+
+    Between two states all numbers are interpolated, so they must depend on (z, alpha) linearly to
+    be true there.
+
+    Attributes
+    ----------
+    corners : ndarray of int, shape (elements, c)
+        The nodes around each element.
+    positions : ndarray, shape (states, 2, nodes)
+        Where nodes are drawn: displacements may be magnified.
+    shade : ndarray, shape (states, m, elements)
+        Its Euclidean norm over the m components chooses the colour of an element.
+    contact : ndarray of int, shape (p,)
+        The nodes in or near contact.
+    tangents : ndarray, shape (2, p)
+        Unit vectors in the direction of ``slip+``.
+    pressure, shear, bound : ndarray, shape (states, p)
+        Force per area on each contact node, and the most that friction can hold.
+    arc : ndarray, shape (p,)
+        Length along the boundary at each contact node.
+    part : ndarray of int, shape (p,)
+        Number of the connected part of the boundary that each contact node belongs to.
+    obstacles : tuple of ndarray, each of shape (2, j)
+        Outlines of what the body leans on.
+    held : ndarray of int
+        Nodes that are held in place.
+    note : str
+        What is magnified, and by how much.
+    shade_label, arc_label, force_label : str
+        Names of colours and axes, with units.
+    """
+
+    corners: Indices
+    positions: Array
+    shade: Array
+    contact: Indices
+    tangents: Array
+    pressure: Array
+    shear: Array
+    bound: Array
+    arc: Array
+    part: Indices
+    obstacles: tuple[Array, ...] = ()
+    held: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
+    note: str = ""
+    shade_label: str = "largest shear stress"
+    arc_label: str = "length along the boundary"
+    force_label: str = "force per area"
+
+
+class BodyPicture(ABC):
+    """How the states of a system look on a body; the field ``body`` of a scene holds it.
+
+    :class:`pwscont.View` shows the body beside the branch diagram.
+    """
+
+    @abstractmethod
+    def shapes(self, points: Array) -> Shapes:
+        """Return the body in several states.
+
+        Parameters
+        ----------
+        points : ndarray, shape (states, n + 1)
+            Solutions (z, alpha).
+        """
+
+    @abstractmethod
+    def contact_states(self, character: Character) -> Sequence[str]:
+        """Return what each contact node does in a cell.
+
+        Returns
+        -------
+        sequence of str, length p
+            ``no contact``, ``stick``, ``slip+`` or ``slip-``.
+        """
+
+
+#: An index into z, the name of an unknown or of a recorded quantity, or a function of (z, alpha).
+What: TypeAlias = int | str | Function
+#: Changes smaller than this part of a quantity are rounding.
+DUST = 1e-9
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """A quantity with its name.
+
+    Attributes
+    ----------
+    label : str
+    along : callable
+        Points (z, alpha), shape (k, n + 1) -> values, shape (k,).
+    size : float
+        A typical magnitude; zero if no magnitude is known.
+    """
+
+    label: str
+    along: Callable[[Array], Array]
+    size: float = 0.0
+
+    @classmethod
+    def of(cls, graph: BranchGraph, what: What) -> Drawn:
+        """Return the quantity that is asked for.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such quantity; UnknownNameError names close ones.
+        """
+        if isinstance(what, Integral):
+            return cls._component(graph, int(what))
+        if isinstance(what, str):
+            return cls._named(graph, what)
+        if callable(what):
+            return cls(getattr(what, "__name__", "value").replace("<lambda>", "value"), _each(what))
+        raise _undrawable(what)
+
+    def is_constant(self, values: Sequence[Array]) -> bool:
+        """Tell whether there are values and all of them are equal to rounding."""
+        if not values:
+            return False
+        low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))
+        return bool(high - low <= DUST * max(self.size, abs(low), abs(high)))
+
+    @classmethod
+    def _component(cls, graph: BranchGraph, index: int) -> Drawn:
+        names = graph.names
+        _check_index(index, len(names))
+        return cls(names[index], lambda points: points[:, :-1][:, index], _size(graph, index))
+
+    @classmethod
+    def _named(cls, graph: BranchGraph, name: str) -> Drawn:
+        name = as_written(name, (*graph.names, *graph.quantities.record))
+        if name in graph.names:
+            return cls._component(graph, graph.names.index(name))
+        value = partial(graph.quantities.value, name)
+        if name not in graph.quantities.record:
+            value(np.zeros(len(graph.names)), 0.0)  # raises an error that names close ones
+        return cls(name, _each(value))
+
+
+def is_parameter(graph: BranchGraph, name: str) -> bool:
+    """Tell whether a name is that of the parameter, and of no unknown and no recorded quantity."""
+    known = (*graph.names, *graph.quantities.record)
+    return name not in known and spelled(name) == spelled(graph.parameter)
+
+
+def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Function]) -> str:
+    """Return the name of an unknown or a recorded quantity, asked for by name or index.
+
+    Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none; the message names close ones.
+    """
+    if name.isdecimal() and name not in record and int(name) < len(unknowns):
+        return unknowns[int(name)]
+    name = as_written(name, (*unknowns, *record))
+    if name not in record:
+        Quantities(unknowns, record).value(name, np.zeros(len(unknowns)), 0.0)
+    return name
+
+
+def check_drawn(what: Any, unknowns: Sequence[str], record: Mapping[str, Function]) -> None:
+    """Refuse a quantity that no diagram can show, before any work; errors as of ``Drawn.of``."""
+    if isinstance(what, Integral):
+        _check_index(int(what), len(unknowns))
+    elif isinstance(what, str) and what not in record:
+        Quantities(unknowns, record).value(what, np.zeros(len(unknowns)), 0.0)
+    elif not (isinstance(what, str) or callable(what)):
+        raise _undrawable(what)
+
+
+def _undrawable(what: object) -> InvalidInputError:
+    return InvalidInputError(
+        f"what is drawn must be an index, a name or a function of (z, alpha), got {what!r}"
+    )
+
+
+def _check_index(index: int, size: int) -> None:
+    if not -size <= index < size:
+        raise InvalidInputError(f"there is no unknown {index}: there are {size}")
+
+
+def _size(graph: BranchGraph, index: int) -> float:
+    """Return a typical magnitude of an unknown: the system's, else the largest of all unknowns."""
+    if graph.system is not None and graph.system.gives_scale:
+        return float(graph.system.scale(*graph.interval)[index])
+    return max((float(np.abs(piece.z).max()) for piece in graph.pieces), default=0.0)
+
+
+def _each(function: Function) -> Callable[[Array], Array]:
+    def along(points: Array) -> Array:
+        values = [np.asarray(function(x[:-1].copy(), float(x[-1]))).item() for x in points]
+        return np.array(values, dtype=float)
+
+    return along
 
 
 @final

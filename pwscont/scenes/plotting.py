@@ -6,26 +6,217 @@ points. Imported only where a picture is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import zip_longest
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle, takewhile, zip_longest
+from textwrap import fill, wrap
+from typing import Any, TypeAlias
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
 
+from pwscont.basics.outcome import Kind
 from pwscont.graph import BranchGraph
-from pwscont.scenes.counting import draw_counts, is_one_number
-from pwscont.scenes.diagram import Diagram, mode_of
-from pwscont.scenes.drawn import Drawn, What, is_parameter
-from pwscont.scenes.inset import draw_inset
+from pwscont.scenes.diagram import Diagram, draw_inset, mode_of
 from pwscont.scenes.labels import label_marks
-from pwscont.scenes.layout import Content, arrange, columns_for, place_legend, place_title, rows_of
-from pwscont.scenes.legend import legend_of
-from pwscont.scenes.panels import Panel, ParameterPath, Shown
-from pwscont.scenes.paths import draw_path
-from pwscont.scenes.styles import styles_of
-from pwscont.scenes.symbols import symbol
+from pwscont.scenes.marks import UNLABELLED, marked, markers_of
+from pwscont.scenes.panels import Drawn, Panel, ParameterPath, Shown, What, is_parameter
+from pwscont.scenes.paths import draw_counts, draw_path, is_at_rest, is_one_number
+from pwscont.scenes.strokes import line_of
+from pwscont.scenes.styles import (
+    COLORS,
+    THIN,
+    WIDTH,
+    are_told_apart,
+    color_of,
+    in_letters,
+    in_notation,
+    number_of,
+    styles_of,
+    symbol,
+)
+
+#: Most letters in a line of a name, and most branches, in a legend.
+MOST_LETTERS, MOST_BRANCHES = 40, len(COLORS)
+
+
+def legend_of(graph: BranchGraph, styles: Mapping[str, Any]) -> list[Line2D]:
+    """Return a handle for every branch, mode and kind of point that is drawn."""
+    return [*_branches(graph), *_modes(styles), *_signs(graph), *_marks(graph)]
+
+
+def _branches(graph: BranchGraph) -> list[Line2D]:
+    count = len(graph.components())
+    if count < 2:
+        return []
+    shown = [
+        Line2D([], [], color=color_of(i), linewidth=4.0, label=f"branch {i + 1}")
+        for i in range(min(count, MOST_BRANCHES))
+    ]
+    more = count - len(shown)
+    return [*shown, *([_text(f"and {more} more, in the same colours")] if more else [])]
+
+
+def _modes(styles: Mapping[str, Any]) -> list[Line2D]:
+    if not are_told_apart(styles):
+        return [_text(f"{len(styles)} modes, not told apart")]
+    return [
+        Line2D([], [], color="black", linewidth=WIDTH, linestyle=style, label=label)
+        for label, style in zip(told_apart(list(styles)), styles.values(), strict=True)
+    ]
+
+
+def _signs(graph: BranchGraph) -> list[Line2D]:
+    """Return the handle that explains thin lines, where there are any."""
+    if not any(piece.det_sign < 0 for piece in graph.pieces):
+        return []
+    return [Line2D([], [], color="black", linewidth=THIN, label="thin: det(dH/dz) < 0")]
+
+
+def _marks(graph: BranchGraph) -> list[Line2D]:
+    kinds = dict.fromkeys(point.kind for points in marked(graph).values() for point in points)
+    return [
+        Line2D([], [], color="black", linestyle="none", label=_word(graph, kind), **look)
+        for kind, look in markers_of(graph).items()
+        if kind in kinds
+    ]
+
+
+def _text(words: str) -> Line2D:
+    return Line2D([], [], linestyle="none", label=words)
+
+
+def told_apart(words: Sequence[str]) -> list[str]:
+    """Return names that a legend has room for; what long names share at their ends is left out."""
+    if max(map(len, words), default=0) > MOST_LETTERS:
+        before, after = _shared(words), _shared([word[::-1] for word in words])[::-1]
+        words = [_without(word, before, after) for word in words]
+    return [fill(in_notation(word), MOST_LETTERS) for word in words]
+
+
+def _shared(words: Sequence[str]) -> str:
+    """Return what several names begin with, up to the end of a word."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*words, strict=False))
+    shared = "".join(letters[0] for letters in alike) if len(words) > 1 else ""
+    return shared[: shared.rfind(" ") + 1]
+
+
+def _without(word: str, before: str, after: str) -> str:
+    middle = word[len(before) : max(len(word) - len(after), len(before))]
+    return f"{'… ' * bool(before)}{middle.strip(', ') or '–'}{' …' * bool(after)}"
+
+
+def _word(graph: BranchGraph, kind: str) -> str:
+    """Return the word for a kind, with a note on the number beside its mark."""
+    beside = "" if kind in {*UNLABELLED, Kind.EVENT} else f", at {symbol(graph.parameter)}"
+    return f"{kind}{beside}".replace("nonsmooth", "non-smooth")
+
+
+Content: TypeAlias = Panel | ParameterPath
+
+ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
+#: Most diagrams side by side, and most rows of a legend beside the counts.
+MOST_COLUMNS, LEGEND_ROWS = 3, 6
+#: Inches of a line in a legend and its letters per inch.
+HANDLE, SMALL_LETTERS = 0.6, 16
+#: Most constant quantities that a title names, and its letters per inch.
+MOST_CONSTANTS, LETTERS = 4, 12
+
+
+def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
+    """Return the diagrams in rows, a row per title with its parameter path.
+
+    Constant quantities are left out, unless all quantities are constant.
+    """
+    lively = [panel for panel in scene.panels if constant_value(graph, panel) is None]
+    panels = lively or scene.panels
+    titles = list(dict.fromkeys(panel.title for panel in scene.panels))
+    rows: list[list[Content]] = [
+        [panel for panel in panels if panel.title == title] for title in titles
+    ]
+    for row, path in zip(cycle(rows), scene.paths, strict=False):
+        row.extend([] if is_at_rest(graph, path) else [path])
+    return [row for row in rows if row]
+
+
+def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
+    """Return the value of a constant quantity; None for a quantity with several values."""
+    quantity = Drawn.of(graph, panel.component)
+    values = [line_of(piece, quantity.along)[1] for piece in graph.pieces]
+    return float(values[0][0]) if quantity.is_constant(values) else None
+
+
+def place_title(figure: Figure, scene: Shown, graph: BranchGraph) -> None:
+    """Write the title of a scene, and the values of the quantities that are not drawn."""
+    said = "; ".join([*_constants(scene, graph), *_number(graph)])
+    lines = wrap(in_letters(scene.title), int(figure.get_figwidth() * LETTERS))
+    lines += [said] if said else []
+    figure.set_figheight(figure.get_figheight() + LINE * len(lines))
+    figure.suptitle("\n".join(lines), fontsize="medium")
+
+
+def _constants(scene: Shown, graph: BranchGraph) -> Iterator[str]:
+    found = [(panel, constant_value(graph, panel)) for panel in scene.panels]
+    constant = [(panel, value) for panel, value in found if value is not None]
+    if not constant or len(constant) == len(found):
+        return
+    some = [
+        f"{symbol(Drawn.of(graph, panel.component).label)} = {number_of(value)}"
+        for panel, value in constant[:MOST_CONSTANTS]
+    ]
+    more = len(constant) - len(some)
+    yield f"constant: {', '.join(some)}{f' and {more} more' if more else ''}"
+
+
+def _number(graph: BranchGraph) -> Iterator[str]:
+    if is_one_number(graph):
+        count = int(graph.multiplicity()[0][2])
+        least = "" if graph.is_complete else "at least "
+        yield f"{least}{count} solution{'' if count == 1 else 's'} throughout"
+
+
+def columns_for(rows: Sequence[Sequence[Any]]) -> int:
+    """Return how many diagrams stand side by side."""
+    lengths, count = {len(row) for row in rows}, sum(map(len, rows))
+    if len(lengths) == 1 and max(lengths) <= MOST_COLUMNS:
+        return max(lengths)
+    return 2 if count in (2, 4) else MOST_COLUMNS
+
+
+def arrange(columns: int, rows: int, *, counted: bool) -> tuple[Figure, Any]:
+    """Return a figure and its axes: rows for diagrams, and a low row for the counts."""
+    heights = [ROW] * rows + [COUNTS] * counted
+    width = COLUMN * columns if columns > 1 else ALONE
+    figure = Figure(figsize=(width, sum(heights)), layout="constrained")
+    axes = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
+    return figure, axes
+
+
+def place_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]) -> None:
+    """Draw the legend into free cells beside the counts, or below the figure."""
+    for ax in free:
+        ax.set_axis_off()
+    style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 3.2}
+    columns = -(-len(handles) // LEGEND_ROWS)
+    if _legend_width(handles, columns) <= COLUMN * len(free):
+        free[0].legend(loc="center left", ncols=columns, fontsize="small", **style)
+        return
+    columns = max(1, min(int(figure.get_figwidth() // 2.1), len(handles)))
+    while columns > 1 and _legend_width(handles, columns) > figure.get_figwidth():
+        columns -= 1
+    lines = max((str(handle.get_label()).count("\n") + 1 for handle in handles), default=1)
+    figure.set_figheight(figure.get_figheight() + LINE * lines * -(-len(handles) // columns))
+    figure.legend(loc="outside lower center", ncols=columns, fontsize="small", **style)
+
+
+def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
+    """Return how many inches wide a legend is, about."""
+    lines = [str(handle.get_label()).split("\n") for handle in handles]
+    letters = [max(map(len, some)) for some in lines]
+    longest = [max(part, default=0) for part in np.array_split(letters, columns or 1)]
+    return sum(HANDLE + length / SMALL_LETTERS for length in longest)
 
 
 def plot(

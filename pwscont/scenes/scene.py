@@ -19,15 +19,13 @@ from pwscont.continuation.plan import (
     silent,
     uninterrupted,
 )
+from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
 from pwscont.scenes.answer import Answer, Runnable, values_within
-from pwscont.scenes.body_picture import BodyPicture
-from pwscont.scenes.drawn import check_drawn, quantity_named
 from pwscont.scenes.graph_answer import GraphAnswer
-from pwscont.scenes.panels import Panel, ParameterPath
+from pwscont.scenes.panels import BodyPicture, Panel, ParameterPath, check_drawn, quantity_named
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
-from pwscont.stepping import Stepper
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.user_event import Stop

@@ -14,8 +14,8 @@ from math import isinf
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import apart, counted, middle_cut
+from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
 from pwscont.graph.exports import magnitudes

@@ -1,10 +1,9 @@
 """Searches for starts: solutions from which components can be traced."""
 
 from pwscont.search.all_transitions import AllTransitions
-from pwscont.search.enumeration import enumerate_solutions
+from pwscont.search.enumeration import EndPoints, Slices, enumerate_solutions
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
-from pwscont.search.slices import EndPoints, Slices
 
 __all__ = [
     "AllTransitions",

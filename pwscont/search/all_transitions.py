@@ -16,19 +16,23 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.guarantee import Guarantee, SearchScope
+from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.error_samples import has_digits, is_same, magnitude
+from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Face, Point, solve_slice
 from pwscont.linear.factorise import factor, power_of_two
-from pwscont.search.enumeration import Found, starts_at, starts_of
+from pwscont.search.enumeration import starts_at, starts_of
 from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
-from pwscont.system.blocks import Block
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import (
+    Block,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+)
 from pwscont.transitions.rays import vanishing
 
 #: A direction whose part along alpha is smaller than this is vertical.

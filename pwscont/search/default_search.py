@@ -10,17 +10,17 @@ from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
+from pwscont.search.enumeration import EndPoints, Slices
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.search import Search
-from pwscont.search.slices import EndPoints, Slices
 from pwscont.search.throughout import Throughout, affordable_starts
-from pwscont.system.blocks import number_of_cells
-from pwscont.system.own_searches import BringsSearches
+from pwscont.system.abilities import BringsSearches
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
     has_too_many_tests,
+    number_of_cells,
 )
 
 #: Cells that can be tried at one alpha in a second or two: ten contact nodes.

@@ -23,24 +23,20 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, dense, indices, joined, own_dense
+from pwscont.basics.arrays import Array, Indices, Signs, dense, generic, indices, joined, own_dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
-from pwscont.curve.error_samples import magnitude
+from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.slices import FEW_CELLS, REFINEMENTS
-from pwscont.graph.accuracy import significant
-from pwscont.graph.records import FEW_DIGITS
+from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import last_unit
-from pwscont.search.enumeration import Found
 from pwscont.search.linear_batch import LinearBatch
-from pwscont.system.blocks import characters, number_of_cells
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, refuse_bent_tests
 from pwscont.system.shapes import expect
-from pwscont.system.system import PiecewiseLinearSystem
+from pwscont.system.system import PiecewiseLinearSystem, characters, number_of_cells
 
 #: Systems of more unknowns gain nothing.
 FEW_UNKNOWNS = 64

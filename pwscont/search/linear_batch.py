@@ -62,7 +62,7 @@ class LinearBatch:
     def errors(self, sizes: Array) -> Array:
         """Return samples of the errors of unknowns of these sizes, shape (k, number, l).
 
-        They are those of :func:`~pwscont.curve.uncertainty.uncertainty`.
+        They are those of :func:`~pwscont.curve.newton.uncertainty`.
         """
         rounding = EPS * (np.abs(self.rows) @ sizes[..., np.newaxis])
         found = self.inverse @ (rounding * samples(sizes.shape[1]).T)

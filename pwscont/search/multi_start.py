@@ -11,17 +11,16 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.basics.rounding import EPS
+from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.search.enumeration import Found
 from pwscont.search.search import Search
+from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.hidden import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.standing import settled
+from pwscont.transitions.departures import settled
 
 #: Solutions closer than this in the metric are one: far above the error that Newton leaves.
 SAME = EPS**0.5

@@ -1,4 +1,4 @@
-"""The base class of searches for starts, and how searches combine."""
+"""The seam of searches, and what a search may ask about branches that are known."""
 
 from __future__ import annotations
 
@@ -11,14 +11,47 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.guarantee import Guarantee, SearchScope
 from pwscont.basics.looks import at, short
+from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
-from pwscont.search.enumeration import Found
-from pwscont.search.known import KnownBranches, NothingKnown
 from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+
+
+class KnownBranches(ABC):
+    """The branches of a run so far; a search need not lead to them again."""
+
+    @abstractmethod
+    def at(self, alpha: float) -> list[Array]:
+        """Return a point (z, alpha) for each known solution, interpolated between stored points."""
+
+    @abstractmethod
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return the nearest point between stored ones, where x may be on the same branch."""
+
+    @abstractmethod
+    def extremes(self) -> list[Array]:
+        """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
+
+
+@final
+class NothingKnown(KnownBranches):
+    """No branches."""
+
+    def at(self, alpha: float) -> list[Array]:
+        """Return nothing."""
+        return []
+
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return nothing."""
+        return None
+
+    def extremes(self) -> list[Array]:
+        """Return nothing."""
+        return []
+
 
 #: What a search should yield, for those that yield something near it.
 WANTED = (

@@ -21,26 +21,22 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.generic import generic
-from pwscont.basics.guarantee import Guarantee, SearchScope
-from pwscont.basics.outcome import Failure
+from pwscont.basics.arrays import Array, generic
+from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import has_digits, is_inside
+from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.search.enumeration import Found
-from pwscont.search.known import KnownBranches, NothingKnown
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.pursuit import Pursuit
-from pwscont.search.search import Search
+from pwscont.search.search import KnownBranches, NothingKnown, Search
+from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.hidden import completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.standing import settled
+from pwscont.transitions.departures import settled
 
 #: Newton iterations of a search; each costs about n + 2 evaluations of H.
 EVALUATIONS = 12_000

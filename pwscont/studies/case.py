@@ -11,17 +11,26 @@ Failure modes and answers
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib.metadata import version
 from pathlib import Path
+from platform import python_version
 from typing import final
 
 from pwscont.basics.errors import PwscontError
-from pwscont.studies.explored import ExploredCase
-from pwscont.studies.grid import Grid, Setting
-from pwscont.studies.measures import Measure, Measured
-from pwscont.studies.problem import Problem
+from pwscont.linear.threads import one_thread
+from pwscont.studies.measures import ExploredCase, Measure, Measured
+from pwscont.studies.problem import Grid, Problem, Setting
+
+#: Packages whose versions may change the last digits.
+PACKAGES = ("pwscont", "numpy", "scipy")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that compute."""
+    return {"python": python_version()} | {name: version(name) for name in PACKAGES}
 
 
 @final
@@ -123,3 +132,9 @@ def _noted(failures: list[str], case: ExploredCase, what: str) -> Iterator[None]
         where = "" if error is case.failure else f"{what}: "
         kind = "" if isinstance(error, PwscontError) else f"{type(error).__name__}: "
         failures.append(" ".join(f"{where}{kind}{error}".split()))
+
+
+def in_process(run: CaseRunner, numbers: Iterable[int]) -> Iterator[StudyRow]:
+    """Yield the rows of some cases; BLAS has one thread meanwhile, as in all other processes."""
+    with one_thread():
+        yield from map(run, numbers)

@@ -17,8 +17,7 @@ from typing import Any
 
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.linear.threads import one_thread
-from pwscont.studies.case import CaseRunner, StudyRow
-from pwscont.studies.provenance import versions
+from pwscont.studies.case import CaseRunner, StudyRow, versions
 
 #: Cases that are sent ahead; more would fill the scheduler's memory.
 AHEAD = 500

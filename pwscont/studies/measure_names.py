@@ -9,7 +9,6 @@ from typing import Any
 
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
 from pwscont.basics.looks import short
-from pwscont.studies.grid import checked_column
 from pwscont.studies.measures import (
     CountAt,
     CriticalValue,
@@ -21,6 +20,7 @@ from pwscont.studies.measures import (
     OfGraph,
     QuantityAt,
 )
+from pwscont.studies.problem import checked_column
 
 
 def _critical(text: str, bracket: bool = False) -> Measure:

@@ -23,9 +23,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.scenes.styles import COLORS
-from pwscont.scenes.symbols import number_of, symbol
-from pwscont.studies.grid import Setting
+from pwscont.scenes.styles import COLORS, number_of, symbol
+from pwscont.studies.problem import Setting
 
 #: The name of a column -> a masked array.
 Column: TypeAlias = Callable[[str], Any]

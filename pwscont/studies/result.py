@@ -18,7 +18,7 @@ from pwscont.basics.errors import InvalidInputError, MissingPackageError, Unknow
 from pwscont.basics.looks import card, named
 from pwscont.graph import BranchGraph
 from pwscont.studies.case import StudyRow, graph_file
-from pwscont.studies.grid import FIXED, Grid, Setting
+from pwscont.studies.problem import FIXED, Grid, Setting
 from pwscont.studies.store import Store
 
 if TYPE_CHECKING:

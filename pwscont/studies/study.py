@@ -17,14 +17,11 @@ from typing import Any, TypeAlias, final
 
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, counted, named
-from pwscont.studies.case import CaseRunner, StudyRow
+from pwscont.studies.case import CaseRunner, StudyRow, in_process, versions
 from pwscont.studies.cluster import on_cluster
-from pwscont.studies.grid import Grid
-from pwscont.studies.in_process import in_process
 from pwscont.studies.measure_names import checked_measures
 from pwscont.studies.measures import Measure
-from pwscont.studies.problem import Problem, check_settings, checked_problem, described
-from pwscont.studies.provenance import versions
+from pwscont.studies.problem import Grid, Problem, check_settings, checked_problem, described
 from pwscont.studies.result import StudyResult
 from pwscont.studies.store import Store
 from pwscont.studies.workers import on_workers

@@ -1,14 +1,189 @@
-"""What a system may do beside what every system does, and is asked for only if it says so."""
+"""What a system can do besides, each a class to derive from as well."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.system.compact import Compact
-from pwscont.system.ending import Ending
-from pwscont.system.hidden import HidesUnknowns
-from pwscont.system.own_searches import BringsSearches
-from pwscont.system.reduction import Reducible
 from pwscont.system.system import PiecewiseSystem
+
+
+class Compact(ABC):
+    """A system of whose special points only the essential components are stored.
+
+    Every other component is a multiple of one essential component, plus a constant.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def essential(self, character: Character) -> Indices | None:
+        """Return which components of z determine the others on this selection, None for all."""
+
+    @abstractmethod
+    def completed(self, values: Array, alpha: float, character: Character) -> Array:
+        """Return z, shape (n,), from the components that :meth:`essential` names."""
+
+
+class Ending(ABC):
+    """A system whose curves end at some interfaces, as the locus of a transition does."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def end(self, character: Character, tests: frozenset[int]) -> str | None:
+        """Return why a curve in this cell ends where all of ``tests`` vanish.
+
+        None where it goes on in another cell. A corner where the curve of one cell ends is the end
+        of all curves that meet there; from a start at a corner, the curve of every cell is
+        followed, and none goes on as another.
+        """
+
+
+def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int]) -> str | None:
+    """Return why a curve of a system ends where ``tests`` vanish, None where it does not."""
+    why = system.end(character, tests) if isinstance(system, Ending) else None
+    if not (why is None or isinstance(why, str)):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.end must return why a curve ends, a text, or None where it "
+            f"goes on, got {why!r}"
+        )
+    return why
+
+
+class HidesUnknowns(ABC):
+    """A system whose last unknowns follow from the others, and are shown to nobody.
+
+    The methods of the system know all ``size`` unknowns. A user gives and gets the first ``shown``
+    of them: starts, solutions, special points, names, events, recorded quantities and files. A
+    user's own detectors, steppers and searches see all.
+
+    Attributes
+    ----------
+    shown : int
+        How many unknowns a user knows of.
+    """
+
+    __slots__ = ()
+
+    shown: int
+
+    @abstractmethod
+    def with_hidden(self, z: Array, alpha: float) -> Array:
+        """Return all unknowns, shape (size,), from those that are shown, shape (shown,)."""
+
+
+def shown_size(system: PiecewiseSystem) -> int:
+    """Return of how many unknowns a user knows."""
+    return system.shown if isinstance(system, HidesUnknowns) else system.size
+
+
+def completed(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
+    """Return all unknowns from those that a user knows."""
+    return system.with_hidden(z, alpha) if isinstance(system, HidesUnknowns) else z
+
+
+def completed_point(system: PiecewiseSystem, x: Array) -> Array:
+    """Return (z, alpha) with all unknowns from the same with those that a user knows."""
+    if not isinstance(system, HidesUnknowns):
+        return x
+    return np.append(system.with_hidden(x[:-1], float(x[-1])), x[-1])
+
+
+def shown_points(system: PiecewiseSystem, points: Array) -> Array:
+    """Return points (..., z, alpha), or errors of such, without the unknowns that are hidden."""
+    if not isinstance(system, HidesUnknowns) or system.shown == system.size:
+        return points
+    return np.delete(points, np.s_[system.shown : system.size], axis=-1)
+
+
+def all_names(system: PiecewiseSystem) -> tuple[str, ...]:
+    """Return a name for every unknown, also for those that are hidden."""
+    names = tuple(system.names())
+    return (*names, *(f"hidden[{i}]" for i in range(system.size - len(names))))
+
+
+class BringsSearches(ABC):
+    """A system for which there are searches of its kind.
+
+    They are added to the default of :func:`pwscont.explore` where trying every cell would take
+    too long.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def searches(self) -> Sequence[Any]:
+        """Return these searches, each a :class:`~pwscont.Search`."""
+
+
+class Reducible(ABC):
+    """A system that may know a smaller one with the same solutions."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def reduction(self, lo: float, hi: float) -> Reduction | None:
+        """Return the smaller system for alpha in [lo, hi], None if there is none.
+
+        Only what provably stays in one mode on the whole interval may be left out.
+        """
+
+
+def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
+    """Return what remains of a system on an interval, None where nothing can be left out."""
+    return system.reduction(*interval) if isinstance(system, Reducible) else None
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduction:
+    """A smaller system, without the parts that provably stay in one mode.
+
+    Attributes
+    ----------
+    system : PiecewiseSystem
+        The smaller system.
+    kept : ndarray of int
+        The places of its unknowns among those of the full system; all others are zero.
+    tests : ndarray of int
+        The places of its test functions among those of the full system.
+    idle : Character
+        A character of the full system with the signs of the parts left out.
+    reasons : tuple of str
+        For every part left out, the proof in words.
+    """
+
+    system: PiecewiseSystem
+    kept: Indices
+    tests: Indices
+    idle: Character
+    reasons: tuple[str, ...]
+
+    def points(self, points: Array, size: int) -> Array:
+        """Return points (..., z, alpha) with the unknowns left out put back as zeros."""
+        full = np.zeros((*points.shape[:-1], size + 1))
+        full[..., self.kept], full[..., -1] = points[..., :-1], points[..., -1]
+        return full
+
+    def state(self, z: Array) -> Array:
+        """Return the unknowns that remain of a state of the full system."""
+        kept: Array = z[self.kept]
+        return kept
+
+    def character(self, character: Character) -> Character:
+        """Return the character of the full system."""
+        signs = self.idle.array.copy()
+        signs[self.tests] = character.array
+        return Character.of(np.where(signs, 1.0, -1.0))
+
 
 ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
 #: The methods of all of them.

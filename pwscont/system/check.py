@@ -1,4 +1,4 @@
-"""check_system, which tests whether a new system keeps its promises."""
+"""check_system: mistakes in a user's formulas."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense, finite_array
+from pwscont.basics.arrays import Array, dense, finite_array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
-from pwscont.system.abilities import check_abilities
+from pwscont.system.abilities import check_abilities, completed_point, end_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import (
     check_attributes,
@@ -26,8 +25,6 @@ from pwscont.system.contract import (
     kink_at,
     residual_at,
 )
-from pwscont.system.ending import end_of
-from pwscont.system.hidden import completed_point, shown_size
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 

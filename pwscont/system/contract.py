@@ -23,7 +23,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
-from pwscont.system.hidden import shown_size
+from pwscont.system.abilities import shown_size
 from pwscont.system.shapes import (
     checked_array,
     checked_matrix,

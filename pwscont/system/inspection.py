@@ -17,18 +17,16 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense
+from pwscont.basics.arrays import Array, dense, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
-from pwscont.system.all_cells import signs_of_solutions
-from pwscont.system.blocks import Block
+from pwscont.system.abilities import all_names
 from pwscont.system.contract import check_contract, residual_at
-from pwscont.system.hidden import all_names
 from pwscont.system.promises import check_blocks, check_promises, checked_necessary
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.selection import signs_of_solutions
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Central differences are right to about EPS^(2/3); what differs by more than this is wrong.
 TOLERANCE = EPS**0.4

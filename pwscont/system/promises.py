@@ -1,4 +1,4 @@
-"""Promises of a user's system that are tested while it is used, each at the cost of one residual.
+"""What a system promises, and what a run refuses because a promise is broken.
 
 Failure modes and answers
 -------------------------
@@ -23,17 +23,16 @@ from itertools import chain
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, is_everywhere, product
+from pwscont.basics.arrays import Array, Matrix, are_finite, dense, generic, is_everywhere, product
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.system.blocks import Block
 from pwscont.system.contract import Sample, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.shapes import expect, refuse_infinite
 from pwscont.system.system import (
+    Block,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,

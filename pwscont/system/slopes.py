@@ -18,10 +18,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, product
+from pwscont.basics.arrays import Array, Matrix, generic, product
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import at
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.differences import Differences

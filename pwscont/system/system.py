@@ -1,14 +1,15 @@
-"""The base classes of problems: piecewise smooth, linear at fixed alpha, and linear."""
+"""The system that a user writes."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
+from math import prod
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, final
 
 import numpy as np
 
@@ -16,10 +17,52 @@ from pwscont.basics.arrays import Array, Indices, Matrix, by_rows, indices, join
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
-from pwscont.system.blocks import Block
 from pwscont.system.differences import Differences
 from pwscont.system.shapes import own_array
 from pwscont.system.undefined import Undefined
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A part of a system that is in one of several modes, whatever the others do.
+
+    Attributes
+    ----------
+    tests : tuple of int
+        The test functions whose signs choose the mode.
+    rows : tuple of int
+        The rows of H that depend on the mode.
+    modes : tuple of tuple of bool
+        For every mode the signs of these tests in some character that has it.
+
+    Examples
+    --------
+    >>> from pwscont import Block
+    >>> Block(tests=(0,), rows=(1,), modes=((True,), (False,)))
+    Block(tests=(0,), rows=(1,), modes=((True,), (False,)))
+    """
+
+    tests: tuple[int, ...]
+    rows: tuple[int, ...]
+    modes: tuple[tuple[bool, ...], ...]
+
+
+def number_of_cells(blocks: Iterable[Block]) -> int:
+    """Return the number of combinations of the modes of some blocks."""
+    return prod(len(block.modes) for block in blocks)
+
+
+def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
+    """Yield one character for each combination of the modes of some blocks.
+
+    Of so many tests, those that no block decides are positive.
+    """
+    positive = Character([True] * tests)
+    decided = [test for block in blocks for test in block.tests]
+    for modes in product(*(block.modes for block in blocks)):
+        yield positive.with_signs(decided, chain.from_iterable(modes))
+
 
 #: The default of ``cells`` tries every sign pattern; beyond this many tests it asks for help.
 MANY_TESTS = 16
@@ -332,7 +375,7 @@ class SlicewiseLinearSystem(PiecewiseSystem):
 class PiecewiseLinearSystem(SlicewiseLinearSystem):
     """A system whose selections and test functions are affine in (z, alpha) together.
 
-    Its curves are polygons: :class:`~pwscont.stepping.ExactLinear` follows them from corner
+    Its curves are polygons: :class:`~pwscont.ExactLinear` follows them from corner
     to corner without a step size. The default Jacobians are exact here, because differences
     of affine functions are.
 

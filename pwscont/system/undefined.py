@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from pwscont.basics.arrays import generic
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.generic import generic
 
 #: What is guarded: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")

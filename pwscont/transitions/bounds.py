@@ -21,13 +21,12 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs
-from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
-from pwscont.curve.uncertainty import uncertainty_beside
-from pwscont.stepping.stepper import Segment
+from pwscont.curve.newton import uncertainty_beside
+from pwscont.curve.stepper import Segment
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector

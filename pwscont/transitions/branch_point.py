@@ -23,13 +23,12 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.rounding import EPS
 from pwscont.curve.crossing import Crossing, crossing
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
-from pwscont.stepping.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
 

@@ -1,4 +1,11 @@
-"""All rays that leave a given solution."""
+"""All rays that leave a given solution.
+
+Failure modes and answers
+-------------------------
+- Near a fold the residual is as small as the square of the distance: where dH/dz is singular,
+  Newton at fixed alpha may stand still beside the fold, beyond it even, where there is no solution.
+  With another unknown held fixed, Newton leads to the curve, at the alpha at which it is.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +18,57 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import FailureReason
-from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude
+from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.curve.curve import Curve, Held, State
+from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.root import Root
-from pwscont.curve.uncertainty import uncertainty
-from pwscont.linear.factorise import last_unit
+from pwscont.curve.newton import Root, newton, uncertainty
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.fold_at_end import fold_at_end
+from pwscont.transitions.fold import fold_at_end
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
-from pwscont.transitions.standing import regular_border
+
+MOST_NEWTON = 8
+
+
+def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | None:
+    """Return a solution that Newton found at fixed alpha, put on the curve if dH/dz is singular.
+
+    None where the curve is outside the interval.
+    """
+    if isinstance(system, SlicewiseLinearSystem):
+        return found
+    x, _ = found
+    curve = Curve(Selection(system, system.character(x[:-1], float(x[-1]))), metric)
+    held = regular_border(curve, x)
+    if held is None or held.row[-1]:
+        return found
+    row = held.row
+    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
+    if isinstance(root, Failure):
+        return None
+    same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
+    return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
+
+
+def regular_border(curve: Curve, x: Array) -> Held | None:
+    """Return J, the unit row e_j that borders it to a regular matrix, and the factorisation.
+
+    It holds one unknown fixed: alpha, but at a fold, where that fails. At a branch point all fail.
+    """
+    jacobian, size = curve.selection.jacobian(x), len(x)
+    for j in range(size - 1, -1, -1):
+        row = np.zeros(size)
+        row[j] = 1.0
+        factor = bordered(jacobian, row, curve.metric.binary)
+        if not factor.is_singular():
+            return Held(jacobian, row, factor)
+    return None
 
 
 @final

@@ -11,13 +11,12 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, smallest
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import at, counted, named, short
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
-from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.

@@ -1,4 +1,4 @@
-"""Events: points along a branch that a user asks for, at which the branch may end on purpose.
+"""Events: zeros of functions that a user names, along a branch.
 
 An event is a zero of a user's function g(z, alpha). It divides a piece in two, and changes neither
 the solutions nor their signs: counts and balances are the same without it. No step depends on
@@ -21,19 +21,314 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, final
+
+import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Failure, Kind
+from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
+from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.events_along import EventMark, EventsAlong
+from pwscont.transitions.location import MOST_BRENT, locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
+
+#: Parts of a step, or of a straight piece, at which g is looked at close to the ends.
+GRADED = 10.0 ** np.arange(-7.0, -1.0)
+#: How closely the place is found where g comes closest to zero, as a part of the step.
+CLOSEST = EPS**0.5
+NONE = np.empty(0)
+#: Where g comes no closer to zero than this part of its values, points of the cubic tell so.
+SHALLOW = 1e-3
+#: So far beside an end of a step, as a part of the way to the next place, g tells how it changes.
+ASIDE = 1e-3
+#: Where between two places, as a part of the way, g is compared with that of a single zero.
+PLAIN = 0.3
+
+
+def _places(count: int) -> Array:
+    """Return parts of a stretch: evenly many, and others closer and closer to both ends."""
+    even = np.linspace(0.0, 1.0, count + 1)[1:]
+    return np.sort(np.concatenate([even, GRADED, 1.0 - GRADED]))
+
+
+#: Places on a step, and on a straight piece, at which g is evaluated.
+ON_STEP, ON_RAY = _places(16), _places(64)
+#: Where g comes closer to zero than this part of its values, it is looked at beside that place.
+NEAR = 0.1
+#: At what distances from there, as parts of the stretch.
+AROUND = np.outer(GRADED, [1.0, 2.0, 5.0]).ravel()
+#: An event closer than this to a special point, in the metric, may be at that point.
+BESIDE = 1e-6
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class EventMark:
+    """A place on a piece where events are zero.
+
+    Attributes
+    ----------
+    state : State
+    events : tuple of UserEvent
+    after : int
+        How many of the points of the piece come before.
+    position : float
+        Distance along the stretch from the last one of these.
+    """
+
+    state: State
+    events: tuple[UserEvent, ...]
+    after: int
+    position: float
+
+    @property
+    def names(self) -> str:
+        """The names of the events."""
+        return ", ".join(event.name for event in self.events)
+
+
+@final
+class EventsAlong:
+    """Watches events along one piece, stretch after stretch."""
+
+    def __init__(
+        self, events: Sequence[UserEvent], curve: Curve, begin: tuple[Array, Array]
+    ) -> None:
+        self._marks: list[EventMark] = []
+        self._curve, self._begin = curve, begin
+        self._watched = [_Watched(event, curve, *begin) for event in events]
+
+    def look(self, segment: Segment, length: float, after: int) -> Sequence[EventMark]:
+        """Return the events on a stretch of the piece, and keep them."""
+        found = [
+            EventMark(state, (watched.event,), after, s)
+            for watched in self._watched
+            for s, state in watched.zeros(segment, length)
+        ]
+        known = len(self._marks)
+        for mark in sorted(found, key=lambda mark: mark.position):
+            if self._is_at(mark, *self._begin):
+                continue
+            if len(self._marks) > known and self._is_one(self._marks[-1], mark):
+                last = self._marks.pop()
+                mark = replace(last, events=(*last.events, *mark.events))  # noqa: PLW2901
+            self._marks.append(mark)
+        return self._marks[known:]
+
+    def before(self, x: Array, error: Array) -> Sequence[EventMark]:
+        """Return the events on the piece but those at the special point in which it ends."""
+        end = len(self._marks)
+        while end and self._is_at(self._marks[end - 1], x, error):
+            end -= 1
+        return self._marks[:end]
+
+    def _is_one(self, one: EventMark, other: EventMark) -> bool:
+        """Tell whether two events are at one place."""
+        metric, x = self._curve.metric, one.state.x
+        return metric.norm(x - other.state.x) <= metric.slack(x, CONVERGED)
+
+    def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
+        """Tell whether events are at a special point, to the accuracy of that point."""
+        metric, way = self._curve.metric, mark.state.x - x
+        if metric.norm(way) > BESIDE:
+            return False
+        return all(event.is_near(metric, x, error, way) for event in mark.events)
+
+
+class _Watched:
+    """An event and the sign that it has; 0 on a stretch of zeros, None while there is no sign."""
+
+    def __init__(self, event: UserEvent, curve: Curve, x: Array, size: Array) -> None:
+        self.event, self._curve = event, curve
+        self._sign = self._sign_at(x, size)
+
+    def zeros(self, segment: Segment, length: float) -> Iterator[tuple[float, State]]:
+        """Yield where on a stretch the sign changes, and go on with the sign at its end."""
+        places = length * (ON_STEP if isinstance(segment, CurvedSegment) else ON_RAY)
+        values = np.array([self.event.value(x) for x in self._points(segment, places)])
+        if len(more := self._beside_least(segment, places, values)):
+            places = np.unique([*places, *more])
+            values = np.array([self.event.value(x) for x in self._points(segment, places)])
+        lows = list(self._lows(segment, places, values)) if values.any() else []
+        if self._sign is not None and not lows and (np.sign(values) == self._sign).all():
+            return
+        places = np.unique([*places, *lows])
+        yield from self._walk(segment, 0.0, places)
+
+    def _walk(
+        self, segment: Segment, before: float, places: Array, is_fine: bool = False
+    ) -> Iterator[tuple[float, State]]:
+        """Yield where the sign changes between places, and go on with the sign at the last one."""
+        for s in map(float, places):
+            sign = self._sign_at(*self._exact(segment, s))
+            if sign is None:
+                continue
+            if self._sign is not None and sign != self._sign:
+                found = self._change(segment, before, s)
+                more = self._around(segment, before, found[0], s) if found and not is_fine else NONE
+                if len(more):
+                    yield from self._walk(segment, before, np.append(more, s), is_fine=True)
+                elif found:
+                    yield found
+            self._sign, before = sign, s
+
+    def _around(self, segment: Segment, lo: float, zero: float, hi: float) -> Array:
+        """Return places between two others that tell three zeros from one, none where one is clear.
+
+        Where g has a single zero, g divided by the distance to the zero hardly changes.
+        """
+        sign, cell, places = self._sign, hi - lo, [lo]
+        if not sign:
+            return NONE
+
+        def divided(s: float) -> float:
+            """Return what is positive at both ends, and all between if the zero is the only one."""
+            places.append(s)
+            value = self.event.value(self._exact(segment, s)[0])
+            return sign * value / (zero - s) if s != zero else np.inf
+
+        beside = [lo + PLAIN * cell, hi - PLAIN * cell, zero - ASIDE * cell, zero + ASIDE * cell]
+        sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
+        if min(sizes) >= 0.5 * max(sizes):
+            return NONE
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
+
+        options = {"xatol": CLOSEST * cell}
+        found = minimize_scalar(divided, bounds=(lo, hi), method="bounded", options=options)
+        if found.fun < 0.0:  # two more: one on either side of this place
+            apart = ASIDE * abs(found.x - zero)
+            places += [zero - apart, zero + apart]
+        return np.unique([s for s in places if lo < s < hi])
+
+    def _points(self, segment: Segment, places: Array) -> Iterator[Array]:
+        """Yield points of a stretch at places in the interval, the last one exactly."""
+        for s in places[:-1]:
+            x = segment.near(float(s))
+            self._curve.metric.admits(x)
+            yield x
+        yield self._exact(segment, float(places[-1]))[0]
+
+    def _exact(self, segment: Segment, s: float) -> tuple[Array, Array]:
+        """Return a point of the curve, and the size of its error."""
+        if not isinstance(segment, CurvedSegment):
+            return segment.near(s), np.zeros_like(segment.start.x)
+        if s in (0.0, segment.length):
+            end = segment.end if s else segment.start
+            return end.x, end.size
+        found = segment.at(s)
+        if isinstance(found, Failure):
+            return segment.near(s), np.zeros_like(segment.start.x)
+        return found.x, found.size
+
+    def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
+        """Return places closer and closer to where g seems to vanish, if it comes near to that.
+
+        There may be more zeros close to one.
+        """
+        sizes, length = np.abs(values), float(places[-1])
+        i = int(sizes.argmin())
+        if not sizes[i] <= NEAR * sizes.max() or not sizes.any():
+            return NONE
+        s = np.concatenate([[0.0], places])
+        lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
+        low = self._least_size(segment, lo, hi)
+        beside = np.concatenate([low - length * AROUND, low + length * AROUND])
+        return beside[(beside > 0.0) & (beside < length)]
+
+    def _least_size(self, segment: Segment, lo: float, hi: float) -> float:
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
+
+        found = minimize_scalar(
+            lambda s: abs(self.event.value(segment.near(float(s)))),
+            bounds=(lo, hi),
+            method="bounded",
+            options={"xatol": CLOSEST * (hi - lo)},
+        )
+        return float(found.x)
+
+    def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
+        """Yield where between places g has another sign, next to where it comes close to zero."""
+        s = np.concatenate([[0.0], places])
+        values = np.concatenate([[self.event.value(segment.start.x)], values])
+        shallow = SHALLOW * float(np.abs(values).max())
+        for lo, hi, sign in self._valleys(segment, s, values):
+            low, least = self._lowest(segment.near, sign, lo, hi)
+            if abs(least) <= shallow and isinstance(segment, CurvedSegment):
+                low, least = self._lowest(lambda s: self._exact(segment, s)[0], sign, lo, hi)
+            if least < 0.0:
+                yield low
+
+    def _valleys(
+        self, segment: Segment, s: Array, values: Array
+    ) -> Iterator[tuple[float, float, float]]:
+        """Yield the stretches in which g comes closer to zero than at their ends, and its sign."""
+        sizes, signs = np.abs(values), np.sign(values)
+        inside = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
+        inside &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
+        for i in np.flatnonzero(inside):
+            yield float(s[i]), float(s[i + 2]), float(signs[i])
+        for at, beyond in ((0, 1), (-1, -2)):
+            beside = float(s[at] + ASIDE * (s[beyond] - s[at]))
+            is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
+            if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
+                lo, hi = sorted((float(s[at]), float(s[beyond])))
+                yield lo, hi, float(signs[at])
+
+    def _lowest(
+        self, point: Callable[[float], Array], sign: float, lo: float, hi: float
+    ) -> tuple[float, float]:
+        """Return where between two places g is lowest, and g there, both by a sign."""
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
+
+        found = minimize_scalar(
+            lambda s: sign * self.event.value(point(float(s))),
+            bounds=(lo, hi),
+            method="bounded",
+            options={"xatol": CLOSEST * (hi - lo)},
+        )
+        return float(found.x), float(found.fun)
+
+    def _sign_at(self, x: Array, size: Array) -> float | None:
+        """Return the sign of g, 0 where it is zero all around, None where it is rounding."""
+        metric = self._curve.metric
+        if value := self.event.cleared(metric, x, size):
+            return float(np.sign(value))
+        is_flat = not self.event.value(x) and self.event.noise(metric, x, 0.0 * x) == 0.0
+        return 0.0 if is_flat else None
+
+    def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State] | None:
+        """Return where between two places the sign changes; None where it cannot be located."""
+        sign = self._sign
+        assert sign is not None
+        if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
+            hi = lo  # it is rounding there already
+        if not isinstance(segment, CurvedSegment):
+            s = hi if hi == lo else self._on_ray(segment, sign, lo, hi)
+            found = locate_point(segment, s)
+        elif hi == lo:
+            found = segment.start if not lo else segment.at(lo)
+        else:
+            found = locate_sign_change(
+                segment, lambda state: self.event.ahead(sign, state.x), (lo, hi), EPS
+            )
+            found = segment.at(hi) if isinstance(found, Failure) else found
+        return None if isinstance(found, Failure) else (segment.position(found.x), found)
+
+    def _on_ray(self, segment: Segment, sign: float, lo: float, hi: float) -> float:
+        from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all else
+
+        def value(s: float) -> float:
+            return self.event.ahead(sign, segment.near(s))
+
+        return float(brentq(value, lo, hi, xtol=EPS * hi, rtol=4.0 * EPS, maxiter=MOST_BRENT))
+
 
 ALWAYS = (
     "the event {!r} is zero at the start, alpha = {:.8g}, and wherever it was tried around it, to "

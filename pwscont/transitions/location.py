@@ -14,11 +14,10 @@ from collections.abc import Callable
 
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.corrector import falling, zero
 from pwscont.curve.curve import State
-from pwscont.curve.newton import Border
-from pwscont.curve.uncertainty import corrected
-from pwscont.curve.zero import falling, zero
-from pwscont.stepping.stepper import CurvedSegment, Segment
+from pwscont.curve.newton import Border, corrected
+from pwscont.curve.stepper import CurvedSegment, Segment
 
 #: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
 #: flat: its error is the square of this. Much closer, changes of the tangent are rounding.

@@ -27,9 +27,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, joined
+from pwscont.basics.arrays import Array, Matrix, Signs, generic, joined
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State

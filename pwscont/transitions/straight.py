@@ -17,11 +17,11 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.stepper import Segment
 from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.vectors import Rows
-from pwscont.stepping.stepper import Segment
-from pwscont.system.ending import Ending
+from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero

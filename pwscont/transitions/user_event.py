@@ -20,9 +20,8 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.generic import generic
 from pwscont.basics.quantities import Function, evaluated
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State

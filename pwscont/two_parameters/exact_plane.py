@@ -1,4 +1,4 @@
-"""The plane of two parameters that enter affinely, cut by the polygons of all cells.
+"""Exact maps of two parameters that enter affinely.
 
 Each cell's solutions lie over a convex polygon. The sides of all polygons cut the window into
 regions; one point of a region tells which polygons contain it. No locus is followed and no point is
@@ -19,19 +19,15 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.system.hidden import shown_size
-from pwscont.two_parameters.affine import AffineFamily
-from pwscont.two_parameters.arrangement import Arrangement, Patch, arrange
-from pwscont.two_parameters.cells import cells_of
-from pwscont.two_parameters.edges import edges
+from pwscont.system.abilities import shown_size
+from pwscont.two_parameters.affine import AffineFamily, Window
+from pwscont.two_parameters.arrangement import Arrangement, Patch, arrange, shapely
+from pwscont.two_parameters.cells import COARSE, cells_of
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.half_planes import width_of
-from pwscont.two_parameters.joints import Joints, Solved, joints
+from pwscont.two_parameters.joints import Joints, Solved, edges, joints
 from pwscont.two_parameters.loci import LocusPart, Passing
-from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
-from pwscont.two_parameters.regions import Region
-from pwscont.two_parameters.strips import COARSE
-from pwscont.two_parameters.window import Window
+from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Region, Sector, gathered
 
 #: Points of the window's square closer than this are one, or more where cells are ill-conditioned.
 TOLERANCE = 2.0**-36
@@ -280,3 +276,45 @@ def _doubts(
 
 def _balance(sector: Sector) -> int:
     return sum(found.det_sign for found in sector.solutions)
+
+
+def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, float]) -> ExactPlane:
+    """Return the map of all solutions over a window of the plane of two parameters.
+
+    Both parameters must enter affinely: in every cell H and the tests are affine in z, alpha and mu
+    together, as with two components of a load. Then the solutions of a regular cell lie over a
+    convex polygon of the plane. All of them are cut with each other; nothing is sampled.
+
+    Parameters
+    ----------
+    family : callable
+        mu -> :class:`~pwscont.PiecewiseLinearSystem`, all of one size and with the same tests; its
+        parameter is alpha.
+    alphas, mus : tuple of float
+        The window, (lo, hi) for each parameter.
+
+    Returns
+    -------
+    ExactPlane
+
+    Raises
+    ------
+    InvalidInputError
+        If a range is none or has too few digits, or a parameter does not enter affinely.
+    InvalidSystemError
+        If the family does not return systems, one of them is not what its class promises, or a
+        singular cell has solutions by rounding only.
+    MissingPackageError
+        If Shapely is not installed.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, plane
+    >>> def family(mu):
+    ...     return LCP([[1, 2], [2, 1]], q=[mu, -1], d=[0, 1])
+    >>> found = plane(family, (-2.0, 2.0), (-2.0, 2.0))
+    >>> found.count(0.0, -1.0), found.guarantee
+    (3, 'complete')
+    """
+    shapely()
+    return ExactPlane.of(family, Window.of(alphas, mus))

@@ -1,4 +1,4 @@
-"""What happens to the solutions on the segments between two patches.
+"""What happens to the solutions where patches meet.
 
 On a segment some cells' polygons end. Their solutions there lie on the interfaces to other cells,
 which share them (F1). So the cells that end on either side fall into groups with one solution each:
@@ -18,11 +18,11 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.two_parameters.affine import Window
 from pwscont.two_parameters.arrangement import Arrangement, Side
-from pwscont.two_parameters.cells import Cell
+from pwscont.two_parameters.cells import Cell, Strip
 from pwscont.two_parameters.half_planes import width_of
-from pwscont.two_parameters.loci import Passing
-from pwscont.two_parameters.strips import Strip
+from pwscont.two_parameters.loci import LocusPart, Passing
 
 #: Segments shorter than this, in tolerances, lie where several lines meet: they tell nothing.
 SHORT = 100.0
@@ -227,3 +227,85 @@ def _distance(shadow: Array, point: Array) -> float:
 def _is_within(shadow: Array, ahead: Array, point: Array) -> bool:
     (x, y), (u, v) = (ahead - shadow).T, (point - shadow).T
     return bool((x * v - y * u >= 0.0).all())
+
+
+def edges(
+    joints: Sequence[Joint], window: Window, size: int, tolerance: float
+) -> tuple[LocusPart, ...]:
+    """Return the edges of a map as parts of loci, folds first.
+
+    Parameters
+    ----------
+    joints : sequence of Joint
+    window : Window
+    size : int
+        How many unknowns a user knows of.
+    tolerance : float
+        Segments of one line that are closer than this belong together.
+    """
+    together: dict[tuple[Passing, str], list[Joint]] = {}
+    for joint in joints:
+        together.setdefault((joint.kind, joint.label), []).append(joint)
+    order = list(Passing)
+    keys = sorted(together, key=lambda key: (order.index(key[0]), key[1]))
+    return tuple(
+        LocusPart(kind, label, *_points(together[kind, label][0], ends, window, size, tolerance))
+        for kind, label in keys
+        for ends in _joined([c.ends for c in together[kind, label]], tolerance)
+    )
+
+
+def _joined(segments: list[Array], tolerance: float) -> Iterator[Array]:
+    """Yield the longest segments that segments make."""
+    while segments:
+        line = max(segments, key=_length)
+        on_it = [s for s in segments if _is_on(line, s, tolerance)]
+        segments = [s for s in segments if not _is_on(line, s, tolerance)]
+        yield from _merged(line, on_it, tolerance)
+
+
+def _length(segment: Array) -> float:
+    return float(np.hypot(*(segment[1] - segment[0])))
+
+
+def _is_on(line: Array, segment: Array, tolerance: float) -> bool:
+    """Tell whether a segment lies on the line of another, which is not shorter."""
+    if segment is line:
+        return True
+    way = (line[1] - line[0]) / (_length(line) or 1.0)
+    aside = (segment - line[0]) @ np.array([-way[1], way[0]])
+    far = np.abs((segment - line[0]) @ way).max() / (_length(line) or 1.0)
+    return bool(np.abs(aside).max() <= 4.0 * tolerance * (1.0 + far))
+
+
+def _merged(line: Array, segments: Iterable[Array], tolerance: float) -> Iterator[Array]:
+    """Yield segments of one line, those that touch as one."""
+    way = line[1] - line[0]
+    ordered = sorted(
+        (s if (s[1] - s[0]) @ way >= 0.0 else s[::-1] for s in segments),
+        key=lambda s: float(s[0] @ way),
+    )
+    begin, end = ordered[0]
+    for first, last in ordered[1:]:
+        if (first - end) @ way > 200.0 * tolerance * _length(line):
+            yield np.array([begin, end])
+            begin = first
+        end = last
+    yield np.array([begin, end])
+
+
+def _points(
+    joint: Joint, ends: Array, window: Window, size: int, tolerance: float
+) -> tuple[Array, Array]:
+    """Return both ends (z, alpha, mu), mu increasing, and their errors.
+
+    z is nan where only a singular cell is. The ends of the square are off by the tolerance.
+    """
+    plane = window.inside(ends)
+    z, spread = np.full((2, size), np.nan), np.full(size, np.nan)
+    if joint.cell is not None:
+        z = np.array([joint.cell.at(end)[:size] for end in ends])
+        spread = tolerance * np.abs(joint.cell.z[:size]).sum(axis=1)
+    points = np.column_stack([z, plane])
+    error = np.tile(np.append(spread, tolerance * window.half), (2, 1))
+    return points if plane[1, 1] >= plane[0, 1] else points[::-1], error

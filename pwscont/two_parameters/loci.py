@@ -19,21 +19,20 @@ from scipy.optimize import brentq
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import counted, named, short, with_article
+from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import CONVERGED, EPS
-from pwscont.continuation.explore import explore
+from pwscont.continuation.explore import explore, trace
 from pwscont.continuation.plan import Report, silent, uninterrupted
-from pwscont.continuation.trace import trace
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.system.hidden import completed
+from pwscont.system.abilities import completed
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.rays import Ray, inward_ray
 from pwscont.two_parameters.family import MakeSystem
-from pwscont.two_parameters.transition_locus import TransitionLocus
+from pwscont.two_parameters.locus import TransitionLocus
 
 #: Loci that come closer than this (relative) at one mu are one.
 SAME_LOCUS = EPS**0.5

@@ -10,15 +10,23 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.kind import Kind
+from pwscont.basics.outcome import Kind
 from pwscont.continuation.plan import Report, silent
 from pwscont.curve.metric import Metric
 from pwscont.graph.presentation import number
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of
-from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Sector, gathered
-from pwscont.two_parameters.regions import Region, regions
+from pwscont.two_parameters.plane import (
+    Found,
+    Group,
+    Meeting,
+    Plane,
+    Region,
+    Sector,
+    gathered,
+    regions,
+)
 
 #: mu -> a system whose solutions at one alpha can be enumerated.
 MakeLinear: TypeAlias = Callable[[float], SlicewiseLinearSystem]

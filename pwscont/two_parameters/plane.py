@@ -1,21 +1,179 @@
-"""The plane of two parameters, cut into sectors: what all such planes can be asked."""
+"""The plane of two parameters, cut into regions.
+
+Horizontal lines through all vertices and crossings of the curves cut the plane into strips. No
+curve begins, ends or crosses another within a strip, so it is a row of trapezoids (Preparata and
+Shamos 1985, section 2.2). Trapezoids of successive strips between the same two curves are one
+region, and one enumeration tells what its solutions are.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import UNNAMED, counted, named, short, state
+from pwscont.basics.rounding import EPS
 from pwscont.two_parameters.loci import SAME_LOCUS, Locus, LocusPart, Passing
-from pwscont.two_parameters.regions import Region, area_and_centre
+
+#: Strips and trapezoids thinner than this part of the window are left out.
+THIN = EPS**0.5
+#: Points beside an edge are this part of the window away from it: the edge is a polyline, whose
+#: chords are not exact.
+BESIDE = 5e-4
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """A part of the plane between two curves.
+
+    Attributes
+    ----------
+    polygon : ndarray, shape (k, 2)
+        Corners (alpha, mu).
+    inside : ndarray, shape (2,)
+        A point in the middle of its widest part.
+    others : ndarray, shape (k, 2)
+        More points: in its lowest and its highest part, and beside its left and right edges.
+    """
+
+    polygon: Array
+    inside: Array
+    others: Array
+
+    def __repr__(self) -> str:
+        alpha, mu = self.inside
+        corners = counted(len(self.polygon), "corner")
+        return named(self, f"around alpha={alpha:.6g}, mu={mu:.6g}", corners)
+
+
+def regions(
+    curves: Sequence[Array], alphas: tuple[float, float], mus: tuple[float, float]
+) -> list[Region]:
+    """Cut a rectangle along curves.
+
+    Parameters
+    ----------
+    curves : sequence of ndarray, shape (k, 2)
+        Polylines (alpha, mu) with increasing mu.
+    alphas, mus : tuple of float
+        The rectangle.
+
+    Returns
+    -------
+    list of Region
+        They fill the rectangle; adjacent ones may hold the same solutions.
+    """
+    growing: dict[tuple[int, int], list[_Trapezoid]] = {}
+    finished: list[list[_Trapezoid]] = []
+    for below, above in pairwise(_levels(curves, mus)):
+        row = {t.between: t for t in _row(curves, alphas, (below, above))}
+        finished += [chain for key, chain in growing.items() if key not in row]
+        growing = {key: [*growing.get(key, []), t] for key, t in row.items()}
+    beside = BESIDE * (alphas[1] - alphas[0])
+    return [_region(chain, beside) for chain in [*finished, *growing.values()]]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Trapezoid:
+    """The part of a strip between two neighbouring curves, -1 and -2 for the window's sides."""
+
+    between: tuple[int, int]
+    mus: tuple[float, float]
+    left: Array
+    right: Array
+
+    @property
+    def widths(self) -> Array:
+        return self.right - self.left
+
+    @property
+    def middle(self) -> Array:
+        return np.array([0.25 * (self.left + self.right).sum(), 0.5 * sum(self.mus)])
+
+    def beside(self, distance: float) -> list[Array]:
+        """Return points in the middle of both sides, moved inwards; none where it is narrow."""
+        if self.widths.mean() < 4.0 * distance:
+            return []
+        mu = 0.5 * sum(self.mus)
+        alphas = self.left.mean() + distance, self.right.mean() - distance
+        return [np.array([alpha, mu]) for alpha in alphas]
+
+
+def _levels(curves: Sequence[Array], mus: tuple[float, float]) -> list[float]:
+    """Return the heights of all vertices and crossings, without repetition."""
+    lo, hi = mus
+    vertices = [float(mu) for curve in curves for mu in curve[:, 1]]
+    heights = sorted([*vertices, *_crossings(curves), hi])
+    levels = [lo]
+    for mu in heights:
+        if lo < mu <= hi and mu - levels[-1] > THIN * (hi - lo):
+            levels.append(mu)
+    return [*levels[:-1], hi]
+
+
+def _crossings(curves: Sequence[Array]) -> Iterator[float]:
+    """Yield the heights at which two polylines cross."""
+    for one, other in combinations(curves, 2):
+        heights = np.union1d(one[:, 1], other[:, 1])
+        lo, hi = max(one[0, 1], other[0, 1]), min(one[-1, 1], other[-1, 1])
+        heights = heights[(heights >= lo) & (heights <= hi)]
+        gaps = _at(one, heights) - _at(other, heights)
+        for i in np.flatnonzero(gaps[:-1] * gaps[1:] < 0.0):
+            part = gaps[i] / (gaps[i] - gaps[i + 1])
+            yield float(heights[i] + part * (heights[i + 1] - heights[i]))
+
+
+def _at(curve: Array, mu: Array) -> Array:
+    """Return alpha of a polyline at some heights."""
+    return np.interp(mu, curve[:, 1], curve[:, 0])
+
+
+def _row(
+    curves: Sequence[Array], alphas: tuple[float, float], mus: tuple[float, float]
+) -> Iterator[_Trapezoid]:
+    """Yield the trapezoids of one strip from left to right."""
+    ends, middle = np.array(mus), 0.5 * sum(mus)
+    lines = [(-1, np.full(2, alphas[0])), (-2, np.full(2, alphas[1]))]
+    lines += [
+        (i, np.clip(_at(curve, ends), *alphas))
+        for i, curve in enumerate(curves)
+        if curve[0, 1] < middle < curve[-1, 1]
+    ]
+    lines.sort(key=lambda line: float(line[1].sum()))
+    for (i, left), (j, right) in pairwise(lines):
+        if (right - left).sum() > THIN * (alphas[1] - alphas[0]):
+            yield _Trapezoid((i, j), mus, left, right)
+
+
+def _region(chain: list[_Trapezoid], beside: float) -> Region:
+    """Join trapezoids from bottom to top."""
+    widest = max(chain, key=lambda t: float(t.widths.sum()))
+    left = [(t.left[0], t.mus[0]) for t in chain] + [(chain[-1].left[1], chain[-1].mus[1])]
+    right = [(t.right[0], t.mus[0]) for t in chain] + [(chain[-1].right[1], chain[-1].mus[1])]
+    tried = {id(trapezoid): trapezoid for trapezoid in (chain[0], widest, chain[-1])}.values()
+    others = [chain[0].middle, chain[-1].middle, *(x for t in tried for x in t.beside(beside))]
+    return Region(np.array([*left, *right[::-1]]), widest.middle, np.array(others))
+
+
+def area_and_centre(polygon: Array) -> tuple[float, Array]:
+    """Return the area of a polygon, shape (k, 2), and its centroid."""
+    x, y = (polygon - polygon[0]).T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    area = 0.5 * float(cross.sum())
+    centre = np.array(
+        [((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()]
+    ) / (6.0 * area)
+    return abs(area), polygon[0] + centre
 
 
 @final

@@ -9,7 +9,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.graph import BranchGraph
-from pwscont.scenes.body_picture import CONTACT_STATES, BodyPicture, Shapes
+from pwscont.scenes.panels import CONTACT_STATES, BodyPicture, Shapes
 from pwscont.view.numbers import Numbers
 from pwscont.view.records import packed
 

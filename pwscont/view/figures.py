@@ -1,4 +1,4 @@
-"""The diagrams of a view, as Bokeh draws them; the page fills the diagrams with numbers.
+"""The diagrams and the page of a view.
 
 Imported only where a view is asked for. Sources and ranges have the names by which the page's
 programs find them.
@@ -6,9 +6,12 @@ programs find them.
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 from bokeh.document import Document
+from bokeh.embed import file_html
 from bokeh.events import DocumentReady, Tap
 from bokeh.models import (
     BasicTicker,
@@ -31,6 +34,7 @@ from bokeh.models import (
 )
 from bokeh.palettes import Blues256
 from bokeh.plotting import figure
+from bokeh.resources import INLINE
 
 #: Height of the diagrams in pixels; room beside the axes.
 TALL, STRIP, CURVES, ROOM, RIGHT = 430, 150, 190, 78, 12
@@ -229,3 +233,30 @@ def curves_figure(body: dict[str, Any]) -> Any:
         plot.scatter("x", "y", source=dots, color=color, size=5, marker=marker)
     _add_legend(plot, drawn | {"friction bound": bound}, "curves legend")
     return plot
+
+
+STATIC = Path(__file__).parent / "static"
+PROGRAMS = ("data.js", "solutions.js", "body.js", "diagram.js", "page.js")
+
+
+def page_of(records: dict[str, Any], title: str) -> str:
+    """Return the whole page."""
+    words: dict[str, Any] = {
+        "records": _as_json(records),
+        "style": _read("page.css"),
+        "programs": "\n".join(map(_read, PROGRAMS)),
+        "has_body": records["body"] is not None,
+        "heading": title,
+    }
+    document = document_of(records["body"])
+    made = file_html(document, INLINE, title, template=_read("page.html"), template_variables=words)
+    return str(made)
+
+
+def _as_json(records: Any) -> str:
+    """Return records as JSON that may stand within a page."""
+    return json.dumps(records, ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _read(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")

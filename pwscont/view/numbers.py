@@ -12,8 +12,8 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.presentation import DUST
-from pwscont.graph.refinement import fine_points
-from pwscont.scenes.smooth import APART, FINER, Smooth, is_straight, length_along
+from pwscont.graph.queries import fine_points
+from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
 
 #: Most numbers of a file: eight bytes each, a third more as text.
 MOST_NUMBERS = 400_000

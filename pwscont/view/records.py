@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.character import Character
-from pwscont.basics.kind import Kind
 from pwscont.basics.looks import counted
+from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, SpecialPoint
-from pwscont.graph.connected import connected
 from pwscont.graph.presentation import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
+from pwscont.graph.structure import connected
 from pwscont.scenes.panels import Panel
-from pwscont.scenes.styles import COLORS, styles_of
-from pwscont.scenes.symbols import in_letters
+from pwscont.scenes.styles import COLORS, in_letters, styles_of
 from pwscont.view.numbers import Numbers, is_curved
 
 #: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.

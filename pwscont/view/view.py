@@ -14,9 +14,7 @@ from typing import Any, final
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.looks import counted, named
 from pwscont.graph import BranchGraph
-from pwscont.scenes.body_picture import BodyPicture
-from pwscont.scenes.drawn import quantity_named
-from pwscont.scenes.panels import Panel, Shown
+from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers
 from pwscont.view.records import graph_records, marks, style_records
@@ -102,7 +100,7 @@ class View:
     @cached_property
     def html(self) -> str:
         """The whole page."""
-        page = import_module("pwscont.view.page")
+        page = import_module("pwscont.view.figures")
         return str(page.page_of(self.records, self.title or "branches"))
 
     def save(self, path: str | Path) -> Path:

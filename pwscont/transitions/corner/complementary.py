@@ -26,16 +26,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs, dense
+from pwscont.basics.arrays import Array, Signs, dense, generic
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.system.blocks import Block
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import Block, PiecewiseSystem
 
 #: A test whose slope is below this part of its terms may as well stay zero.
 SLANT = EPS**0.5

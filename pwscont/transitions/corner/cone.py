@@ -19,8 +19,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.kind import Kind
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State

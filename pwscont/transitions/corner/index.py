@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.generic import generic
+from pwscont.basics.arrays import generic
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import Slice, solve_slice

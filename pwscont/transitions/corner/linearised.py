@@ -14,18 +14,16 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense
+from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense, generic
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.looks import at
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import FEW_CELLS, Table, aside, is_regular, most_cells
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
-from pwscont.system.blocks import Block, number_of_cells
 from pwscont.system.contract import jacobian_at
 from pwscont.system.shapes import refuse_infinite
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 from pwscont.transitions.corner.simple import MANY_TESTS, Admits, all_cells, names_its_cells
 
 #: All cells at a corner are tried up to this number: eight contact nodes.

@@ -25,10 +25,9 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.curve.rank_one import by_columns

@@ -22,14 +22,12 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
-from pwscont.basics.generic import generic
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.system.blocks import Block
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.complementary import NOISE, SLANT, rays_by_switches, switches
 
 #: A direction d of length one in the metric, and the cells that it belongs to.

@@ -28,8 +28,8 @@ import numpy as np
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import CurvedSegment, Stepper
 from pwscont.linear.factorise import Factor
-from pwscont.stepping.stepper import CurvedSegment, Stepper
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: No step is looked at in more places than these.

@@ -1,0 +1,317 @@
+"""One step of pseudo-arclength continuation: predict, correct, accept or say why not.
+
+What stays unseen: sheets that are closer than about a thousandth of a step.
+
+A load path may be undefined outside the interval, so no residual is evaluated there. Where a test
+function vanishes, the step is the location of the transition as well.
+
+Failure modes and answers
+-------------------------
+- The corrector converges far from the prediction, on another part of the curve: the correction
+  is measured against the step.
+- The corrector converges on a neighbouring sheet of the same selection: the prediction was off by
+  as much as the sheets are apart, so Newton is not in its quadratic regime, and the ratio of its
+  first two corrections is not small (Deuflhard 2011, chapter 5).
+- Both measures accept by chance, where the sheets are much closer than the step: the cubic between
+  the two points, which the graph interpolates, then leads from one sheet to the other, and inside
+  the step the cubic is off by the part of the sheets' distance that it has crossed there.
+- Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
+  of its point is estimated, and measures no larger than that error tell nothing.
+- The check itself must be cheap: a point inside costs one residual and one solution with the
+  factorisation that the corrector leaves. One point is enough if it is well chosen: where the cubic
+  has crossed a golden section of the distance between the sheets, of all parts the one whose
+  multiples stay farthest from whole numbers, so that no sheet between passes for the curve.
+- A jump over many sheets at once may pass even so: for Fibonacci numbers the golden multiple is
+  nearly whole. Such a jump needs a large correction: there a second point is looked at, and the
+  larger the correction, the closer the cubic must be.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.given import needed_kind
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
+from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude
+from pwscont.curve.looks import farthest_off
+from pwscont.curve.newton import Border, Root, uncertainty
+from pwscont.curve.predictor import Hermite, Predictor, arc
+from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment, Stepper
+from pwscont.linear.vectors import dot
+
+#: Largest correction, as a part of the step.
+FARTHEST = 0.1
+#: Largest ratio of the first two corrections.
+SLOWEST = 0.1
+#: Largest distance of the cubic between both points from the curve, as a part of the step.
+OFF = 0.1 * BESIDE
+#: Where the correction is a larger part of the step than this, the cubic is looked at twice.
+SURE = 3e-3
+#: Where the correction is larger than this part, the cubic must be the closer to the curve.
+CLOSE = 1e-2
+#: Where the cubic is looked at in the second place: at sqrt(3) - 1 of the distance between sheets.
+SECOND = 0.6602
+#: The cubic may be off by so much, in the metric, however short the step is: tangents from
+#: differences are no better, and points this close are not told apart anyway.
+NEGLIGIBLE: float = EPS**0.5
+
+
+def accepted(
+    curve: Curve,
+    state: State,
+    predicted: Array,
+    corrected: Corrected,
+    length: float,
+    step_size: StepSize,
+) -> CurvedSegment | Failure:
+    """Return the segment from a state to a corrected prediction, if the step is true.
+
+    Parameters
+    ----------
+    curve : Curve
+    state : State
+        Where the step begins.
+    predicted : ndarray, shape (n + 1,)
+    corrected : Corrected
+    length : float
+        Length of the step, in the metric.
+    step_size : StepSize
+        Judges the turn, and suggests the length of the next step.
+    """
+    end = corrected.state
+    cosine = dot(curve.metric.covector(state.tangent), end.tangent)
+    if not step_size.accepts(cosine):
+        return Failure(FailureReason.JUMP)
+    segment = CurvedSegment.between(curve, state, end, length)
+    correction = curve.metric.norm(end.x - predicted)
+    measured = correction, _off(segment, corrected, is_sure=correction <= SURE * length)
+    strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
+    if not strain <= 1.0 and math.isfinite(measured[1]):
+        strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
+    if strain <= 1.0:
+        inside = farthest_off(segment, corrected.factor, step_size.gap, OFF * length)
+        strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
+        if 1.0 < strain < math.inf:
+            strain = inside / (OFF * length + _noise(curve, corrected))
+    if not strain <= 1.0:
+        return Failure(FailureReason.JUMP)
+    segment.suggestion = step_size.after(length, strain, cosine)
+    end.comes_from(state, arc(segment.length, cosine))
+    return segment
+
+
+def _strain(
+    correction: float, off: float, contraction: float, length: float, noise: float
+) -> float:
+    """Return what a step makes of its tolerances, more than 1 where it must not be taken.
+
+    A correction that is no larger than the noise, and a cubic that is off by no more, tell nothing.
+    """
+    by_contraction = contraction / SLOWEST if correction > noise else 0.0
+    by_correction = correction / (FARTHEST * length + noise)
+    allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
+    return max(by_contraction, by_correction, off / (allowed + noise))
+
+
+def _noise(curve: Curve, corrected: Corrected) -> float:
+    """Return how far a corrected point may be off because of rounding."""
+    state, metric = corrected.state, curve.metric
+    jacobian, row = curve.selection.jacobian(state.x), metric.covector(state.tangent)
+    root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale, 0)
+    return NEGLIGIBLE + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
+
+
+def _off(segment: CurvedSegment, corrected: Corrected, is_sure: bool) -> float:
+    """Return how far the cubic of a segment is from the curve, infinite outside the interval.
+
+    It is looked at in a second point where the prediction was not sure enough. A straight line
+    through two of its points is the curve.
+    """
+    if segment.curve.selection.is_straight:
+        return 0.0
+    off = _off_at(segment.inside, segment, corrected)
+    if is_sure or not math.isfinite(off):
+        return off
+    return max(off, _off_at(segment.near(SECOND * segment.length), segment, corrected))
+
+
+def _off_at(x: Array, segment: CurvedSegment, corrected: Corrected) -> float:
+    curve = segment.curve
+    if not curve.metric.admits(x):
+        return math.inf
+    return curve.metric.norm(corrected.factor.solve(curve.selection.residual_and(x, 0.0)))
+
+
+#: The end is stepped to where it is no farther than this many times the step that overshoots it.
+STRETCH = 1.5
+#: A prediction farther away than this, in the metric, is not looked at: H may overflow there.
+FAR = 10.0
+#: A zero that is closer than this, in the metric, is found in a longer step: the direction of a
+#: chord this short is known to few digits.
+SHORTEST_LANDING = 1e-6
+
+
+def land_on_end(
+    curve: Curve,
+    interval: tuple[float, float],
+    state: State,
+    direction: Array,
+    length: float,
+    step_size: StepSize,
+) -> CurvedSegment | Failure:
+    """Return the step to the end of the interval that one of ``length`` overshoots."""
+    end = interval[1] if direction[-1] > 0.0 else interval[0]
+    if abs(end - state.alpha) > STRETCH * length * abs(direction[-1]):
+        return Failure(FailureReason.OUTSIDE)
+    return land_on(curve, state, direction, end, step_size)
+
+
+def land_on_zero(
+    curve: Curve, state: State, predicted: Array, border: Border, step_size: StepSize
+) -> CurvedSegment | None:
+    """Return the step to a zero of ``border`` next to a prediction, None where it is not true."""
+    length = curve.metric.norm(predicted - state.x)
+    if not (SHORTEST_LANDING <= length <= FAR and curve.metric.admits(predicted)):
+        return None
+    corrected = zero(curve, border, predicted)
+    if isinstance(corrected, Failure):
+        return None
+    segment = accepted(curve, state, predicted, corrected, length, step_size)
+    return None if isinstance(segment, Failure) else segment
+
+
+def land_on(
+    curve: Curve, state: State, direction: Array, alpha: float, step_size: StepSize
+) -> CurvedSegment | Failure:
+    """Return the step to ``alpha``, predicted from ``state`` along ``direction``."""
+    if direction[-1] * (alpha - state.alpha) <= 0.0:
+        return Failure(FailureReason.NO_TURN)
+    predicted = state.x + (alpha - state.alpha) / direction[-1] * direction
+    predicted[-1] = alpha
+    length = curve.metric.norm(predicted - state.x)
+    if not length <= FAR:
+        return Failure(FailureReason.JUMP)
+    along_alpha = np.zeros_like(predicted)
+    along_alpha[-1] = np.copysign(curve.metric.scale[-1], direction[-1])
+    corrected = BorderedNewton().correct(curve, predicted, along_alpha)
+    if isinstance(corrected, Failure):
+        return corrected
+    corrected.state.x[-1] = alpha  # equal but for rounding in the border
+    return accepted(curve, state, predicted, corrected, length, step_size)
+
+
+NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureReason.OUTSIDE)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PseudoArclength(Stepper):
+    """Predict along the curve behind, correct normal to its tangent; turns at folds.
+
+    Keller (1977), Allgower and Georg (1990), chapters 2 to 6.
+
+    Attributes
+    ----------
+    predictor : Predictor
+        :class:`Hermite` (default), :class:`Tangent` or :class:`Secant`.
+    corrector : Corrector
+        :class:`BorderedNewton` (default) or :class:`MoorePenrose`.
+    step_size : StepSize
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Secant, StepSize, Switched, trace
+    >>> fine = PseudoArclength(predictor=Secant(), step_size=StepSize(largest=0.02))
+    >>> circle = Switched(1, lambda z, t, sw: z**2 + t**2 - 1)
+    >>> len(trace(circle, ([1.0], 0.0), (-2.0, 2.0), stepper=fine).special_points("fold"))
+    2
+    """
+
+    predictor: Predictor = field(default_factory=Hermite)
+    corrector: Corrector = field(default_factory=BorderedNewton)
+    step_size: StepSize = field(default_factory=StepSize)
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        needed_kind("predictor of PseudoArclength", self.predictor, Predictor)
+        needed_kind("corrector of PseudoArclength", self.corrector, Corrector)
+        needed_kind("step_size of PseudoArclength", self.step_size, StepSize)
+
+    def step(
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
+    ) -> Segment | Failure:
+        """Halve the step until the corrector converges and the curve turns little."""
+        previous, length = self._proposed(before)
+        length, failure = min(length, longest), NOT_CONVERGED
+        wanted = length
+        while length >= self.step_size.smallest:
+            segment = self._try(curve, interval, previous, state, length)
+            if not isinstance(segment, Failure):
+                if length < wanted:  # what was just refused is not tried again at once
+                    segment.suggestion = min(segment.suggestion, segment.length)
+                return segment
+            failure, length = segment, 0.5 * length
+        return failure
+
+    def aim(
+        self,
+        curve: Curve,
+        state: State,
+        before: Segment | None,
+        distance: float,
+        border: Border,
+    ) -> CurvedSegment | None:
+        """Predict the zero like any other point; land on it where it is about a step away.
+
+        At the beginning of a piece, of which nothing is known but its tangent, a step may be any
+        length: where the zero is no farther than the longest, a short step first costs as much.
+        """
+        previous, length = self._proposed(before)
+        if distance > (STRETCH * length if previous else self.step_size.largest):
+            return None
+        predicted, _ = self.predictor.predict(curve, previous, state, distance)
+        return land_on_zero(curve, state, predicted, border, self.step_size)
+
+    def stretched(self, factor: float) -> PseudoArclength:
+        """Return the same with a step size whose longest step is so many times as long."""
+        return replace(self, step_size=self.step_size.stretched(factor))
+
+    def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
+        """Return the state before on the same piece, and the length of the next step."""
+        if isinstance(before, CurvedSegment):
+            return before.start, before.suggestion
+        return None, self.step_size.first
+
+    def _try(
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        previous: State | None,
+        state: State,
+        length: float,
+    ) -> CurvedSegment | Failure:
+        """Return a step, to the end of the interval where it would overshoot it."""
+        predicted, direction = self.predictor.predict(curve, previous, state, length)
+        lo, hi = interval
+        corrected: Corrected | Failure = OUTSIDE
+        if lo < float(predicted[-1]) < hi:
+            corrected = self.corrector.correct(curve, predicted, direction)
+        if not isinstance(corrected, Failure):
+            return accepted(curve, state, predicted, corrected, length, self.step_size)
+        if corrected.trouble is FailureReason.OUTSIDE:
+            return land_on_end(curve, interval, state, direction, length, self.step_size)
+        return corrected
