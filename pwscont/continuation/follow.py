@@ -22,7 +22,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
-from pwscont.continuation.magnitudes import Gauge, MisjudgedError
+from pwscont.continuation.magnitudes import Gauge
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.differences import FINER, FINEST
@@ -219,16 +219,8 @@ class PieceFollower(Follower):
             return end
         reached.go_to(step, before)
         if self.gauge:
-            self._measure(reached, step, self.gauge)
+            self.gauge.see(step.start.x, step.end.x)
         return None
-
-    def _measure(self, reached: _Reached, step: CurvedSegment, gauge: Gauge) -> None:
-        """Let a gauge see a step; what leaves for infinity says nothing of typical magnitudes."""
-        try:
-            gauge.see(step.start.x, step.end.x)
-        except MisjudgedError:
-            if not reached.shrinks():
-                raise
 
     def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
         """Return the next step; of a long piece it is longer the farther the piece has gone."""
