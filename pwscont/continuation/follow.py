@@ -22,7 +22,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
-from pwscont.continuation.magnitudes import Gauge, MisjudgedError
+from pwscont.continuation.magnitudes import Gauge
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.differences import FINEST_PART, REFINEMENT
@@ -83,15 +83,20 @@ MOST_STEPS = 20_000
 #: hundred steps.
 MANY_STEPS, STRETCHED_FROM = 150, 2.0
 #: After every such number of steps a piece is checked for running to infinity.
-ENDLESS_CHECK_EVERY = 500
+ENDLESS_CHECK_EVERY = 200
 #: A piece runs to infinity if the piece is this far from the beginning, in typical magnitudes,
 ENDLESS_FROM = 20.0
-#: if alpha changes by at most this part of the change before whenever the distance doubles,
-ENDLESS_RATIO = 0.75
-#: and if all changes of alpha to come are at most this part of the interval,
+#: if alpha changes by at most this part of the change before while z grows by as much,
+ENDLESS_RATIO = 0.8
+#: and if all changes of alpha to come, at most this many times the last change where the distance
+#: from the limit is a power of 1 / z of at least 1/2,
+ENDLESS_REST = 13.0
+#: are at most this part of the interval,
 ENDLESS_CHANGE = 1e-3
 #: or the piece has more steps than these.
-ENDLESS_STEPS = 1500
+ENDLESS_STEPS = 600
+#: The parts of the way out that are compared end at these parts of the size of z.
+PARTS = 0.7, 0.85
 #: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Derivatives by differences are wrong if this many more steps were shortened than were not: with
@@ -222,16 +227,8 @@ class PieceFollower(Follower):
             return end
         reached.go_to(step, before)
         if self.gauge:
-            self._measure(reached, step, self.gauge)
+            self.gauge.see(step.start.x, step.end.x)
         return None
-
-    def _measure(self, reached: _Reached, step: CurvedSegment, gauge: Gauge) -> None:
-        """Let a gauge see a step, unless the piece leaves for infinity."""
-        try:
-            gauge.see(step.start.x, step.end.x)
-        except MisjudgedError:
-            if not reached.shrinks():
-                raise
 
     def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
         """Return the next step; the farther a long piece has gone, the longer the step."""
@@ -348,27 +345,29 @@ class _Reached:
         All changes of alpha that are still to come are next to nothing together.
         """
         late, _ = self._changes()
-        rest = late * ENDLESS_RATIO / (1.0 - ENDLESS_RATIO)
-        is_next_to_nothing = rest <= ENDLESS_CHANGE * self.curve.metric.width
+        is_next_to_nothing = ENDLESS_REST * late <= ENDLESS_CHANGE * self.curve.metric.width
         return self.shrinks() and (is_next_to_nothing or len(self.points) > ENDLESS_STEPS)
 
     def shrinks(self) -> bool:
-        """Tell whether alpha changes by less and less where the distance doubles, far away."""
+        """Tell whether alpha changes by less and less while z grows, far away.
+
+        So it is where alpha approaches a limit like any power of 1 / z, and not like a logarithm.
+        """
         late, early = self._changes()
         return late <= ENDLESS_RATIO * early
 
     def _changes(self) -> tuple[float, float]:
-        """Return how alpha changed while the distance doubled, and doubled before; infinite near.
+        """Return how alpha changed on the last part of the way out, and on the part before.
 
-        Infinite, too, where the piece has been farther away.
+        Both parts are as long in the size of z. Infinite and zero where z is not far out, or has
+        been farther out.
         """
         points = np.array(self.points)
-        away = np.linalg.norm((points - points[0]) / self.curve.metric.scale, axis=1)
-        if away[-1] < max(ENDLESS_FROM, away.max()):
+        sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
+        if sizes[-1] < max(ENDLESS_FROM, sizes.max()) or sizes[0] > PARTS[0] * sizes[-1]:
             return np.inf, 0.0
-        parts = (np.argmax(away >= part * away[-1]) for part in (1.0, 0.5, 0.25))
-        last, half, quarter = (float(points[i, -1]) for i in parts)
-        return abs(last - half), abs(half - quarter)
+        first, middle = (float(points[np.argmax(sizes >= p * sizes[-1]), -1]) for p in PARTS)
+        return abs(float(points[-1, -1]) - middle), abs(middle - first)
 
     def refines(self) -> bool:
         """Let differences have shorter steps if these help; tell whether they do."""

@@ -55,9 +55,11 @@ from pwscont.system.system import PiecewiseSystem
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
 #: The path is looked at after so many steps, then each time that their number has doubled.
-FIRST_LOOK = 256
+FIRST_LOOK = 128
 #: Before, an unknown that is so many magnitudes away is larger, but not by more than a factor.
 FAR, FARTHER = 12.0, 4.0
+#: Alpha changes ever less where it does so by less than this part of what it did before.
+SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
 #: Unknowns that change by less than this part of their size do not move.
@@ -87,6 +89,7 @@ class Gauge:
         self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
         self._away, self._farthest, self._size = np.zeros((3, len(self._scale)))
         self._first: Array | None = None
+        self._before: tuple[float, float] | None = None  # alpha and distance at the last look
 
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,).
@@ -105,7 +108,19 @@ class Gauge:
         self._steps += 1
         if self._steps >= self._look:
             self._look *= 2
-            self._judge(TOO_SMALL, math.inf)
+            if not self._runs_off():
+                self._judge(TOO_SMALL, math.inf)
+
+    def _runs_off(self) -> bool:
+        """Tell whether alpha changes ever less the farther the path goes; not known at first.
+
+        Then the path leaves for infinity, which says nothing of typical magnitudes.
+        """
+        before, alpha, far = self._before, self._alpha, float((self._farthest / self._scale).max())
+        self._before = alpha, far
+        if before is None:
+            return True
+        return (alpha - before[0]) * before[1] < SLOWER * before[0] * (far - before[1])
 
     def close(self) -> None:
         """Judge the whole path.

@@ -52,7 +52,7 @@ MOST_CORRECTIONS = 5
 FARTHER = 0.01
 #: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
 #: which alpha hardly changes there.
-AWAY, ALMOST = 10.0, 1e-3
+AWAY, ALMOST = 3.0, 1e-3
 #: A point is moved aside by this part of one plus the length of the point before alpha is set free,
 #: because a minimum of the merit may lie where H is flat by symmetry.
 ASIDE = 1e-3
@@ -175,15 +175,16 @@ class Pursuit:
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
     def is_flat(self, y: Array, direction: Array) -> bool:
-        """Tell whether alpha hardly changes along the curve, neither at nor beside a point.
+        """Tell whether alpha hardly changes along the curve, neither at a point nor farther out.
 
         Far away, alpha hardly changes if a pursuit has run to infinity.
         """
+        outwards = direction if direction.dot(y) > 0.0 else -direction
         far = _length(y) > AWAY
         least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, ASIDE)
         if abs(direction[-1]) > least:
             return False
-        beside = self.direction(y + way * direction)
+        beside = self.direction(y + way * outwards)
         return beside is None or abs(beside[-1]) <= least
 
     def aside(self, y: Array, direction: Array) -> Array:
