@@ -96,10 +96,10 @@ class BranchGraph(Structure):
     def multiplicity(self) -> list[Stretch]:
         """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
 
-        The number holds at every alpha of the stretch; ``lo_closed`` and ``hi_closed`` say whether
-        the number holds at the ends as well. A single value of alpha with infinitely many solutions
-        is an entry of its own; single values with another finite number, such as folds, are found
-        by :meth:`with_count` and :meth:`count`.
+        ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
+        value of alpha with infinitely many solutions is an entry of its own. Single values with
+        another finite number, such as folds and branch points, lie at the ends of stretches or
+        within, and are found by :meth:`with_count` and :meth:`count`.
         """
         return queries.multiplicity(self)
 

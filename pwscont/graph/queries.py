@@ -451,14 +451,15 @@ def nodes_at(graph: Structure, alpha: float) -> list[int]:
 def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:
     """Yield stretches, joined where the number goes on, and breaks with infinitely many alone.
 
+    A break with another finite number, such as a branch point, does not cut a stretch.
     ``counts`` has the numbers at the breaks: the beginnings of all stretches, and the last end.
     """
     whole = rows[0]
     if counts[0] == math.inf != whole[2]:
         yield _single(whole[0])
     for row, count in zip(rows[1:], counts[1:], strict=False):
-        if whole[2] == row[2] == count:
-            whole = Stretch(whole[0], row[1], count, whole.lo_closed, row.hi_closed)
+        if whole[2] == row[2] and (count == row[2] or math.inf not in (count, row[2])):
+            whole = Stretch(whole[0], row[1], row[2], whole.lo_closed, row.hi_closed)
             continue
         yield whole
         if count == math.inf and math.inf not in (whole[2], row[2]):
