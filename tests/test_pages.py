@@ -71,7 +71,7 @@ def test_the_cheat_sheet_has_every_public_name(package):
 def test_the_cheat_sheet_has_what_a_graph_answers():
     questions = {name for name in dir(pwscont.BranchGraph) if not name.startswith("_")}
     inner = {"balances", "breaks", "clean", "names", "pieces_at", "same", "verticals"}
-    inner |= {"is_beside_infinite"}
+    inner |= {"is_beside_infinite", "nodes", "extent", "alphas", "alpha_errors"}
     words = set(re.findall(r"\.(\w+)", page("cheatsheet.rst")))
     assert questions - inner <= words
 

@@ -68,10 +68,12 @@ def line_of(records, piece):
 def test_rows_of_a_curved_piece_solve_the_equation(cubic):
     records = View(cubic).records
     assert records["names"] == ["alpha", "z[0]", "square"]
+    rough = records["rough"][1]  # how far the page says that z may be off the curve
+    assert rough < 2e-5
     for piece in range(3):
         alpha, z, square = line_of(records, piece).T
         assert len(alpha) > 20
-        assert np.abs(z**3 - z - alpha).max() < 1e-5
+        assert (np.abs(z**3 - z - alpha) / np.hypot(3.0 * z**2 - 1.0, 1.0)).max() < rough
         assert square == pytest.approx(z**2)
         assert len(set(np.sign(np.diff(alpha)))) == 1  # monotone, so that the page can search
     assert records["pieces"]["curved"] == [True] * 3

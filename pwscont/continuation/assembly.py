@@ -431,13 +431,13 @@ def _kind(node: Node, meeting: _Meeting) -> Kind | str:
 
 def _messages(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Messages:
     """Return the messages of a node: what changes there, and what else is known."""
-    said = node.message
     if not meeting.is_passed:
-        return Messages((said, said))
+        return Messages((node.message, node.message))
     before, after = meeting.before[0][1].character, meeting.after[0][1].character
     if before == after or (node.kind == Kind.END and isinstance(system, Ending)):
-        return Messages((said, said))
-    return Messages(partial(_change, system, before, after, "" if node.kind in CROSSED else said))
+        return Messages((node.message, node.message))
+    note = "" if node.kind in CROSSED else node.message
+    return Messages(partial(_change, system, before, after, note))
 
 
 def _change(

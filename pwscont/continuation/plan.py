@@ -25,7 +25,7 @@ from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.continuation.assembly import assemble, mark
 from pwscont.continuation.detectors import default_detectors
-from pwscont.continuation.discovery import Discovery, Node
+from pwscont.continuation.discovery import CROSSED, Discovery, Node
 from pwscont.continuation.follow import Follower, PieceFollower, alone
 from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.journal import Journal, Recorded
@@ -188,7 +188,9 @@ def _is_filled(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> b
 
 def is_sign(node: Node) -> bool:
     """Tell whether a special point is a sign that solutions fill more than curves."""
-    return node.lost > 0 or node.kind == Kind.STOPPED or FILL in node.message
+    if node.lost > 0 or node.kind == Kind.STOPPED:
+        return True
+    return node.kind not in CROSSED and FILL in node.message
 
 
 Report = Callable[[int, float], None]
