@@ -210,9 +210,10 @@ def test_searches_promise_what_the_tutorial_says():
     assert rows["AllTransitions()"] == "3 at 0, balance 1: complete"
     assert rows["EndPoints()"] == "1 at 0, balance 1: complete but for closed loops"
     assert rows["EndPoints() + Slices((0.3,))"].startswith("3 at 0, balance 1")
-    assert rows["FromFrictionless()"] == "1 found, balance +1: balanced"
+    # out at -1.3, around the fold at -1.2, and back: the second solution is on the same curve
+    assert rows["FromFrictionless()"] == f"2 found, balance +0: {missing}"
     assert rows["Slices((-1.5,))"] == "5 found, balance +1: balanced"
-    assert rows["MultiStart()"] == f"4 found, balance +2: {missing}"
+    assert rows["MultiStart()"] == "5 found, balance +1: balanced"
     assert "AllTransitions()    5 found, balance +1: complete\n" in printed
     assert "EndPoints()         5 found, balance +1: complete but for closed loops\n" in printed
 

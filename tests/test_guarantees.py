@@ -141,7 +141,8 @@ class Root(PiecewiseSystem):
 def test_a_model_that_ends():
     graph = trace(Root(), ([1.5], 0.2), (-2.0, 2.0))
     (stopped,) = graph.special_points("stopped")
-    assert stopped.alpha == pytest.approx(-1.0, abs=5e-3)
+    # the finest differences of z reach the end up to h = 3e-8, and alpha up to sqrt(h)
+    assert stopped.alpha == pytest.approx(-1.0, abs=5e-4)
     assert_says(graph, "not balanced", f"the model ends at alpha = {stopped.alpha:.8g}")
 
 

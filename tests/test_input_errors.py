@@ -421,15 +421,36 @@ def test_a_residual_that_is_never_finite_is_refused():
         trace(arch, ([0.5], 0.25), (0.0, 0.5))
 
 
-def test_a_piece_that_goes_nowhere_ends(monkeypatch):
-    """With a wrong Jacobian steps go on and on; the message says what to look for."""
-    monkeypatch.setattr("pwscont.continuation.follow.MOST_STEPS", 200)
+@pytest.mark.parametrize(
+    "run",
+    [
+        lambda arch: explore(arch, (0.0, 0.5)),
+        lambda arch: trace(arch, ([0.866], 0.25), (0.0, 0.5)),
+    ],
+    ids=["explore", "trace"],
+)
+def test_a_wrong_jacobian_on_the_instance_is_refused(run):
+    """With it steps go on and on, or a search finds nothing: it is named before the first step."""
     arch = Arch()
     arch.jacobian = lambda z, alpha, character: np.array([[7.0, 3.0]])
-    graph = explore(arch, (0.0, 0.5))
-    stopped = graph.special_points("stopped")
-    assert stopped
-    assert all("check_system" in point.message for point in stopped)
+    with pytest.raises(InvalidSystemError, match=r"Arch\.jacobian in cell - is wrong in row 0"):
+        run(arch)
+    arch.jacobian = lambda z, alpha, character: np.array([[2.0 * z[0], 1.0]])
+    assert run(arch).special_points()
+
+
+def test_a_wrong_test_jacobian_on_the_instance_is_refused():
+    arch = Arch()
+    arch.test_jacobian = lambda z, alpha: np.array([[7.0, 3.0]])
+    with pytest.raises(InvalidSystemError, match="test_jacobian is wrong in row 0"):
+        trace(arch, ([0.866], 0.25), (0.0, 0.5))
+
+
+def test_a_piece_that_goes_nowhere_ends(monkeypatch):
+    """A piece of too many steps stops; the message says what to look for."""
+    monkeypatch.setattr("pwscont.continuation.follow.MOST_STEPS", 2)
+    (stopped, _) = trace(Arch(), ([0.866], 0.25), (0.0, 0.5)).special_points("stopped")
+    assert "check_system" in stopped.message
 
 
 @pytest.mark.parametrize(

@@ -133,9 +133,13 @@ for name, search in searches.items():
 #   ``FromFrictionless`` follows the only solution at :math:`F = 0` up to the :math:`F` asked for.
 #   Both work for any size and promise nothing; the default for large systems adds them up.
 #
-# If a search promises nothing, the balance is left as a check. It may tell that a branch
-# is missing. It cannot tell that none is: a single solution of sign +1 has the right sum as well,
-# and the four others here cancel. Then the graph says "balanced", and that is all it means.
+# If a search promises nothing, paths that leave the interval are followed a little further. So the
+# one solution from :math:`F = 0` became two: its path leaves at -1.3, turns at the fold at -1.2 and
+# comes back. The other three lie farther along the curve, and were not reached.
+#
+# Then the balance is left as a check. It may tell that a branch is missing, as it does here. It
+# cannot tell that none is: a single solution of sign +1 has the right sum as well, and the four
+# others here cancel. Then the graph says "balanced", and that is all it means.
 #
 # ``graph.searched`` keeps the words and the promise of the search; both are saved with the graph.
 print(graph.searched.what, "->", graph.guarantee)

@@ -6,7 +6,10 @@ Failure modes and answers
   would have them: the error of steps that are too long falls with their length, that of rounding
   and noise grows. So finer steps are taken only where the next finer ones change derivatives more
   than those after them.
-- Beside an end of the model derivatives are nan, or change by rounding: that is no reason.
+- Beside an end of the model derivatives change by rounding: that is no reason.
+- The step of the differences leads beyond an end of the model, where the point itself does not:
+  finer steps are taken where these alone are finite. So a piece reaches the end of the model as
+  closely as the finest steps allow, whatever the magnitudes are.
 """
 
 from __future__ import annotations
@@ -50,7 +53,8 @@ def refined(curve: Curve, x: Array) -> bool:
     if part * REFINEMENT < FINEST_PART:
         return False
     usual, finer, finest = (_derivatives(curve, x, part * REFINEMENT**k) for k in range(3))
-    is_better = _apart(usual, finer) > _apart(finer, finest)
+    late, early = _apart(finer, finest), _apart(usual, finer)
+    is_better = early > late or (np.isfinite(late) and not np.isfinite(early))
     curve.selection.system.refine_differences(part * REFINEMENT if is_better else part)
     return is_better
 

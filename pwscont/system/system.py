@@ -198,7 +198,7 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def knows_jacobian(self) -> bool:
         """Whether the derivatives are the system's own, which no typical magnitude changes."""
-        return type(self).jacobian is not PiecewiseSystem.jacobian
+        return getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
 
     @property
     def _is_fitted(self) -> bool:

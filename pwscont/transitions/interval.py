@@ -27,7 +27,7 @@ from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.fold import fold_at_end
-from pwscont.transitions.location import locate_sign_change, locate_zero
+from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray, vanishing
 
 
@@ -108,7 +108,8 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
     """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
     near = found
     if isinstance(near, Failure):
-        near = locate_sign_change(segment, segment.curve.slope, (0.0, segment.length))
+        bracket = 0.0, segment.length
+        near = locate_sign_change(segment, segment.curve.slope, bracket, NARROW_BRACKET)
     fold = fold_at_end(segment.curve, segment.end if isinstance(near, Failure) else near)
     return _onwards(segment, fold) if fold else None
 

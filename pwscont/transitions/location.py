@@ -13,16 +13,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.corrector import falling, zero
 from pwscont.curve.curve import State
 from pwscont.curve.newton import Border, corrected
 from pwscont.curve.stepper import CurvedSegment, Segment
 
-#: A sign change is bracketed within this part of a segment. At a turning point alpha, or a test, is
-#: flat: the error of alpha is the square of this number. Much closer, changes of the tangent are
-#: rounding.
+#: The sign change of a slope is bracketed within this part of a segment. At a turning point alpha,
+#: or a test, is flat: the error of alpha is the square of this number. Much closer, changes of the
+#: tangent are rounding.
 NARROW_BRACKET = EPS**0.6
+#: The sign change of any other function: alpha errs by as much, however long the segment is.
+NARROWEST_BRACKET = GUARD * EPS
 #: A bracket in double precision cannot be halved more often.
 MOST_BRACKET_HALVINGS = 60
 #: Brent's method takes no more steps than the square of these halvings; many where a zero is flat.
@@ -101,13 +103,13 @@ def locate_sign_change(
     segment: Segment,
     function: Callable[[State], float],
     bracket: tuple[float, float],
-    narrow: float = NARROW_BRACKET,
+    narrow: float = NARROWEST_BRACKET,
 ) -> State | Failure:
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 
     For functions without a gradient: a few corrected points more than Newton needs. ``narrow`` is
-    the part of the segment within which the change is bracketed. On a straight segment the place is
-    known, from :meth:`~pwscont.TransitionDetector.falls`.
+    the part of the segment within which the change is bracketed, by default close to rounding. On a
+    straight segment the place is known, from :meth:`~pwscont.TransitionDetector.falls`.
     """
     if not isinstance(segment, CurvedSegment):
         return locate_point(segment, bracket[0])

@@ -36,7 +36,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
+from pwscont.transitions.location import MOST_BRACKET_HALVINGS, NARROW_BRACKET, locate_sign_change
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
@@ -413,7 +413,7 @@ def _bracket_of_dip(
     def slope(state: State) -> float:
         return float(detector.read(segment.curve, state).slopes[index])
 
-    lowest = locate_sign_change(segment, slope, (0.0, segment.length))
+    lowest = locate_sign_change(segment, slope, (0.0, segment.length), NARROW_BRACKET)
     if isinstance(lowest, Failure):
         return lowest
     if not _value(detector, segment, lowest, index) < 0.0:
