@@ -17,9 +17,9 @@ Failure modes and answers
 - The root is zero where the terms were not (an unloaded body reached from a loaded body): the terms
   are taken before the last correction as well as after.
 - Constants in H cancel, and no derivative tells: (z + B) - B moves in stairs as high as the
-  rounding of B. H is evaluated next to the root, and compared with the values that the derivative
-  predicts. The difference has a part from curvature as well; that part is measured farther away,
-  and removed.
+  rounding of B. H is evaluated next to the root, at three places on a line, where rounding shows as
+  a second difference. The difference has a part from curvature as well; that part is measured
+  farther away in the same direction, and removed.
 - The selection is undefined far from its cell: non-finite values are a failure, and the caller
   shortens the step.
 - H need not be defined outside the interval of alpha: an iterate that leaves the interval is a
@@ -285,27 +285,32 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
     """
     if isinstance(curve.selection.system, SlicewiseLinearSystem):
         return np.zeros(len(root.x))
-    far = _off_derivative(curve, root, border, CURVATURE_SHOWS, 0)
-    near = [_off_derivative(curve, root, border, ROUNDING_SHOWS, i) for i in range(ROUNDING_PLACES)]
-    curvature = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2 * far
-    unseen: Array = np.maximum(np.max(near, axis=0) - curvature, 0.0)
+    here, unseen = _rows(curve, root.x, border), np.zeros(len(root.x))
+    ratio = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2
+    for place in range(ROUNDING_PLACES):
+        dx = _aside(curve, root, ROUNDING_SHOWS, place)
+        once, twice = (_rows(curve, root.x + k * dx, border) for k in (1.0, 2.0))
+        # the Jacobian of the root is from before the last correction: a line needs none
+        bend = 0.5 * np.abs(here - 2.0 * once + twice)
+        dx = _aside(curve, root, CURVATURE_SHOWS, place)  # the same direction has the same curvature
+        linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
+        curvature = np.abs(_rows(curve, root.x + dx, border) - here - linear)
+        unseen = np.fmax(unseen, bend - ratio * curvature)
     return np.where(np.isfinite(unseen), unseen, 0.0)
 
 
-def _off_derivative(
-    curve: Curve, root: Root, border: Callable[[Array], float], part: float, shift: int
-) -> Array:
-    """Return the difference of the change of the rows from the change by derivatives, (n + 1,)."""
+def _rows(curve: Curve, x: Array, border: Callable[[Array], float]) -> Array:
+    return curve.selection.residual_and(x, border(x))
+
+
+def _aside(curve: Curve, root: Root, part: float, place: int) -> Array:
+    """Return a step from a root by a part of typical magnitudes, alpha into the interval."""
     x, metric = root.x, curve.metric
-    step = part * generic(len(x), shift) * (np.abs(x) + metric.scale)
-    grows = product(root.row, step).item() >= 0.0  # the path comes from where the border grows
-    there = x + (step if grows else -step)
-    there[-1] = x[-1] + math.copysign(part * metric.width, sum(metric.interval) - 2.0 * x[-1])
-    dx = there - x
-    before, after = (curve.selection.residual_and(y, border(y)) for y in (x, there))
-    linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
-    off: Array = np.abs(after - before - linear)
-    return off
+    step: Array = part * generic(len(x), place) * (np.abs(x) + metric.scale)
+    if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
+        step = -step
+    step[-1] = math.copysign(part * metric.width, sum(metric.interval) - 2.0 * x[-1])
+    return step
 
 
 def _rounding(jacobian: Matrix, row: Matrix, size: Array, unseen: Array | float = 0.0) -> Array:

@@ -9,6 +9,8 @@ Failure modes and answers
 - Cycling between cells: the merit function must fall, by Armijo's rule.
 - At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
   steps are taken undamped, and the rule holds again from where they lead.
+- A short last step crosses an interface: the solution of the cell that was left is none, however
+  close by. Newton goes on in the cell on the other side.
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by its largest scaled coefficient.
@@ -98,7 +100,8 @@ def semismooth_newton(
         The solution (z, alpha) and the size of the last correction, or, shape (k, n + 1), samples
         of the error where conditioning allows no smaller correction; or a Failure.
     """
-    point, linear, leaps = _evaluated(system, joined(z, alpha)), None, 0
+    point, linear = _evaluated(system, joined(z, alpha)), None
+    leaps = crossings = 0
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         x, character, residual = point
@@ -111,6 +114,10 @@ def semismooth_newton(
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
         if metric.relative(step, x) <= CONVERGED:
+            there = _evaluated(system, x + step)
+            if crossings < MOST_LEAPS and not _is_same_side(system, character, there[1]):
+                point, crossings = there, crossings + 1
+                continue
             if not _is_solved(linear, metric, x, residual) or _misses(linear, metric, x, residual):
                 return Failure(FailureReason.NO_DESCENT)
             return x + step, np.abs(step)[np.newaxis]
@@ -131,6 +138,11 @@ def _evaluated(system: PiecewiseSystem, x: Array) -> _Evaluated:
     z, alpha = x[:-1], float(x[-1])
     character = system.character(z, alpha)
     return x, character, residual_at(system, z, alpha, character)
+
+
+def _is_same_side(system: PiecewiseSystem, one: Character, other: Character) -> bool:
+    """Tell whether two characters name the same cell."""
+    return one == other or system.cell(one) == system.cell(other)
 
 
 def _is_same_cell(system: PiecewiseSystem, one: Character, other: Character) -> bool:

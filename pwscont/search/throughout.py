@@ -10,6 +10,8 @@ Failure modes and answers
   away, and a point found with alpha free is compared with all known branches before the point is
   passed on.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
+- Solutions beside a fold are closer together than solutions deflated away may be: a solution found
+  is compared with all known solutions, not only with those deflated away.
 - The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
@@ -47,6 +49,8 @@ USUAL = 20
 SAME_SOLUTION = EPS**0.5
 #: Two rough known solutions closer than this, measured in the same way, are one.
 DISTINCT = 1e-5
+#: Most solutions from one start, where solutions fill a line.
+MOST_FROM_ONE = 100
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
 #: Starts are spread over one typical magnitude, over WIDER times as much, and so on for WIDTHS
@@ -145,21 +149,22 @@ class _Looking:
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield the new solutions to which starts at one alpha lead."""
-        known, here = self._solutions(alpha), list[Array]()
+        here = list[Array]()
+        known = self._solutions(alpha)
         for number, rough in enumerate(guesses):
             z = completed(self._system, rough[: shown_size(self._system)], alpha)
             y = np.append(z, alpha) / self._metric.scale
-            reached, arrived = self._pursuit.at_alpha(y, known)
-            while arrived and (found := self._corrected(reached, alpha)):
-                if not self._is_new(found[0], known):
+            for _ in range(MOST_FROM_ONE):
+                reached, arrived = self._pursuit.at_alpha(y, self._distinct(known))
+                found = self._corrected(reached, alpha) if arrived else None
+                if not (found and self._is_new(found[0], known)):
                     break
                 yield found
                 here.append(found[0] / self._metric.scale)
-                known = self._distinct([*here, *self._solutions(alpha)])
-                reached, arrived = self._pursuit.at_alpha(y, known)
+                known = [*here, *self._solutions(alpha)]
             if not arrived and (found := self._freely(reached, number)):
                 yield found
-                known = self._distinct([*here, *self._solutions(alpha)])
+                known = [*here, *self._solutions(alpha)]
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
@@ -202,7 +207,7 @@ class _Looking:
             self._reach = np.maximum(self._reach, np.abs(x[:-1]))
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
-        return self._distinct(found)
+        return found
 
     def _distinct(self, points: list[Array]) -> list[Array]:
         """Return points, each once: a solution that is deflated away twice attracts from afar."""
