@@ -26,7 +26,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE
+from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
@@ -36,7 +36,11 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_BRACKET_HALVINGS, locate_sign_change
+from pwscont.transitions.location import (
+    MOST_BRACKET_HALVINGS,
+    NARROW_BRACKET,
+    locate_sign_change,
+)
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
@@ -416,9 +420,14 @@ def _bracket_of_dip(
     lowest = locate_sign_change(segment, slope, (0.0, segment.length))
     if isinstance(lowest, Failure):
         return lowest
-    if not _value(detector, segment, lowest, index) < 0.0:
-        return None
-    return 0.0, segment.position(lowest.x)
+    value = _value(detector, segment, lowest, index)
+    if 0.0 <= value <= abs(slope(lowest)) * NARROW_BRACKET * segment.length:
+        # the dip may be narrower than the bracket of the lowest point
+        lowest = locate_sign_change(segment, slope, (0.0, segment.length), EPS)
+        if isinstance(lowest, Failure):
+            return lowest
+        value = _value(detector, segment, lowest, index)
+    return (0.0, segment.position(lowest.x)) if value < 0.0 else None
 
 
 def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
