@@ -292,7 +292,9 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
         once, twice = (_rows(curve, root.x + k * dx, border) for k in (1.0, 2.0))
         # the Jacobian of the root is from before the last correction: a line needs none
         bend = 0.5 * np.abs(here - 2.0 * once + twice)
-        dx = _aside(curve, root, CURVATURE_SHOWS, place)  # the same direction has the same curvature
+        dx = _aside(
+            curve, root, CURVATURE_SHOWS, place
+        )  # the same direction has the same curvature
         linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
         curvature = np.abs(_rows(curve, root.x + dx, border) - here - linear)
         unseen = np.fmax(unseen, bend - ratio * curvature)
