@@ -413,8 +413,12 @@ def _bracket_of_dip(
     detector: TransitionDetector, index: int, segment: CurvedSegment
 ) -> tuple[float, float] | Failure | None:
     """Return a bracket of the first zero of a function that is positive at both ends."""
+    border = detector.border(segment.curve, index)
 
     def slope(state: State) -> float:
+        """Return the slope, even where a reading calls the function level at zero."""
+        if border:
+            return float(border(state.x)[1].dot(state.tangent))
         return float(detector.read(segment.curve, state).slopes[index])
 
     lowest = locate_sign_change(segment, slope, (0.0, segment.length))
