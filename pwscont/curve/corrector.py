@@ -153,6 +153,9 @@ class MoorePenrose(Corrector):
 
 
 MOST_NEWTON = 8
+#: Most corrections next to a double root, each of which is about half of the previous correction;
+#: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous one.
+MOST_HALVING, SHRINKS = 40, 0.75
 
 
 def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
@@ -198,9 +201,11 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
         if is_within(settled, error) and curve.metric.admits(settled.x):
             return settled, error
         settled = again(curve, border, settled)
-    for _ in range(MOST_NEWTON):
+    for number in range(MOST_HALVING):
         found = newton(curve, border, root.x, MOST_NEWTON)
         if isinstance(found, Failure):
+            break
+        if number >= MOST_NEWTON and not (found.error <= SHRINKS * root.error).all():
             break
         root, error = found, uncertainty(found, unseen)
         if is_within(root, error):

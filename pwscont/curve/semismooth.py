@@ -33,7 +33,7 @@ from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, prod
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, is_rounding, uncertainty
@@ -113,10 +113,13 @@ def semismooth_newton(
         if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
         step = step * _stretch(metric, known, x, step)
-        if metric.relative(step, x) <= CONVERGED:
-            there = _evaluated(system, x + step)
-            if crossings < MOST_LEAPS and not _is_same_side(system, character, there[1]):
-                point, crossings = there, crossings + 1
+        size = metric.relative(step, x)
+        if size <= CONVERGED:
+            there, may_cross = x + step, size > GUARD * EPS and crossings < MOST_LEAPS
+            if may_cross and not _is_same_side(
+                system, character, system.character(there[:-1], float(there[-1]))
+            ):
+                point, crossings = _evaluated(system, there), crossings + 1
                 continue
             if not _is_solved(linear, metric, x, residual) or _misses(linear, metric, x, residual):
                 return Failure(FailureReason.NO_DESCENT)

@@ -26,7 +26,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE
+from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
@@ -409,16 +409,25 @@ def _bracket_of_dip(
     detector: TransitionDetector, index: int, segment: CurvedSegment
 ) -> tuple[float, float] | Failure | None:
     """Return a bracket of the first zero of a function that is positive at both ends."""
+    border = detector.border(segment.curve, index)
 
     def slope(state: State) -> float:
+        """Return the slope, even where a reading calls the function level at zero."""
+        if border:
+            return float(border(state.x)[1].dot(state.tangent))
         return float(detector.read(segment.curve, state).slopes[index])
 
     lowest = locate_sign_change(segment, slope, (0.0, segment.length), NARROW_BRACKET)
     if isinstance(lowest, Failure):
         return lowest
-    if not _value(detector, segment, lowest, index) < 0.0:
-        return None
-    return 0.0, segment.position(lowest.x)
+    value = _value(detector, segment, lowest, index)
+    if 0.0 <= value <= abs(slope(lowest)) * NARROW_BRACKET * segment.length:
+        # the dip may be narrower than the bracket of the lowest point
+        lowest = locate_sign_change(segment, slope, (0.0, segment.length), EPS)
+        if isinstance(lowest, Failure):
+            return lowest
+        value = _value(detector, segment, lowest, index)
+    return (0.0, segment.position(lowest.x)) if value < 0.0 else None
 
 
 def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
