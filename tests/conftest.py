@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections import Counter
+from zlib import crc32
 
 import pytest
 
@@ -19,14 +20,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 from sweeps import Wanted
 
 
+def pytest_addoption(parser):
+    """Add the option that takes a fixed part of all tests: long sweeps are sampled by it."""
+    parser.addoption("--one-in", type=int, default=1, help="run about one in so many tests")
+
+
 def pytest_configure(config):
     """Leave out the slow cases of sweeps where only quick ones are asked for."""
     Wanted.slow = config.option.markexpr != "not slow"
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Mark as slow all cases of a test marked ``sweep(k)`` but the first, the (k + 1)th, ..."""
+def pytest_collection_modifyitems(items, config):
+    """Mark as slow all cases of a test marked ``sweep(k)`` but the first, the (k + 1)th, ...
+
+    With ``--one-in N`` the tests are sampled by their names: every machine runs the same ones.
+    """
     seen = Counter()
     for item in items:
         mark = item.get_closest_marker("sweep")
@@ -35,6 +44,8 @@ def pytest_collection_modifyitems(items):
         if seen[item.function] % mark.args[0]:
             item.add_marker(pytest.mark.slow)
         seen[item.function] += 1
+    one_in = config.getoption("--one-in")
+    items[:] = [item for item in items if crc32(item.nodeid.encode()) % one_in == 0]
 
 
 @pytest.fixture(autouse=True)
