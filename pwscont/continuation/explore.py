@@ -256,10 +256,10 @@ def trace(
     detectors : iterable of TransitionDetector, optional
         Detectors beside the default ones; their special points may be of kinds of their own.
     events : mapping of str to callable or Stop, optional
-        Functions g(z, alpha) -> float by name. Where one is zero is a special point of kind "event"
-        with that name; one given as ``Stop(g)`` ends the branch there. They change no count and no
-        balance. What is a transition, a fold or an end already stays what it is, and has the
-        event's ``name``.
+        Functions g(z, alpha) -> float by name. A zero of g is a special point of kind "event" with
+        that name; a function given as ``Stop(g)`` ends the branch at the zero. Events change no
+        count and no balance. A transition, fold or end at a zero of g keeps its kind, and has the
+        ``name`` of the event.
     record : mapping of str to callable, optional
         Quantities f(z, alpha) -> float by name, at hand as ``solution["name"]`` and
         ``point["name"]``, in data frames, tables and pictures.
@@ -272,8 +272,8 @@ def trace(
     limits : Limits, optional
         How many pieces the graph may have, and how many seconds it may take; default no limits.
         Where one runs out, and after Ctrl-C, the graph found so far comes back: its unfinished ends
-        are special points of kind "stopped", and its guarantee says why. Ctrl-C ends the step that
-        is being taken first; a second one does not wait for it.
+        are special points of kind "stopped", and its guarantee says why. After Ctrl-C the run
+        first ends the current step; a second Ctrl-C does not wait for the step.
 
     Returns
     -------

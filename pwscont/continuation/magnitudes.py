@@ -22,8 +22,8 @@ Failure modes and answers
 - H may oscillate, as tan(z): changes do not grow with the size then, and any size may come out of a
   bisection. A far smaller size shows it: there H changes by far more than in proportion. The size
   by which H changes a little is then found first, and larger ones in turn.
-- An unknown may rest at a bound, whose value is no magnitude: where it does not move its own size
-  says nothing.
+- An unknown may rest at a bound, whose value is no magnitude: the size of an unknown that does not
+  move says nothing.
 - Equations that alpha is in come first. What is constant in another one may be a switch's small
   saturation current: before that counts, unknowns that are measured give the equation terms.
 - Next to a fold dz/dalpha is large: the smallest of several solutions counts, of many unknowns
@@ -170,7 +170,7 @@ VANISHED = 1e-30
 
 
 def rounded_to_one(sizes: Array) -> Array:
-    """Return magnitudes, one where they are close to one."""
+    """Return magnitudes, rounded to 1 where a magnitude is close to 1."""
     close = (sizes >= LEAST) & (sizes <= MOST)
     return np.where(close, 1.0, np.maximum(sizes, VANISHED * sizes.max()))
 

@@ -20,7 +20,7 @@ from pwscont.system.system import Block, PiecewiseLinearSystem
 
 #: Smaller matrices are dense.
 SMALL = 10_000
-#: So are those with more nonzeros than this part of all.
+#: Matrices are dense, too, if the nonzero entries are more than this part of all entries.
 DENSE = 0.1
 #: Matrices with more diagonals than this part of their size are not stored as banded.
 THIN = 0.1

@@ -309,7 +309,7 @@ def _crossing(value: float) -> Passing:
 def _cuts(
     locus: Locus, piece: Piece, ends: tuple[Array, Array], sides: Indices
 ) -> list[tuple[Array, Array]]:
-    """Return where slopes of some sides change their signs, with errors; not where both do."""
+    """Return where the slope of exactly one side changes sign, with errors."""
     found = [_cut(locus, piece, (float(ends[0][-1]), float(ends[1][-1])), side) for side in sides]
     found.sort(key=lambda cut: abs(cut[0][-1] - ends[0][-1]))
     if len(found) == 2 and abs(np.diff([x[-1] for x, _ in found])) <= sum(e[-1] for _, e in found):
@@ -322,8 +322,8 @@ def _cut(
 ) -> tuple[Array, Array]:
     """Return the point of a piece where the slope of one side changes its sign, and its error.
 
-    The slope of one side alone has a simple zero in general; the product of both may be so flat
-    that it is rounding far around. The error is how far around the sign is not known.
+    In general the slope of one side alone has a simple zero, while the product of both slopes may be
+    so flat that the product is rounding far around. The error is how far around the sign is unknown.
     """
 
     def slope(mu: float) -> float:
