@@ -130,7 +130,7 @@ def column(jacobian: Matrix, index: int) -> Array:
 def balanced_columns(jacobian: Matrix) -> Array:
     """Return by what to multiply columns of [H_z, H_alpha] to balance H_z, powers of two.
 
-    Each row is divided by its largest entry first; the multiplier of alpha, the last multiplier, is 1.
+    Each row is divided by its largest entry first; the last multiplier, that of alpha, is 1.
     """
     sparse = sp.issparse(jacobian)
     sizes = abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian))

@@ -322,8 +322,9 @@ def _cut(
 ) -> tuple[Array, Array]:
     """Return the point of a piece where the slope of one side changes its sign, and its error.
 
-    In general the slope of one side alone has a simple zero, while the product of both slopes may be
-    so flat that the product is rounding far around. The error is how far around the sign is unknown.
+    In general the slope of one side alone has a simple zero, while the product of both slopes may
+    be so flat that the product is rounding far around. The error is the distance within which the
+    sign is unknown.
     """
 
     def slope(mu: float) -> float:
