@@ -1,6 +1,7 @@
 """Folds and branch points of smooth curves, on systems with closed forms, by public names."""
 
 import math
+from collections.abc import Callable
 from decimal import Decimal, getcontext
 
 import numpy as np
@@ -12,9 +13,12 @@ from pwscont import (
     BranchGraph,
     PiecewiseSystem,
     PseudoArclength,
+    Switched,
     check_system,
+    explore,
     trace,
 )
+from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.curve.corrector import MoorePenrose
 from pwscont.curve.predictor import Secant
@@ -720,3 +724,30 @@ def test_an_inflection_is_no_fold(d):
     graph = trace(Hysteresis(d), ([-0.93], (-0.93) ** 3 + 2.79 * d), (-1.0, 1.0))
     assert graph.special_points("fold") == []
     assert len(graph.pieces) == 1
+
+
+def competing_species(seed: int, member: int) -> tuple[Switched, Callable[[float], list[Array]]]:
+    """Two species with constant effects on each other; each may be extinct (Lotka and Volterra)."""
+    rng = np.random.default_rng([seed, member, 2])
+    effects = rng.uniform(-1, 1, (2, 2)) + 1.5 * np.eye(2) * rng.choice([1, 1, -1], 2)
+    rate, change = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
+
+    def solutions(alpha: float) -> list[Array]:
+        growth = rate + alpha * change
+        alone = growth / np.diag(effects)
+        both = np.linalg.solve(effects, growth)
+        return [np.zeros(2), np.array([alone[0], 0.0]), np.array([0.0, alone[1]]), both]
+
+    return Switched(2, lambda z, a, sw: z * (rate + a * change - effects @ z)), solutions
+
+
+@pytest.mark.parametrize(("seed", "member"), [(2, 10), (3, 15)])
+def test_two_branch_points_within_one_step_divide_the_piece_that_passed_over_both(seed, member):
+    system, solutions = competing_species(seed, member)
+    graph = explore(system, (-1.0, 1.0))
+    assert graph.guarantee == "balanced"
+    for alpha in (-0.83, -0.61, -0.27, -0.05, 0.21, 0.48, 0.77):
+        found = [solution.z for solution in graph.solutions(alpha)]
+        assert len(found) == graph.count(alpha) == 4
+        for z in solutions(alpha):
+            assert any(np.allclose(z, other, rtol=1e-7, atol=1e-9) for other in found)

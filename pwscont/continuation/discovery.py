@@ -22,6 +22,8 @@ from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.continuation.ray_keys import (
     JOIN,
+    SAME,
+    SAME_CROSSING,
     FollowedRay,
     KnownRay,
     KnownRays,
@@ -30,6 +32,7 @@ from pwscont.continuation.ray_keys import (
     name_of,
     names,
 )
+from pwscont.curve.curve import State
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.place import Place, Track
 from pwscont.system.abilities import Ending
@@ -174,6 +177,7 @@ class Discovery:
         self.edges: list[Edge] = []
         #: Rays that leave the interval.
         self.leaving: list[Ray] = []
+        self._starts: list[Place] = []
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -273,7 +277,7 @@ class Discovery:
         reached = self._reach(walk, end, keys, KnownRay(node, index, key))
         track = Track(key.place, walk.inner, end)
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
-        self.edges.append(edge)
+        self.edges.append(self._with_start(edge, ray))
         self._past.add(node, edge.end, end, edge.followed.names)
         self._report(len(self.edges), float(walk.points[-1][-1]))
 
@@ -371,18 +375,37 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        cells, interval = set(names(ray)), self._follower.interval
-        system = ray.curve.selection.system
-        return any(
-            not cells.isdisjoint(edge.followed.names)
-            and lies_on(
-                edge.followed.curve(system, ray.curve.metric),
-                edge.track.points,
-                ray.state,
-                interval,
-            )
-            for edge in self.edges
-        )
+        return any(self._starts_on(ray, edge, SAME) for edge in self.edges)
+
+    def _starts_on(self, ray: Ray, edge: Edge, same: float) -> bool:
+        """Tell whether a ray starts on a piece, to a part of the size of its point."""
+        if set(names(ray)).isdisjoint(edge.followed.names):
+            return False
+        curve = edge.followed.curve(ray.curve.selection.system, ray.curve.metric)
+        return lies_on(curve, edge.track.points, ray.state, self._follower.interval, same)
+
+    def _forget_pieces_across(self, arrival: SpecialPointFound) -> None:
+        """Forget the pieces that passed over a new branch point without seeing the point.
+
+        Two branch points within one step flip the orientation twice. The rays of the branch point
+        lead along such a piece in both directions, to other branch points and to both its ends.
+        """
+        if arrival.kind != Kind.BRANCH_POINT:
+            return
+        ray = arrival.rays[0]
+        for edge in [e for e in self.edges if self._starts_on(ray, e, SAME_CROSSING)]:
+            self.edges.remove(edge)
+            if edge.begun_at is not None:
+                self._starts.append(edge.begun_at)
+
+    def _with_start(self, edge: Edge, ray: Ray) -> Edge:
+        """Return a piece with the place where tracing began, if a forgotten piece had it here."""
+        for place in self._starts:
+            state = State(place.x, ray.state.tangent, place.error[np.newaxis], 1)
+            if self._starts_on(Ray(ray.curve, state), edge, SAME):
+                self._starts.remove(place)
+                return edge._replace(begun_at=place)
+        return edge
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
@@ -411,6 +434,7 @@ class Discovery:
         self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey], first: int = 0
     ) -> int:
         """Add a node whose rays will be followed, from the first one on that was not."""
+        self._forget_pieces_across(arrival)
         node, self._next = self._next, self._next + 1
         rays = [*[None] * first, *arrival.rays[first:]]
         self.nodes[node] = Node(arrival.kind, place, arrival.said, rays, [*keys])

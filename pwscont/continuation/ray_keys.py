@@ -207,9 +207,18 @@ def _is_surely(key: RayKey, ray: Ray) -> bool:
 
 #: Solutions at one alpha in one cell are the same when closer than this times the size of either.
 SAME = EPS**0.5
+#: Where two curves cross, up to three solutions meet at fixed alpha, and Newton gives a point to
+#: the cube root of the rounding.
+SAME_CROSSING = 2.0 * EPS ** (1.0 / 3.0)
 
 
-def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, float]) -> bool:
+def lies_on(
+    curve: Curve,
+    points: Array,
+    state: State,
+    interval: tuple[float, float],
+    same: float = SAME,
+) -> bool:
     """Tell whether a state lies on the piece with these points, to within the error of the state.
 
     Parameters
@@ -219,6 +228,8 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
     points : ndarray, shape (k, n + 1)
     state : State
     interval : tuple of float
+    same : float
+        Points closer than this, relative to the size of either, are one.
     """
     metric, x, alpha = curve.metric, state.x, state.alpha
     if not points[:, -1].min() <= alpha <= points[:, -1].max():
@@ -229,7 +240,7 @@ def lies_on(curve: Curve, points: Array, state: State, interval: tuple[float, fl
         around = (curve.selection.system, curve.selection.character, points, alpha, interval)
         nearest = solve_between(*around)[0]
     apart = metric.difference(nearest, x)
-    if metric.norm(apart) <= metric.slack(x, SAME):
+    if metric.norm(apart) <= metric.slack(x, same):
         return True
     both = 2.0 * state.size  # the piece is as uncertain as the state
     return bool((np.abs(apart) <= CONFIDENCE * both).all())

@@ -101,9 +101,7 @@ def _located(
     curve: Curve, a: Array, b: Array, alpha: float
 ) -> tuple[CurvedSegment, float, tuple[Array, Array] | None]:
     """Return the cubic between two points, the position of an alpha, and the solution there."""
-    for start, end in _tangents(curve, a, b):
-        first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
-        segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
+    for segment in _cubics(curve, a, b):
         s = _where(segment, alpha)
         found = locate_zero(segment, _at(alpha, len(a)), (0.0, segment.length), s)
         if isinstance(found, State):
@@ -160,30 +158,41 @@ def fine_points(
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
     found = [points[0]]
     for a, b in pairwise(points):
-        start, end = next(_tangents(curve, a, b))
-        first, last = (State(x, t, np.zeros_like(x), 0) for x, t in ((a, start), (b, end)))
-        segment = CurvedSegment.between(curve, first, last, suggestion=0.0)
+        segment = _cubics(curve, a, b)[0]
         inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
         found += [*(segment.near(s) for s in inner), b]
     return shown_points(system, np.array(found))
 
 
-def _tangents(curve: Curve, a: Array, b: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield pairs of directions of the curve at two points, the second and later ones as guesses.
+def _cubics(curve: Curve, a: Array, b: Array) -> list[CurvedSegment]:
+    """Return cubics between two points of a curve, the one closest to the curve first.
 
-    At a point where two curves cross the Jacobian gives no direction. Guesses for the
-    direction are the parabola through the two points with the known direction at the second point,
-    and the chord.
+    At a point where two curves cross the Jacobian gives no direction, and next to such a point the
+    direction is that of an error. Guesses for the direction are then the parabola through the two
+    points with the known direction at the other point, and the chord. The residual in the middle
+    tells how close a cubic is to the curve.
     """
     chord = curve.metric.normalised(b - a)
     if curve.selection.is_straight:
-        yield chord, chord
-        return
+        return [_cubic(curve, (a, chord), (b, chord))]
     start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
-    yield start, end
-    yield start, 2.0 * chord - start
-    yield 2.0 * chord - end, end
-    yield chord, chord
+    other = 2.0 * chord - start, 2.0 * chord - end
+    ways = (start, end), (start, other[0]), (other[1], end), (chord, chord)
+    return sorted(
+        (_cubic(curve, (a, first), (b, last)) for first, last in ways),
+        key=_residual_in_the_middle,
+    )
+
+
+def _cubic(curve: Curve, start: tuple[Array, Array], end: tuple[Array, Array]) -> CurvedSegment:
+    first, last = (State(x, way, np.zeros_like(x), 0) for x, way in (start, end))
+    return CurvedSegment.between(curve, first, last, suggestion=0.0)
+
+
+def _residual_in_the_middle(segment: CurvedSegment) -> float:
+    residual = segment.curve.selection.residual(segment.near(0.5 * segment.length))
+    size = float(np.linalg.norm(residual))
+    return size if math.isfinite(size) else math.inf
 
 
 def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
