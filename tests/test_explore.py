@@ -411,24 +411,32 @@ def test_one_node_without_a_loop():
 
 
 class OneSolution(Search):
-    """The one solution of 3 z - z^3 = alpha that is near zero, at alpha = 0."""
+    """The solution near zero of z - 2 max(z - 1, 0) - 2 min(z + 1, 0) = alpha, at alpha = 0."""
 
     def starts(self, system, metric, interval):
-        yield np.zeros(2), np.full((1, 2), 1e-16)
+        yield np.zeros(system.size + 1), np.full((1, system.size + 1), 1e-16)
 
 
-@pytest.mark.parametrize(("end", "count"), [(1.7, 3), (1.99, 3), (1.0, 1)])
+def zigzag(z, alpha, sw):
+    return z - 2.0 * sw.max(z - 1.0, 0.0) - 2.0 * sw.min(z + 1.0, 0.0) - alpha
+
+
+@pytest.mark.parametrize(("end", "count"), [(0.9, 3), (0.99, 3), (0.6, 1)])
 def test_a_path_that_comes_back_to_the_interval_is_found(end, count):
-    """3 z - z^3 turns at 2 and -2: further away than a quarter of the interval is not looked."""
-    system = Switched(1, lambda z, t, sw: 3.0 * z - z**3 - t)
-    graph = explore(system, (-end, end), search=OneSolution())
+    """The zigzag turns at 1 and -1: further away than a quarter of the interval is not looked."""
+    graph = explore(Switched(1, zigzag, linear=True), (-end, end), search=OneSolution())
     assert graph.count(0.3) == count
 
 
-def test_where_h_makes_no_sense_beyond_the_interval_nothing_is_said():
-    def f(z, t, sw):
-        if abs(float(t)) > 1.7:
-            raise RuntimeError("out of range")
-        return 3.0 * z - z**3 - t
+def test_a_curved_system_is_evaluated_inside_the_interval_only():
+    class Cubic(PiecewiseSystem):
+        size = 1
 
-    assert explore(Switched(1, f), (-1.7, 1.7), search=OneSolution()).count(0.3) == 1
+        def test_functions(self, z, alpha):
+            return np.array([z[0]])
+
+        def residual(self, z, alpha, character):
+            assert -1.7 <= alpha <= 1.7
+            return 3.0 * z - z**3 - alpha
+
+    assert explore(Cubic(), (-1.7, 1.7)).count(0.3) == 3

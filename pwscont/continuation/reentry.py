@@ -6,8 +6,8 @@ where it comes back is another start.
 
 Failure modes and answers
 -------------------------
-- Beyond the interval H may not make sense: the system's domain is kept to, and whatever goes wrong
-  there says nothing about the interval.
+- Beyond the interval H may not make sense: only straight pieces, which make sense everywhere, are
+  followed there, within the system's domain. Whatever goes wrong says nothing about the interval.
 - The path goes on for ever: it is followed over a part of the interval's length, and over no more
   pieces than were found inside, or a few. Paths may come back for ever: only so many are followed.
 """
@@ -65,6 +65,8 @@ class Beyond:
 
     def ends(self, ray: Ray) -> Iterator[tuple[float, Interval]]:
         """Yield the end of the interval at which a ray leaves, and the interval beyond."""
+        if not ray.curve.selection.is_straight:
+            return
         (lo, hi), (low, high) = self.metric.interval, self.system.domain
         same, further, alpha = SAME_ALPHA * (hi - lo), PART * (hi - lo), ray.state.alpha
         if abs(alpha - lo) <= same and low < lo:

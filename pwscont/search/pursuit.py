@@ -24,7 +24,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, are_finite, dense
 from pwscont.basics.budget import check_budget
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import EPS, SAME_ALPHA
 from pwscont.curve.curve import LEAN
 from pwscont.curve.metric import Metric
 from pwscont.system.contract import jacobian_at, residual_at
@@ -79,6 +79,7 @@ class Pursuit:
     ) -> None:
         self._system, self._scale = system, metric.scale
         self._metric = metric
+        self._interval = interval
         self._ends = interval[0] / metric.width, interval[1] / metric.width
         self.iterations = 0
 
@@ -199,11 +200,15 @@ class Pursuit:
         return _limited(np.append(_newton_step(jacobian[:, :size], rest), rise), y)
 
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
-        """Return residual and Jacobian in typical magnitudes, rows scaled alike."""
+        """Return residual and Jacobian in typical magnitudes, rows scaled alike.
+
+        None where H is not finite, and outside the interval, where H need not be defined.
+        """
         check_budget()
         self.iterations += 1
-        x = y * self._scale
-        z, alpha = x[:-1], float(x[-1])
+        z, alpha = self._place(y)
+        if not self._has(alpha):
+            return None
         character = self._system.character(z, alpha)
         residual = residual_at(self._system, z, alpha, character)
         jacobian = dense(jacobian_at(self._system, z, alpha, character)) * self._scale
@@ -215,9 +220,20 @@ class Pursuit:
             return None
         return residual, jacobian
 
-    def _residual(self, y: Array) -> Array:
+    def _place(self, y: Array) -> tuple[Array, float]:
+        """Return z and alpha of a point; alpha is an end where only rounding tells the difference."""
         x = y * self._scale
-        z, alpha = x[:-1], float(x[-1])
+        alpha = float(x[-1])
+        inside = min(max(alpha, self._interval[0]), self._interval[1])
+        return x[:-1], inside if abs(inside - alpha) <= SAME_ALPHA * self._metric.width else alpha
+
+    def _has(self, alpha: float) -> bool:
+        return self._interval[0] <= alpha <= self._interval[1]
+
+    def _residual(self, y: Array) -> Array:
+        z, alpha = self._place(y)
+        if not self._has(alpha):
+            return np.full(len(z), np.inf)
         residual = residual_at(self._system, z, alpha, self._system.character(z, alpha))
         scaled: Array = residual / self._rows
         return scaled
