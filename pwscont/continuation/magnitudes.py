@@ -198,7 +198,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
         return _by_newton(system, interval, z)
     box, (lo, hi) = Box.of(system), interval
     z = box.inside(z)
-    alphas = [lo + place * (hi - lo) for place in PLACES]
+    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     here = [_residual(system, z, alpha) for alpha in alphas]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel

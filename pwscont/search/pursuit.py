@@ -221,7 +221,7 @@ class Pursuit:
         return residual, jacobian
 
     def _place(self, y: Array) -> tuple[Array, float]:
-        """Return z and alpha of a point; alpha is an end where only rounding tells the difference."""
+        """Return z and alpha of a point; an alpha that rounding put beyond an end is the end."""
         x = y * self._scale
         alpha = float(x[-1])
         inside = min(max(alpha, self._interval[0]), self._interval[1])
