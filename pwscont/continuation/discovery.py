@@ -28,11 +28,11 @@ from pwscont.continuation.ray_keys import (
     KnownRay,
     KnownRays,
     RayKey,
-    lies_on,
     name_of,
-    names,
+    placed,
+    ray_back,
+    starts_on,
 )
-from pwscont.curve.curve import State
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.place import Place, Track
 from pwscont.system.abilities import Ending
@@ -40,6 +40,7 @@ from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
+from pwscont.transitions.interval import points_inside
 from pwscont.transitions.rays import Ray
 
 
@@ -119,15 +120,6 @@ def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[
     return [first, *[RayKey.of(other, end) for other in others]]
 
 
-def points_inside(ray: Ray, lo: float, hi: float) -> bool:
-    """Tell whether a ray from a point of the interval stays in it at first.
-
-    At a fold at an end the rays' own alphas may be beside that end by rounding.
-    """
-    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
-    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
-
-
 def without_leaving(
     arrival: SpecialPointFound, staying: tuple[Ray, ...], bounds: Bounds
 ) -> SpecialPointFound:
@@ -178,6 +170,7 @@ class Discovery:
         #: Rays that leave the interval.
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []
+        self._again: set[tuple[int, int]] = set()
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -248,6 +241,7 @@ class Discovery:
         for node in self.nodes.values():
             left = len(node.rays) - node.rays.count(None)
             if left:
+                why = why or "special points were passed over"
                 node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
                 node.kind = Kind.STOPPED
         for number, node in self.nodes.items():
@@ -279,6 +273,8 @@ class Discovery:
         edge = Edge(node, reached, FollowedRay.of(ray, key), track)
         self.edges.append(self._with_start(edge, ray))
         self._past.add(node, edge.end, end, edge.followed.names)
+        if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
+            self._settle(self.edges[-1], KnownRay(node, index, key), ray)
         self._report(len(self.edges), float(walk.points[-1][-1]))
 
     def _is_endless(self, node: int, ray: Ray) -> bool:
@@ -375,34 +371,56 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        return any(self._starts_on(ray, edge, SAME) for edge in self.edges)
+        return any(starts_on(ray, edge.followed, edge.track) for edge in self.edges)
 
-    def _starts_on(self, ray: Ray, edge: Edge, same: float) -> bool:
-        """Tell whether a ray starts on a piece, to a part of the size of its point."""
-        if set(names(ray)).isdisjoint(edge.followed.names):
-            return False
-        curve = edge.followed.curve(ray.curve.selection.system, ray.curve.metric)
-        return lies_on(curve, edge.track.points, ray.state, self._follower.interval, same)
+    def _settle(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
+        """Of two pieces that overlap keep the shorter one, which ends where the other passed over.
 
-    def _forget_pieces_across(self, arrival: SpecialPointFound) -> None:
-        """Forget the pieces that passed over a new branch point without seeing the point.
-
-        Two branch points within one step flip the orientation twice. The rays of the branch point
-        lead along such a piece in both directions, to other branch points and to both its ends.
+        A step may pass over two branch points, or over a thin cell; a start inside shows both. The
+        rest of the longer piece is followed from its other end. A longer piece that comes second is
+        forgotten: another piece will arrive on its ray.
         """
-        if arrival.kind != Kind.BRANCH_POINT:
-            return
-        ray = arrival.rays[0]
-        for edge in [e for e in self.edges if self._starts_on(ray, e, SAME_CROSSING)]:
-            self.edges.remove(edge)
-            if edge.begun_at is not None:
-                self._starts.append(edge.begun_at)
+        beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
+        for other in beside:
+            if self._passes_over(other, edge, ray):
+                self._forget(other)
+                self._follow_again(other, edge.end, ray)
+            elif self._passes_over(edge, other, ray):
+                self._forget(edge)
+                self.nodes[left.node].rays[left.number] = ray
+                return
+
+    def _passes_over(self, longer: Edge, shorter: Edge, ray: Ray) -> bool:
+        """Tell whether one piece passes over the end of another one that it shares an end with."""
+        far = {shorter.start, shorter.end} - {longer.start, longer.end}
+        if len(far) != 1 or shorter.start == shorter.end:
+            return False
+        if set(longer.followed.names).isdisjoint(shorter.followed.names):
+            return False
+        node = self.nodes[far.pop()]
+        crossed = node.kind == Kind.BRANCH_POINT
+        at_end = placed(ray, longer.followed, node.place)
+        return starts_on(at_end, longer.followed, longer.track, SAME_CROSSING if crossed else SAME)
+
+    def _forget(self, edge: Edge) -> None:
+        self.edges[:] = [each for each in self.edges if each is not edge]
+        if edge.begun_at is not None:
+            self._starts.append(edge.begun_at)
+
+    def _follow_again(self, edge: Edge, shared: int, ray: Ray) -> None:
+        """Follow a forgotten piece from the end that is not shared with a shorter one."""
+        track = edge.track if edge.start == shared else edge.track.reversed()
+        back = ray_back(ray, edge.followed, track)
+        known = back and self._known_rays.match(back, RayKey.of(back, track.end))
+        if known and (known.node, known.number) not in self._again:
+            self._again.add((known.node, known.number))
+            self.nodes[known.node].rays[known.number] = back
+            self._queue.append((known.node, known.number))
 
     def _with_start(self, edge: Edge, ray: Ray) -> Edge:
         """Return a piece with the place where tracing began, if a forgotten piece had it here."""
         for place in self._starts:
-            state = State(place.x, ray.state.tangent, place.error[np.newaxis], 1)
-            if self._starts_on(Ray(ray.curve, state), edge, SAME):
+            if starts_on(placed(ray, edge.followed, place), edge.followed, edge.track):
                 self._starts.remove(place)
                 return edge._replace(begun_at=place)
         return edge
@@ -434,7 +452,6 @@ class Discovery:
         self, arrival: SpecialPointFound, place: Place, keys: Sequence[RayKey], first: int = 0
     ) -> int:
         """Add a node whose rays will be followed, from the first one on that was not."""
-        self._forget_pieces_across(arrival)
         node, self._next = self._next, self._next + 1
         rays = [*[None] * first, *arrival.rays[first:]]
         self.nodes[node] = Node(arrival.kind, place, arrival.said, rays, [*keys])

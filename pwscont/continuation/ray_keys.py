@@ -22,10 +22,12 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
+from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.graph.place import Place
+from pwscont.graph.place import Place, Track
 from pwscont.graph.queries import solve_between
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
@@ -252,3 +254,30 @@ def _nearest_on_chord(curve: Curve, points: Array, x: Array) -> Array:
     s = float(row.dot(x - points[0]) / row.dot(chord))
     nearest: Array = points[0] + min(max(s, 0.0), 1.0) * chord
     return nearest
+
+
+def starts_on(ray: Ray, followed: FollowedRay, track: Track, same: float = SAME) -> bool:
+    """Tell whether a ray starts on a piece, to a part ``same`` of the size of the point."""
+    if set(names(ray)).isdisjoint(followed.names):
+        return False
+    metric = ray.curve.metric
+    curve = followed.curve(ray.curve.selection.system, metric)
+    return lies_on(curve, track.points, ray.state, metric.interval, same)
+
+
+def placed(ray: Ray, followed: FollowedRay, place: Place) -> Ray:
+    """Return a ray like another one, in the cells of a piece and at a place."""
+    state = State(place.x, ray.state.tangent, place.error[np.newaxis], 1)
+    curve = followed.curve(ray.curve.selection.system, ray.curve.metric)
+    return Ray(curve, state, followed.selection[1:])
+
+
+def ray_back(ray: Ray, followed: FollowedRay, track: Track) -> Ray | None:
+    """Return the ray that leads back from the end of a piece; ``ray`` is any ray of the run."""
+    curve = followed.curve(ray.curve.selection.system, ray.curve.metric)
+    end, way = track.end, track.points[-2] - track.end.x
+    found = BorderedNewton().correct(curve, end.x, way)
+    if isinstance(found, Failure):
+        return None
+    state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
+    return Ray(curve, state, followed.selection[1:])

@@ -131,3 +131,12 @@ def _turning(forth: Ray) -> SpecialPointFound:
 def _same_side(ray: Ray, back: Ray) -> bool:
     """Tell whether a ray goes back into the interval."""
     return ray.curve.slope(ray.state) * back.curve.slope(back.state) > 0.0
+
+
+def points_inside(ray: Ray, lo: float, hi: float) -> bool:
+    """Tell whether a ray from a point of the interval stays in it at first.
+
+    At a fold at an end the rays' own alphas may be beside that end by rounding.
+    """
+    alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
+    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
