@@ -59,7 +59,7 @@ BUDGET = {
     "transitions": (20, 4450),
     "graph": (12, 3000),
     "search": (11, 2150),
-    "continuation": (16, 4100),
+    "continuation": (16, 4150),
     "scenes": (15, 2700),
     "view": (7, 950),
     "two_parameters": (16, 3750),

@@ -1,8 +1,8 @@
 """Folds and branch points of smooth curves, on systems with closed forms, by public names."""
 
 import math
-from collections.abc import Callable
 from decimal import Decimal, getcontext
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,7 +18,6 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.curve.corrector import MoorePenrose
 from pwscont.curve.predictor import Secant
@@ -726,28 +725,30 @@ def test_an_inflection_is_no_fold(d):
     assert len(graph.pieces) == 1
 
 
-def competing_species(seed: int, member: int) -> tuple[Switched, Callable[[float], list[Array]]]:
-    """Two species with constant effects on each other; each may be extinct (Lotka and Volterra)."""
-    rng = np.random.default_rng([seed, member, 2])
-    effects = rng.uniform(-1, 1, (2, 2)) + 1.5 * np.eye(2) * rng.choice([1, 1, -1], 2)
-    rate, change = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
+def competing_species(size: int, seed: int, member: int):
+    """Species with constant effects on each other; each may be extinct (Lotka and Volterra)."""
+    rng = np.random.default_rng([seed, member, size])
+    signs = rng.uniform(-1, 1, (size, size)), rng.choice([1, 1, -1], size)
+    effects = signs[0] + 1.5 * np.eye(size) * signs[1]
+    rate, change = rng.uniform(-1, 1, size), rng.uniform(-1, 1, size)
 
-    def solutions(alpha: float) -> list[Array]:
-        growth = rate + alpha * change
-        alone = growth / np.diag(effects)
-        both = np.linalg.solve(effects, growth)
-        return [np.zeros(2), np.array([alone[0], 0.0]), np.array([0.0, alone[1]]), both]
+    def solutions(alpha):
+        for alive in product([False, True], repeat=size):
+            z, some = np.zeros(size), np.array(alive)
+            z[some] = np.linalg.solve(effects[np.ix_(some, some)], (rate + alpha * change)[some])
+            yield z
 
-    return Switched(2, lambda z, a, sw: z * (rate + a * change - effects @ z)), solutions
+    return Switched(size, lambda z, a, sw: z * (rate + a * change - effects @ z)), solutions
 
 
-@pytest.mark.parametrize(("seed", "member"), [(2, 10), (3, 15)])
-def test_two_branch_points_within_one_step_divide_the_piece_that_passed_over_both(seed, member):
-    system, solutions = competing_species(seed, member)
+@pytest.mark.parametrize(("size", "seed", "member"), [(2, 2, 10), (2, 3, 15), (3, 3, 7)])
+def test_branch_points_within_one_step_divide_the_piece_that_passed_over_them(size, seed, member):
+    """One step passes over two branch points, or Newton leads to the third of three."""
+    system, solutions = competing_species(size, seed, member)
     graph = explore(system, (-1.0, 1.0))
     assert graph.guarantee == "balanced"
     for alpha in (-0.83, -0.61, -0.27, -0.05, 0.21, 0.48, 0.77):
         found = [solution.z for solution in graph.solutions(alpha)]
-        assert len(found) == graph.count(alpha) == 4
+        assert len(found) == graph.count(alpha) == 2**size
         for z in solutions(alpha):
             assert any(np.allclose(z, other, rtol=1e-7, atol=1e-9) for other in found)

@@ -11,6 +11,8 @@ Failure modes and answers
 - Two branch points within one step flip the sign twice and go unseen: allow shorter steps. Points
   where the sign does not flip go unseen, too: where an even number of eigenvalues vanishes
   together, as under symmetry, and where curves touch.
+- Several branch points lie within one step, and Newton leads to a later one: the sign half way to
+  the point found has flipped already, and the bisection goes on before the point.
 - Curves that cross to higher order flip the sign but have no two directions to tell apart: the
   piece stops there and says that two branches meet.
 """
@@ -121,12 +123,22 @@ def _locate(
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         if isinstance(found, Crossing) and _belongs(segment, found.x):
-            return found if found.meets else Failure(FailureReason.SINGULAR)
+            if not found.meets:
+                return Failure(FailureReason.SINGULAR)
+            middle = 0.5 * (lo + segment.position(found.x))
+            if middle <= lo or _has_sign(segment, middle, before):
+                return found
         state = segment.at(middle)
         if isinstance(state, Failure):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
     return Failure(FailureReason.SINGULAR)
+
+
+def _has_sign(segment: CurvedSegment, s: float, before: int) -> bool:
+    """Tell whether the sign at a place is still the one before the branch point, or unknown."""
+    state = segment.at(s)
+    return isinstance(state, Failure) or state.orientation == before
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
