@@ -472,7 +472,7 @@ def test_progress_goes_to_standard_error(capsys, monkeypatch, name):
     status, out, err = run(capsys, "run", name, "--json")
     assert status == 0
     assert json.loads(out)["scene"] == name
-    assert "\r1 pieces, " in err
+    assert "\r1 piece, " in err
 
 
 # -- a process of its own ------------------------------------------------------------------------

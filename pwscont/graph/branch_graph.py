@@ -97,9 +97,9 @@ class BranchGraph(Structure):
         """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
 
         ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
-        value of alpha with infinitely many solutions is an entry of its own. Single values with
-        another finite number, such as folds and branch points, lie at the ends of stretches or
-        within, and are found by :meth:`with_count` and :meth:`count`.
+        value of alpha is an entry of its own where solutions are infinitely many, and where the
+        numbers on both sides agree and another number holds between, as at a branch point. A fold
+        lies in no stretch: :meth:`with_count` and :meth:`count` tell the number there.
         """
         return queries.multiplicity(self)
 

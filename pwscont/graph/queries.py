@@ -458,26 +458,28 @@ def nodes_at(graph: Structure, alpha: float) -> list[int]:
 
 
 def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:
-    """Yield stretches, joined where the number goes on, and breaks with infinitely many alone.
+    """Yield stretches, joined where the number goes on.
 
-    A break with another finite number, such as a branch point, does not cut a stretch.
-    ``counts`` has the numbers at the breaks: the beginnings of all stretches, and the last end.
+    A break with another number, such as a branch point or an isolated solution, stands alone where
+    the numbers on both sides agree, and where the number is infinite. A fold with the mean of the
+    numbers on both sides lies in no stretch. ``counts`` has the numbers at the breaks: the
+    beginnings of all stretches, and the last end.
     """
     whole = rows[0]
     if counts[0] == math.inf != whole[2]:
         yield _single(whole[0])
     for row, count in zip(rows[1:], counts[1:], strict=False):
-        if whole[2] == row[2] and (count == row[2] or math.inf not in (count, row[2])):
+        if whole[2] == row[2] == count:
             whole = Stretch(whole[0], row[1], row[2], whole.lo_closed, row.hi_closed)
             continue
         yield whole
-        if count == math.inf and math.inf not in (whole[2], row[2]):
-            yield _single(row[0])
+        if whole[2] == row[2] or (count == math.inf and math.inf not in (whole[2], row[2])):
+            yield _single(row[0], count)
         whole = row
     yield whole
     if counts[-1] == math.inf != whole[2]:
         yield _single(whole[1])
 
 
-def _single(alpha: float) -> Stretch:
-    return Stretch(alpha, alpha, math.inf, True, True)
+def _single(alpha: float, count: float = math.inf) -> Stretch:
+    return Stretch(alpha, alpha, count, True, True)
