@@ -21,7 +21,7 @@ from pwscont.two_parameters.exact_plane import plane
 from pwscont.two_parameters.loci import LocusPart
 from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.plane import Plane, Sector
-from pwscont.two_parameters.plotting import report
+from pwscont.two_parameters.table import report
 
 
 @final
