@@ -74,7 +74,8 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     fixed : array_like of complex, shape (buses,), optional
         Injections that stay what they are; default none.
     scale : array_like, optional
-        Typical magnitudes of all unknowns, in the order of their names; default what a run finds.
+        Typical magnitudes of all unknowns, in the order of their names. Default: 1 for angles and
+        voltages, the largest injection for reactive powers.
 
     Raises
     ------
@@ -277,12 +278,21 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
 
     @property
     def gives_scale(self) -> bool:
-        """Whether magnitudes were given, or a run found them."""
-        return self._scale is not None or bool((super().scale(0.0, 0.0) != 1.0).any())
+        """Whether the typical magnitudes are known, which they are per unit."""
+        return True
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return the magnitudes that were given."""
-        return super().scale(lo, hi) if self._scale is None else self._scale
+        """Return the magnitudes that were given, or those of quantities per unit.
+
+        Angles are measured in radians, and voltages by the voltages that generators hold: both are
+        typically 1. Reactive powers are as large as the largest injection.
+        """
+        if self._scale is not None:
+            return self._scale
+        sizes = np.ones(self.size)
+        injections = np.abs(self._growing) * max(abs(lo), abs(hi)) + np.abs(self._fixed)
+        sizes[2 * self._n :] = injections.max(initial=0.0) or 1.0
+        return sizes
 
     # -- in words ------------------------------------------------------------------------
 
