@@ -58,12 +58,11 @@ def default_search(
 def _most_complete(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
-    if not isinstance(system, SlicewiseLinearSystem):
-        ends = _from_many(around)
-        is_small = system.size <= MANY_UNKNOWNS
-        many: Search = Throughout.affordable(system, ends) if is_small else ends
-        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
     some = replace(_from_many(around), count=affordable_starts(system, FEWEST, MOST))
+    if not isinstance(system, SlicewiseLinearSystem):
+        is_small = system.size <= MANY_UNKNOWNS
+        many: Search = Throughout.affordable(system, _from_many(around)) if is_small else some
+        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
     if _needs_too_many_cells(system):
         return _added_up(some, system)
     blocks = system.blocks()
