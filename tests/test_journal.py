@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import long_run
 import numpy as np
@@ -19,7 +20,7 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import example1, example3, fig7, one_node
 from sweeps import swept
 
-from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, explore
+from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, Switched, explore
 from pwscont.commands.cli import main
 from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.journal import walk_of, written
@@ -73,7 +74,17 @@ def finished(path):
     return pieces
 
 
-@pytest.mark.parametrize("scene", [fig7, example1, example3])
+def islands():
+    """Two circles and a line, which the search finds one after the other."""
+
+    def f(z, alpha, sw):
+        one, other = (z - 2.0) ** 2 + alpha**2 - 0.3, (z + 1.0) ** 2 + (alpha - 0.5) ** 2 - 0.2
+        return one * other * (z - 0.1 * alpha)
+
+    return SimpleNamespace(system=Switched(1, f), interval=(-1.5, 1.5))
+
+
+@pytest.mark.parametrize("scene", [fig7, example1, example3, islands])
 def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
     made, walk, left = scene(), PieceFollower.walk, [0]
 

@@ -32,7 +32,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
-from itertools import islice
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, final
 
@@ -314,18 +314,27 @@ class Journal:
             raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
-        """Yield the starts that are recorded, then further starts, each recorded first."""
-        known = 0
-        while found := self._nth("start", known):
+        """Yield the starts that are recorded, then further starts, each recorded first.
+
+        The search begins again. A search that leaves out what is known yields no recorded start,
+        and any other search yields all: recorded starts are told by their bytes.
+        """
+        known: set[bytes] = set()
+        for number in count():
+            if (found := self._nth("start", number)) is None:
+                break
             columns, data = found
             rows = np.frombuffer(data).reshape(-1, int(columns)).copy()
-            known += 1
+            known.add(data)
             yield rows[0], rows[1:]
         if self._numbers["searched"]:
             return
-        for x, error in islice(searched, known, None):
-            self._add("start", str(len(x)), np.vstack([x, error]).tobytes())
-            yield x, error
+        for x, error in searched:
+            data = np.vstack([x, error]).tobytes()
+            if data not in known:
+                known.add(data)
+                self._add("start", str(len(x)), data)
+                yield x, error
         self._add("searched")
 
     def find(self, number: int, ray: Ray) -> FollowedPiece | None:
