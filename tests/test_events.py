@@ -16,12 +16,16 @@ from pwscont import (
     PseudoArclength,
     Scene,
     Stop,
+    Switched,
     TransitionDetector,
     explore,
     trace,
 )
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.curve.stepper import CurvedSegment
 from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_change
 from pwscont.scenes.marks import markers_of
+from pwscont.transitions import events as events_module
 
 
 def along(system, interval, function):
@@ -332,3 +336,15 @@ def test_events_beside_a_branch_point(level):
     found = sorted(point.alpha for point in graph.special_points("event"))
     assert found == pytest.approx(expected, abs=1e-9)
     assert all(len(piece.points) > 2 for piece in graph.pieces)
+
+
+def test_an_event_that_cannot_be_located_is_kept_with_its_error(monkeypatch):
+    """No corrected point is to be had, but the cubic shows that g changes its sign."""
+    system = Switched(1, lambda z, alpha, sw: z + 0.3 * np.sin(z) - alpha)
+    fails = Failure(FailureReason.NOT_CONVERGED)
+    monkeypatch.setattr(events_module, "locate_sign_change", lambda *_: fails)
+    monkeypatch.setattr(CurvedSegment, "at", lambda *_: fails)
+    graph = trace(system, ([0.0], 0.0), (-2.0, 2.0), events={"g": lambda z, alpha: z[0] - 1.0})
+    (event,) = graph.special_points("event")
+    assert event.name == "g"
+    assert abs(event.alpha - (1.0 + 0.3 * np.sin(1.0))) <= event.error[-1] < 0.1

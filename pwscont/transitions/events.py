@@ -15,6 +15,8 @@ Failure modes and answers
 - Between two points of a step the curve is known by a cubic: where g seems to vanish on the cubic,
   points of the curve itself decide.
 - Events at the same point: the point has the names of all events.
+- No point of the curve is found where g vanishes: the event stands where the cubic has it, with an
+  error as large as the distance between the two places.
 - An event at a transition, a fold or an end of the interval: the special point keeps its kind, and
   has the name of the event.
 """
@@ -33,7 +35,7 @@ from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.stepper import CurvedSegment, Segment
+from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.location import MOST_BRENT, locate_point, locate_sign_change
 from pwscont.transitions.rays import Ray
@@ -174,10 +176,10 @@ class _Watched:
                 continue
             if self._sign is not None and sign != self._sign:
                 found = self._change(segment, before, s)
-                more = self._around(segment, before, found[0], s) if found and not is_fine else NONE
+                more = NONE if is_fine else self._around(segment, before, found[0], s)
                 if len(more):
                     yield from self._walk(segment, before, np.append(more, s), is_fine=True)
-                elif found:
+                else:
                     yield found
             self._sign, before = sign, s
 
@@ -310,8 +312,11 @@ class _Watched:
         is_flat = not self.event.value(x) and self.event.noise(metric, x, 0.0 * x) == 0.0
         return 0.0 if is_flat else None
 
-    def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State] | None:
-        """Return the place where the sign changes between two places; None if location fails."""
+    def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State]:
+        """Return the place where the sign changes between two places.
+
+        Where the location fails: the middle of the two places, and the distance as the error.
+        """
         sign = self._sign
         assert sign is not None
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
@@ -326,7 +331,16 @@ class _Watched:
                 segment, lambda state: self.event.ahead(sign, state.x), (lo, hi), EPS
             )
             found = segment.at(hi) if isinstance(found, Failure) else found
-        return None if isinstance(found, Failure) else (segment.position(found.x), found)
+        if isinstance(found, Failure):
+            return 0.5 * (lo + hi), self._roughly(segment, lo, hi)
+        return segment.position(found.x), found
+
+    def _roughly(self, segment: Segment, lo: float, hi: float) -> State:
+        """Return the state in the middle of two places, as uncertain as the places are apart."""
+        x, way = segment.near(0.5 * (lo + hi)), segment.start.tangent
+        aside = BESIDE * self._curve.metric.norm(segment.near(hi) - segment.start.x)
+        error = np.abs(segment.near(hi) - segment.near(lo)) + aside * self._curve.metric.scale
+        return State(x, way, error[np.newaxis], segment.start.orientation)
 
     def _on_ray(self, segment: Segment, sign: float, lo: float, hi: float) -> float:
         from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all else
