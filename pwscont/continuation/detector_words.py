@@ -22,7 +22,7 @@ def keep_words(
     detectors: Sequence[TransitionDetector],
 ) -> None:
     """Add to nodes of other kinds the words of the detectors that would have marked them."""
-    for edge in discovery.edges:
+    for edge in discovery.edges if detectors else ():
         curve, points = edge.followed.curve(system, metric), edge.track.points
         for number, place, inner in (
             (edge.start, edge.track.start, points[1]),

@@ -36,7 +36,6 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
 from pwscont.graph.structure import NOT_SEARCHED
-from pwscont.linear.threads import few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
@@ -175,7 +174,7 @@ def followed(
     """
     if plan.system.gives_scale or plan.reduction:
         return follow(plan, starts_of(plan))
-    with few_threads(plan.system.size):
+    with plan.few_threads():
         plan, starts = _measured(plan, guess, starts_of)
     for _ in range(REVISIONS):
         try:

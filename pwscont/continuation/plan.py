@@ -8,6 +8,7 @@ fill whole lines. Where none is met there are only curves.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations, pairwise
 from math import isfinite
@@ -362,9 +363,8 @@ class Plan:
             starts = chain(starts, reentries(discovery, beyond))
         self.branches.edges = discovery.edges
         usable = Usable(starts, self.metric, self.box)
-        small = MULTIPLIED if isinstance(self.stepper, ExactLinear) else FACTORISED
         # trial points may lie where H cannot be computed; values that are not finite are refused
-        with few_threads(self.followed.size, small), np.errstate(all="ignore"):
+        with self.few_threads(), np.errstate(all="ignore"):
             try:
                 self._follow_from(usable, discovery, budget)
             except KeyboardInterrupt as why:
@@ -380,6 +380,12 @@ class Plan:
             searched = replace(searched, spent=budget.spent)
         infinite = self._infinite(discovery, usable.is_part) if not budget.spent else ()
         return self._graph(discovery, parameter, searched, record, infinite)
+
+    def few_threads(self) -> AbstractContextManager[Any]:
+        """Let BLAS use as few threads as are fast for the steps of the stepper."""
+        if isinstance(self.stepper, ExactLinear):
+            return few_threads(self.followed.size, MULTIPLIED)
+        return few_threads(self.followed.size, FACTORISED, few=0)
 
     def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
         """Return the stretches of alpha at which solutions fill more than curves."""

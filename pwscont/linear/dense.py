@@ -26,6 +26,8 @@ from pwscont.linear.factor import (
 
 #: Up to this number of rows, LAPACK finds the largest entry of each row faster than numpy does.
 FEW_ROWS = 32
+#: Up to this number of right-hand sides of a small matrix are solved for in turn.
+FEW_COLUMNS = 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
 BLOCK = 64
@@ -67,8 +69,7 @@ class DenseFactor(Factor):
 
     def solve_all(self, rhs: Array) -> Array:
         """Return the solutions for several right-hand sides, shape (l, k)."""
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, (rhs * self._rows).T, 0, 1)[0]
-        return scaled.T * self._columns
+        return _solved(self._lu, self._pivots, (rhs * self._rows).T).T * self._columns
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -96,6 +97,20 @@ def _row_multipliers(matrix: Array) -> Array:
         if not has_zeros:
             return np.asarray(multipliers)
     return 1.0 / power_of_two(row_maxima(matrix))
+
+
+def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
+    """Return the solutions for the columns of an array, shape (k,) or (k, l).
+
+    OpenBLAS shares several right-hand sides among its threads, however small the matrix is, and a
+    thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
+    """
+    if rhs.ndim == 2 and rhs.shape[1] <= FEW_COLUMNS and len(pivots) <= FEW_ROWS:
+        solutions = np.array(rhs, order="F")
+        for column in solutions.T:  # solved for in the room of the column
+            lapack.dgetrs(lu, pivots, column, int(transposed), 1)
+        return solutions
+    return np.asarray(lapack.dgetrs(lu, pivots, rhs, int(transposed))[0])
 
 
 def row_maxima(matrix: Array) -> Array:
@@ -131,8 +146,7 @@ class DenseLU(LU):
 
     def solved(self, rhs: Array, transposed: bool = False) -> Array:
         """Return the solutions for the columns of an array."""
-        solutions: Array = lapack.dgetrs(self.lu, self.pivots, rhs, int(transposed))[0]
-        return solutions
+        return _solved(self.lu, self.pivots, rhs, transposed)
 
     def reciprocal_condition(self, norm: float) -> float:
         """Return the reciprocal condition number of a matrix with this one-norm."""

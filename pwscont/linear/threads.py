@@ -22,16 +22,17 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
-#: Number of unknowns below which OpenBLAS uses one thread anyway.
+#: Number of unknowns below which one product or one factorisation has one thread anyway. Solving
+#: for many right-hand sides, as steps along curves do, may have more.
 FEW = 32
 #: Numbers of unknowns up to which one thread is faster: where matrices are factorised at every
 #: step, and where matrices are only multiplied. Two threads took 1.5 to 5 times as long there.
 FACTORISED, MULTIPLIED = 2000, 6000
 
 
-def few_threads(size: int, small: int = FACTORISED) -> AbstractContextManager[Any]:
-    """Let BLAS use one thread for systems of up to ``small`` unknowns, unless the user decides."""
-    return one_thread() if FEW <= size <= small else nullcontext()
+def few_threads(size: int, small: int = FACTORISED, few: int = FEW) -> AbstractContextManager[Any]:
+    """Let BLAS use one thread for ``few`` to ``small`` unknowns, unless the user decides."""
+    return one_thread() if few <= size <= small else nullcontext()
 
 
 def one_thread() -> AbstractContextManager[Any]:
