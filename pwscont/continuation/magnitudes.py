@@ -42,7 +42,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, joined
+from pwscont.basics.arrays import Array, Matrix, joined, largest
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
@@ -62,7 +62,8 @@ FAR, FARTHER = 12.0, 4.0
 SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
-#: Unknowns that change by less than this part of their size do not move.
+#: Unknowns that change by less than this part of their size do not move, nor do unknowns that are
+#: rounding of their magnitude.
 STEADY = EPS**0.5
 
 
@@ -140,7 +141,7 @@ class Gauge:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, FARTHER * self._farthest)
             wrong = self._farthest > FAR * self._scale
-        wrong &= typical > STEADY * self._size
+        wrong &= (typical > STEADY * self._size) & (self._size > EPS * self._scale)
         if wrong.any():
             raise MisjudgedError(np.where(wrong, typical, self._scale))
 
@@ -197,7 +198,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
     box, (lo, hi) = Box.of(system), interval
-    z = box.inside(z)
+    z = box.inside(np.where(np.abs(z) > VANISHED * largest(np.abs(z)), z, 0.0))
     alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     here = [_residual(system, z, alpha) for alpha in alphas]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))

@@ -99,8 +99,8 @@ class Curve:
         The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
         slope = float(state.tangent[-1]) / self.metric.width
-        if abs(slope) > LEAN:
-            return slope  # nearly always
+        if abs(slope) > LEAN or not slope:
+            return slope  # nearly always; exactly zero at a fold that has been located
         if not self.selection.system.knows_jacobian:
             slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
         return slope if abs(slope) > GUARD * EPS else 0.0
