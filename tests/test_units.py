@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -336,3 +337,27 @@ def test_magnitudes_can_be_given_to_power_flow():
     system = PowerFlow(ieee14(), scale=0.5)
     assert system.gives_scale
     np.testing.assert_array_equal(system.scale(0.0, 1.0), np.full(system.size, 0.5))
+
+
+def complementary_cells(M, q):
+    """Return how many cells of z >= 0, M z + q >= 0, z (M z + q) = 0 hold a solution."""
+    count, n = 0, len(q)
+    for signs in product([False, True], repeat=n):
+        z, free = np.zeros(n), np.array(signs)
+        z[free] = np.linalg.solve(M[np.ix_(free, free)], -q[free])
+        count += bool((z[free] > 0.0).all() and ((M @ z + q)[~free] > 0.0).all())
+    return count
+
+
+@pytest.mark.parametrize("seed", swept(range(8), range(8, 120)))
+def test_complementarity_in_a_unit_for_each_unknown_and_each_row(seed):
+    """Units from 1e-9 to 1e9, without scale=: the counts are those of units of one."""
+    rng = np.random.default_rng([35, seed])
+    n = int(rng.integers(2, 5))
+    M = np.round(rng.uniform(-2, 2, (n, n)), 2) + 2.0 * np.eye(n) * (rng.random() < 0.7)
+    q, d = np.round(rng.uniform(-2, 2, n), 2), np.round(rng.uniform(-1, 1, n), 2)
+    of_z, of_w = 10.0 ** rng.uniform(-9, 9, (2, n))
+    system = LCP(of_w[:, np.newaxis] * M / of_z, of_w * q, of_w * d)
+    graph = explore(system, (-2.0, 2.0))
+    for alpha in (-1.73, -0.91, -0.13, 0.37, 1.19, 1.81):
+        assert graph.count(alpha) == complementary_cells(M, q + alpha * d)

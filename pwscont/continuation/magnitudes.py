@@ -42,15 +42,17 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, joined, largest
+from pwscont.basics.arrays import Array, Matrix, dense, joined, largest
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import SHORTEST, Metric
+from pwscont.linear.balance import balanced
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
@@ -197,6 +199,8 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     """
     if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
+    if isinstance(system, PiecewiseLinearSystem) and system.size <= MANY:
+        return _by_coefficients(system, interval)
     box, (lo, hi) = Box.of(system), interval
     z = box.inside(np.where(np.abs(z) > VANISHED * largest(np.abs(z)), z, 0.0))
     alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
@@ -275,6 +279,25 @@ def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
 def _finite(sizes: Array) -> Array:
     """Return sizes, zero where they are not finite and say nothing."""
     return np.where(np.isfinite(sizes), sizes, 0.0)
+
+
+def _by_coefficients(system: PiecewiseLinearSystem, interval: tuple[float, float]) -> Array:
+    """Return the magnitudes that balance the rows of the cells of all positive and negative tests.
+
+    Another unit of an unknown or of an equation changes nothing else.
+    """
+    terms = np.vstack([_terms(system, interval, sign) for sign in (True, False)])
+    return balanced(terms, system.size)[0]
+
+
+def _terms(system: PiecewiseLinearSystem, interval: tuple[float, float], sign: bool) -> Array:
+    """Return coefficients of z and values at z = 0 of a cell, shape (n, n + 2), sizes only."""
+    zero = np.zeros(system.size)
+    count = len(system.test_functions(zero, interval[0]))
+    character = Character((sign,) * count)
+    jacobian = dense(jacobian_at(system, zero, interval[0], character))[:, :-1]
+    values = [residual_at(system, zero, alpha, character) for alpha in interval]
+    return _finite(np.abs(np.column_stack([jacobian, *values])))
 
 
 def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, finite_array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.linear.balance import balanced
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
@@ -109,23 +110,22 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
         raise InvalidInputError(f"M must be square, got shape {matrix.shape}")
     n = matrix.shape[0]
     q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
-    # z is compared with w: rows in other units would lose their digits
-    factors = _factors(matrix)
+    # z is compared with w: a row in other units would lose its digits
+    factors = _factors(matrix, q, d)
     matrix = sp.diags(factors) @ matrix if sp.issparse(matrix) else factors[:, np.newaxis] * matrix
     q, d = factors * q, factors * d
     return Complementarity(lambda z, t: matrix @ z + q + t * d, n=n, **{"linear": True} | given)
 
 
-def _factors(matrix: Any) -> Array:
-    """Return powers of two that bring the largest entry of each row near one.
+def _factors(matrix: Any, q: Array, d: Array) -> Array:
+    """Return powers of two by which w has the magnitudes of z.
 
-    Multiplied by them, entries keep all their digits. A row of zeros is measured by all others.
+    Multiplied by powers of two, entries keep all their digits.
     """
-    largest = abs(matrix).max(axis=1)
-    sizes = np.ravel(largest.toarray() if sp.issparse(largest) else largest).astype(float)
-    sizes = np.where(sizes > 0.0, sizes, sizes.max(initial=0.0))
-    exponents = np.frexp(sizes)[1]
-    return np.ldexp(1.0, np.where(sizes > 0.0, 1 - exponents, 0))
+    stack = sp.hstack if sp.issparse(matrix) else np.column_stack
+    columns = [part[:, np.newaxis] for part in (q, d)]
+    sizes, rows = balanced(stack([matrix, *columns]), len(q))
+    return np.ldexp(1.0, np.frexp(sizes / rows)[1])
 
 
 def AbsNormal(  # noqa: N802  the usual name

@@ -1,0 +1,54 @@
+"""Magnitudes of unknowns and rows that balance the terms of linear equations.
+
+Failure modes and answers
+-------------------------
+- Units of unknowns and equations differ by many powers of ten: the balance is one of logarithms,
+  which another unit only shifts.
+- A row or an unknown has no terms at all, or a group of unknowns has no constants: the logarithms
+  with the least sum of squares are taken.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from pwscont.basics.arrays import Array
+
+#: Accuracy of the logarithms: magnitudes need no more than one digit.
+ACCURACY = 1e-6
+
+
+def balanced(terms: Any, size: int) -> tuple[Array, Array]:
+    """Return magnitudes u of unknowns and v of rows that balance equations (Curtis and Reid 1972).
+
+    The terms ``terms[i, j] u[j] / v[i]`` are as close to 1 as they can be: the sum of the squares
+    of their logarithms is least.
+
+    Parameters
+    ----------
+    terms : ndarray or sparse matrix, shape (m, size + k)
+        Coefficients of ``size`` unknowns, and k columns of constants, whose magnitudes are 1.
+    size : int
+
+    Returns
+    -------
+    ndarray, ndarray, shapes (size,) and (m,)
+    """
+    from scipy.sparse.linalg import lsqr  # noqa: PLC0415  only where magnitudes are not given
+
+    table = sp.coo_array(terms)
+    known = table.data != 0.0
+    rows, columns = (index[known] for index in table.coords)
+    each, of_unknown = np.arange(len(rows)), columns < size
+    entries = np.concatenate([np.ones(of_unknown.sum()), -np.ones(len(rows))])
+    at = (
+        np.concatenate([each[of_unknown], each]),
+        np.concatenate([columns[of_unknown], size + rows]),
+    )
+    equations = sp.csr_array((entries, at), shape=(len(rows), size + table.shape[0]))
+    logarithms = -np.log(np.abs(table.data[known]))
+    found = lsqr(equations, logarithms, atol=ACCURACY, btol=ACCURACY)[0]
+    return np.exp(found[:size]), np.exp(found[size:])
