@@ -538,3 +538,33 @@ def test_what_a_system_says_of_its_modes(method, given, words, ask):
 def test_seconds_that_no_number_holds():
     with pytest.raises(InvalidInputError, match="seconds must be a positive number"):
         Limits(seconds=10**400)
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments", "error", "message"),
+    [
+        ({}, {"report": 3}, InvalidInputError, "report must be a function"),
+        ({}, {"parameter": ""}, InvalidInputError, "parameter must be a text"),
+        ({"names": lambda self: ("alpha",)}, {}, InvalidInputError, "and of an unknown"),
+        ({"size": 10**9}, {}, InvalidSystemError, "do not fit into the memory"),
+        (
+            {"residual": lambda self, z, alpha, character: z - np.random.default_rng().random()},
+            {},
+            InvalidSystemError,
+            "not on chance",
+        ),
+    ],
+)
+@pytest.mark.parametrize("run", [explore, lambda s, i, **g: trace(s, ([0.0], 0.0), i, **g)])
+def test_slips_that_were_raw_errors_are_named(changes, arguments, error, message, run):
+    class Line(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z - 0.5
+
+        def residual(self, z, alpha, character):
+            return z - alpha
+
+    with pytest.raises(error, match=message):
+        run(type("Other", (Line,), changes)(), (-1.0, 1.0), **arguments)

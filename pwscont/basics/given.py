@@ -16,6 +16,12 @@ def checked_kind(name: str, value: object, kind: type) -> None:
         )
 
 
+def check_callable(name: str, value: object, signature: str) -> None:
+    """Refuse an argument that is no function; ``signature`` says what the function is given."""
+    if not callable(value):
+        raise InvalidInputError(f"{name} must be a function of {signature}, got {value!r}")
+
+
 def needed_kind(name: str, value: object, kind: type) -> None:
     """Refuse an argument of another kind, and None, where there is no default."""
     if value is None:

@@ -12,7 +12,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array, product
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
-from pwscont.basics.given import checked_kind
+from pwscont.basics.given import check_callable, checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
@@ -40,7 +40,7 @@ from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
 from pwscont.system.abilities import completed, shown_size
-from pwscont.system.contract import check_contract, check_declaration
+from pwscont.system.contract import check_contract, check_declaration, check_parameter
 from pwscont.system.promises import check_promises, refuse_undefined
 from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -298,6 +298,8 @@ def trace(
     lo, hi = checked_interval(system, interval)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
+    check_callable("report", report, "(number of pieces, alpha)")
+    check_parameter(system, parameter)
     rough = checked_start(system, start, (lo, hi))
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
@@ -412,6 +414,8 @@ def explore(
     checked_kind("search", search, Search)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
+    check_callable("report", report, "(number of pieces, alpha)")
+    check_parameter(system, parameter)
     given = checked_starts(system, starts, (lo, hi))
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())

@@ -210,7 +210,7 @@ def _unrefined(segment: CurvedSegment, s: float, alpha: float) -> tuple[Array, A
 
 def _where(segment: CurvedSegment, alpha: float) -> float:
     """Return the distance at which the cubic of a segment has this alpha."""
-    ends = segment.start.alpha - alpha, segment.end.alpha - alpha
+    ends = [float(segment.near(s)[-1]) - alpha for s in (0.0, segment.length)]
     if ends[0] * ends[1] >= 0.0:
         return 0.0 if abs(ends[0]) <= abs(ends[1]) else segment.length
     from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest

@@ -18,7 +18,7 @@ from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
-from pwscont.system.contract import checked_magnitudes
+from pwscont.system.contract import MOST_UNKNOWNS, checked_magnitudes
 
 #: Points at which the function must be finite.
 SURVEYED = 3
@@ -93,7 +93,7 @@ def Switched(  # noqa: N802  used like a class
     >>> [s.z.tolist() for s in enumerate_solutions(game, 0.5)]
     [[0.0], [0.5], [1.0]]
     """
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_UNKNOWNS:
         raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")
     if not callable(f):
         raise InvalidInputError(f"f must be a function of (z, alpha, sw), got {f!r}")

@@ -18,11 +18,13 @@ from pwscont.basics.arrays import (
     indices,
     is_everywhere,
     joined,
+    product,
 )
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import short
 from pwscont.basics.quantities import checked_names
+from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.shapes import (
     checked_array,
@@ -43,6 +45,12 @@ METHODS = {
 }
 #: The attributes of a system that are no methods.
 VALUES = ("domain", "degree", "unique", "line_styles")
+
+
+#: More unknowns than these are a slip of the pen.
+MOST_UNKNOWNS = 10**7
+#: Two values at one point may differ by this part, where threads sum in another order.
+MOST_ROUNDING = EPS**0.75
 
 
 @final
@@ -83,6 +91,9 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     character, m = Character.of(tests), len(tests)
     residual = residual_at(system, z, alpha, character)
     jacobian = jacobian_at(system, z, alpha, character)
+    if not isinstance(system, PiecewiseLinearSystem):  # a promise that is checked says more
+        terms = product(abs(jacobian), np.abs(joined(z, alpha)))
+        _refuse_chance(system, residual, residual_at(system, z, alpha, character), terms)
     gradients = system.test_jacobian(z, alpha)
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
     refuse_unusual(system, "test_jacobian", gradients)
@@ -98,6 +109,20 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
     return Sample(joined(z, alpha), character, tests, gradients, residual, jacobian)
+
+
+def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: Array) -> None:
+    """Refuse a residual with two values at one point, which no curve belongs to.
+
+    Sums of the terms in another order, as threads make, are no reason.
+    """
+    apart = np.abs(second - first)
+    if (apart > MOST_ROUNDING * (np.abs(first) + np.abs(second) + terms)).any():
+        i = int(np.argmax(apart))
+        raise InvalidSystemError(
+            f"{type(system).__name__}.residual returned {first[i]} and then {second[i]} in row {i} "
+            "at the same point: H must depend on (z, alpha) only, and not on chance"
+        )
 
 
 def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
@@ -158,6 +183,11 @@ def _check_size(system: PiecewiseSystem) -> None:
         raise InvalidSystemError(
             f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
         )
+    if size > MOST_UNKNOWNS:
+        raise InvalidSystemError(
+            f"{type(system).__name__}.size is {size}; more than {MOST_UNKNOWNS} unknowns do not "
+            "fit into the memory of a computer"
+        )
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
@@ -209,6 +239,22 @@ def check_names(system: PiecewiseSystem) -> None:
     if len(set(names)) < len(names):
         twice = next(name for name, number in Counter(names).items() if number > 1)
         raise InvalidSystemError(f"{method} gives several unknowns the name {twice!r}")
+
+
+def check_parameter(system: PiecewiseSystem, parameter: Any) -> None:
+    """Refuse a name of the parameter that is no text, or the name of an unknown as well.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    if not (isinstance(parameter, str) and parameter):
+        raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
+    if parameter in (system.names() if type(system).names is not PiecewiseSystem.names else ()):
+        raise InvalidInputError(
+            f"{parameter!r} is the name of the parameter and of an unknown; name the parameter by "
+            "parameter=..."
+        )
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:

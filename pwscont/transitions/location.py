@@ -11,6 +11,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
@@ -117,6 +118,7 @@ def locate_sign_change(
 
     known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
 
+    @cache  # noise may give a second value another sign
     def along(s: float) -> float:
         if s not in known:
             state = segment.at(s)
