@@ -111,20 +111,19 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
     n = matrix.shape[0]
     q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
     # z is compared with w: a row in other units would lose its digits
-    factors = _factors(matrix, q, d)
+    factors = _factors(matrix)
     matrix = sp.diags(factors) @ matrix if sp.issparse(matrix) else factors[:, np.newaxis] * matrix
     q, d = factors * q, factors * d
     return Complementarity(lambda z, t: matrix @ z + q + t * d, n=n, **{"linear": True} | given)
 
 
-def _factors(matrix: Any, q: Array, d: Array) -> Array:
+def _factors(matrix: Any) -> Array:
     """Return powers of two by which w has the magnitudes of z.
 
-    Multiplied by powers of two, entries keep all their digits.
+    Multiplied by powers of two, entries keep all their digits. The powers follow from M alone: a
+    family of problems with one M is affine in q and d.
     """
-    stack = sp.hstack if sp.issparse(matrix) else np.column_stack
-    columns = [part[:, np.newaxis] for part in (q, d)]
-    sizes, rows = balanced(stack([matrix, *columns]), len(q))
+    sizes, rows = balanced(matrix, matrix.shape[0])
     return np.ldexp(1.0, np.frexp(sizes / rows)[1])
 
 

@@ -19,7 +19,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import final
 
@@ -62,6 +62,8 @@ WIDER, WIDTHS = 4.0, 3
 #: Number of values of a single unknown at which its equation is evaluated, within MARGIN times the
 #: known magnitude and again farther out.
 ON_LINE, MARGIN = 64, 1.5
+#: Number of other starts at each alpha for a single unknown, and of alphas.
+FEW_ON_LINE = 6
 #: Sign changes are known to this part of the magnitude, and are known solutions if closer to one.
 PART, NEAR_ZERO = 1e-3, 1e-2
 #: Largest correction of a point that a pursuit found, relative to one plus the length of the point.
@@ -91,6 +93,8 @@ class Throughout(Search):
     def affordable(cls, system: PiecewiseSystem, ends: MultiStart) -> Throughout:
         """Return the search that a budget of evaluations allows for a system of this size."""
         starts = affordable_starts(system, 1, 63)
+        if shown_size(system) == 1:  # sign changes find nearly all
+            starts, ends = FEW_ON_LINE**2, replace(ends, count=FEW_ON_LINE)
         slices = int(min(max(starts**0.5, 3), 9))
         return cls(ends, slices, max(starts // slices, 1))
 
