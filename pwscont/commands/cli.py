@@ -23,7 +23,7 @@ from pwscont.scenes.registry import (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status; ``--help`` lists the statuses."""
+    """Run a command and return the exit status; ``--help`` lists the statuses."""
     given = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

@@ -55,7 +55,7 @@ def spread(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def _as_value(argument: str) -> str:
-    """Return an argument; a negative number gets a space in front, so as not to look like an option."""
+    """Return an argument; a negative number gets a space in front, unlike any option."""
     return f" {argument}" if _is_number(argument) and float(argument) < 0.0 else argument
 
 

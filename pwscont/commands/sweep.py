@@ -26,8 +26,7 @@ MOST_LISTED = 5
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a sweep with the options of the command line, and return the exit status: 1 if all
-    failed.
+    """Run a sweep by the command line's options, and return the exit status: 1 if all failed.
 
     Raises
     ------
