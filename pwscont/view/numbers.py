@@ -98,12 +98,12 @@ class Numbers:
 
 
 def is_curved(piece: Piece) -> bool:
-    """Tell whether a piece has points between its ends."""
+    """Tell whether a piece has points between the ends."""
     return len(piece.track.inner) > 0
 
 
 def _finer(graph: BranchGraph) -> int:
-    """Return the number of parts, 1 to ``FINER``, into which steps of pieces are cut, as room allows."""
+    """Return the number of parts into which steps of pieces are cut, ``FINER`` if room allows."""
     record = graph.quantities.record
     cut = [piece for piece in graph.pieces if is_curved(piece) or record]
     rows = sum(len(piece.track.inner) + 2 for piece in cut)
@@ -122,7 +122,7 @@ def _line(graph: BranchGraph, piece: Piece, finer: int) -> Array:
 
 
 def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
-    """Return the rows of a straight piece: only the ends if recorded quantities are straight, too."""
+    """Return the rows of a straight piece: only the ends if recorded quantities are straight."""
     if not graph.quantities.record:
         return _rows(graph, ends)
     parts = np.linspace(0.0, 1.0, max(finer, 2) + 1)
@@ -141,7 +141,7 @@ def _rows(graph: BranchGraph, points: Array) -> Array:
 
 
 def _fine(graph: BranchGraph, piece: Piece, finer: int) -> Array:
-    """Return points of a curve through the points of a piece, with alpha monotone as on the piece."""
+    """Return finer points of a curve through a piece's points, with alpha still monotone."""
     points = piece.points
     if graph.system is not None:
         fine = fine_points(graph.system, piece, graph.interval, finer)

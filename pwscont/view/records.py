@@ -22,7 +22,7 @@ from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, in_letters, styles_of
 from pwscont.view.numbers import Numbers, is_curved
 
-#: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
+#: The look of each kind of special point: marker of Bokeh, size in pixels, whether hollow.
 MARKERS: dict[str, tuple[str, int, bool]] = {
     Kind.START: ("asterisk", 11, False),
     Kind.END: ("dot", 8, False),

@@ -1,4 +1,4 @@
-"""The object that shows a branch graph in a browser or a notebook, and writes the page to a file."""
+"""The object that shows a branch graph in a browser or a notebook, and writes the page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TALL = 780
 
 @final
 class View:
-    """A branch graph to look at in a browser: one file, without server and network.
+    """A branch graph to look at in a browser: a page in one file, without server and network.
 
     The page has the branch diagram with pan and zoom and any quantity on either axis; a slider over
     the parameter with all solutions at the value; the clicked solution as a table, and as a picture
