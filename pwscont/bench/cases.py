@@ -44,7 +44,7 @@ MOST_CELLS = 64
 #: Most unknowns of a system whose exact path is verified: then verification and all settings of the
 #: steppers take half a minute.
 MOST_UNKNOWNS = 200
-AGREES = 1e-9
+AGREES = 1e-9  # largest difference of two answers, in typical magnitudes
 
 
 @final

@@ -26,7 +26,7 @@ from pwscont.bench.report import FLOOR
 
 WIDTH, HEIGHT, MOST_COLUMNS = 3.3, 2.7, 4  # inches; panels in a row
 MOST_LABELLED = 200.0  # largest ratio of the shown times with room for labels at 3, 30
-LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3
+LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3  # inches, inches a row, and number
 LEAST_WIDTH = 10.0  # inches, for the three columns of the legend
 COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
 #: Looks by the place of a name in ``NAMES``, so that a stepper always has the same look; further

@@ -42,8 +42,8 @@ def _blas_threads() -> str:
 
 #: Version of the file's layout, increased whenever readers have to change.
 SCHEMA = 1
-#: Least error in the picture, near the rounding error of a double of size one: smaller errors are
-#: drawn at this value.
+#: Least error in the picture, about a tenth of the unit roundoff: smaller errors are drawn at this
+#: value.
 FLOOR = 1e-17
 
 
@@ -133,7 +133,7 @@ CALLS = {
     "solves": "solves",
     "determinant signs": "dets",
 }
-STEPPER, SETTING = 37, 27
+STEPPER, SETTING = 37, 27  # widths of two columns in letters
 
 
 def as_text(

@@ -124,7 +124,7 @@ OPTIONS = ("format", "dpi", "panels", "scale", "animate")
 
 def add_looks(command: argparse.ArgumentParser) -> None:
     """Add the options for the look of pictures to a command."""
-    group = command.add_argument_group("pictures", "how those that -o writes look")
+    group = command.add_argument_group("pictures", "the look of the pictures that -o writes")
     group.add_argument("--format", choices=FORMATS, help="of pictures; default png")
     group.add_argument("--dpi", type=_dots, help="dots per inch of pictures; default 150")
     group.add_argument(
@@ -137,7 +137,7 @@ def add_looks(command: argparse.ArgumentParser) -> None:
         "--scale",
         type=_factor,
         metavar="FACTOR",
-        help="draw displacements of bodies so many times larger; 1 is true to scale",
+        help="draw displacements of bodies larger by this factor; 1 is true to scale",
     )
     group.add_argument(
         "--animate",

@@ -132,7 +132,7 @@ MARGIN, ABOVE = 0.25, 0.5
 #: as parts of the axes.
 SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4), (0.45, 0.33), (0.6, 0.28))
 NUMBERS = 0.13, 0.11
-POINTS = 101
+POINTS = 101  # places of each step of a line at which heights in an inset are measured
 #: The colour of the frames around the inset and around the enlarged part.
 FRAME = "0.55"
 

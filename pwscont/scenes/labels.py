@@ -123,8 +123,8 @@ def _off_corner(box: Box) -> float:
 
 #: Largest number of labels in a diagram, and the size of the letters in points.
 MOST_LABELS, LETTERS = 8, 7.0
-#: Distances of labels from marks that are tried in turn, in units of the distance of a label that
-#: touches the mark.
+#: Distances of labels from marks that are tried in turn, in units of the distance of a label right
+#: beside the mark.
 DISTANCES = (1.0, 1.4, 2.0, 2.8, 4.0)
 #: Points between a label and the frame, left and right together, if there is room.
 PAD = 4.0

@@ -18,7 +18,7 @@ from pwscont.scenes.labels import LETTERS
 from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.styles import number_of, symbol
 
-POINTS = 201
+POINTS = 201  # of a drawn path
 #: A path whose extent is less than this part of the largest coordinate is a point.
 AT_REST = 1e-9
 

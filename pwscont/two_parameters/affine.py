@@ -196,9 +196,9 @@ def _check_widths(window: Window) -> None:
     for name, ends in (("alphas", window.alphas), ("mus", window.mus)):
         if ends[1] - ends[0] < AFFINE_DEFECT * max(map(abs, ends)):
             raise InvalidInputError(
-                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, of which "
-                "rounding leaves too few digits: take a wider window, or count the parameter from "
-                "its middle"
+                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, so "
+                "rounding leaves too few digits of the difference: take a wider window, or count "
+                "the parameter from the middle"
             )
 
 

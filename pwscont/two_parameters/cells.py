@@ -207,8 +207,8 @@ def _apart(points: list[Array]) -> list[Array]:
     return kept
 
 
-#: Prices of the search for cells: a cell that is left costs the cutting of a polygon, which takes
-#: longer than computing a point.
+#: Prices of linear programs against batches: a cell that a batch leaves over has a polygon cut,
+#: which takes longer than computing a point.
 PRICES = Prices(1024, 1)
 
 

@@ -114,7 +114,7 @@ class ExactPlane(Plane):
         if self._doubts:
             return f"not certain: {'; '.join(self._doubts)}"
         if self._narrow:
-            return f"complete, but for {counted(self._narrow, 'region')} narrower than rounding"
+            return f"complete, except for {counted(self._narrow, 'region')} narrower than rounding"
         return "complete"
 
     def proof(self, region: Region) -> str:
@@ -261,7 +261,7 @@ def _doubts(
     if solved.tolerance > COARSE:
         yield f"rounding moves edges by up to {0.5 * solved.tolerance:.1g} of the window"
     if singular := sum(cell.det_sign == 0 for cell in solved.cells):
-        yield f"{counted(singular, 'cell')} with solutions are singular but for rounding"
+        yield f"{counted(singular, 'cell')} with solutions are singular within rounding"
     if undecided := sum(not strip.is_certain for strip in solved.strips):
         yield f"{counted(undecided, 'cell')} with solutions are singular by rounding or not at all"
     if joined.doubtful:

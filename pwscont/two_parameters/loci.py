@@ -37,8 +37,8 @@ from pwscont.two_parameters.locus import TransitionLocus
 #: Distance at a value of mu, in typical magnitudes of (z, alpha), up to which two loci count as one
 #: locus: half of the digits.
 SAME_LOCUS = EPS**0.5
-#: Largest distance of a locus from the chords between points, as a part of the range of alpha: a
-#: picture shows no more.
+#: Largest distance of a locus from the chords between points, as a part of the range of alpha: less
+#: than ``BESIDE`` of :mod:`plane`, so that points beside an edge lie on the right side.
 FLAT = 1e-4
 
 

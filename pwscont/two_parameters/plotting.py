@@ -51,7 +51,7 @@ ROOM = 0.003
 #: A named sector with less area than the first part of the window has the label beside the sector,
 #: at a distance of the second part of the width.
 NARROW, ASIDE = 0.08, 0.22
-MARGIN = 0.12
+MARGIN = 0.12  # left and right of the loci, as a part of the range of the loci
 #: More meeting points than this are drawn smaller.
 MANY = 20
 
