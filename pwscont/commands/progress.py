@@ -19,7 +19,7 @@ WINDOW = 10.0  # seconds over which the rate is taken
 
 @final
 class ProgressLine:
-    """A line on a terminal that is written over and over.
+    """A line on a terminal that each update overwrites.
 
     The line is silent for short runs, and if the stream is no terminal.
 
@@ -47,7 +47,7 @@ class ProgressLine:
         return self._clock() >= self._next
 
     def write(self, words: str) -> None:
-        """Write over what was written before."""
+        """Overwrite the line with new words."""
         self._next, self._shown = self._clock() + EVERY, True
         self._stream.write(f"\r{words:<60}")
         self._stream.flush()

@@ -1,4 +1,4 @@
-"""What numpy's functions do with Duals, other than arithmetic: join, cut, move, sum."""
+"""Functions of numpy for Duals, other than arithmetic: join, cut, move, sum."""
 
 from __future__ import annotations
 

@@ -2,8 +2,9 @@
 
 With u = (z, y, alpha), y the values of all switches, the values, tests and branches of an affine
 function are C u + c. C comes from one call with Duals, without cancellation; or from a call for
-each column. Which way a function allows is found out once, by comparing the derivatives with a
-difference.
+each column.
+
+Which way a function allows is found out once, by comparing the derivatives with a difference.
 
 Failure modes and answers
 -------------------------

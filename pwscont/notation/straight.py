@@ -37,7 +37,7 @@ def stored(matrix: Matrix) -> Matrix:
 
 @final
 class RowChoice:
-    """Affine rows, each in a mode that is chosen when the rows are asked for.
+    """Affine rows with several modes each; the caller chooses a mode for every row.
 
     Parameters
     ----------

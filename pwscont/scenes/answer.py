@@ -27,7 +27,7 @@ FORMATS = ("png", "pdf", "svg")
 @final
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Format and resolution of pictures, and what is drawn of bodies.
+    """Format and resolution of pictures, and the display of bodies.
 
     Attributes
     ----------

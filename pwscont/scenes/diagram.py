@@ -68,7 +68,7 @@ class Diagram:
             )
 
         strokes, marks = strokes_of(graph, mode, place, styles), marks_of(graph, mode, place)
-        if over is not None:  # lines may bend back: no line is a function of what is across
+        if over is not None:  # lines may bend back: no line is a function of x
             return cls(quantity, over, joined(strokes), [], [replace(m, side=0) for m in marks])
         strokes = visible(strokes)
         return cls(quantity, None, joined(strokes), rails_of(strokes), marks)

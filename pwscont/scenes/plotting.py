@@ -229,7 +229,7 @@ def plot(
 ) -> Axes:
     """Draw a quantity over the parameter or over another quantity: colours are branches.
 
-    Line styles are modes, and thin lines are pieces on which det(dH/dz) is negative. Where branches
+    Line styles are modes, and thin lines are pieces on which det(dH/dz) is negative. If branches
     coincide over the parameter, the upper branch runs between rails in the colours of the branches
     beneath. Folds that are close together are enlarged.
 

@@ -168,7 +168,7 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
 
 
 def scene_settings(name: str) -> tuple[str, ...]:
-    """Return the names of a scene's settings; raises what :func:`load_scene` raises."""
+    """Return the names of a scene's settings; errors as of :func:`load_scene`."""
     return tuple(signature(_loaded(_entry_point(name))).parameters)
 
 

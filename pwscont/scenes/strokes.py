@@ -5,7 +5,7 @@ curve is the length along the points; the cubics never leave the range of the va
 (Fritsch and Carlson 1980). The length leaves out unknowns that change by rounding only; points that
 nearly coincide are drawn as one point.
 
-Where branches coincide, as on a constant quantity, the upper line runs between rails in the colours
+If branches coincide, as for a constant quantity, the upper line runs between rails in the colours
 of the lines beneath.
 """
 

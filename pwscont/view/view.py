@@ -139,7 +139,7 @@ def check_bokeh() -> None:
     Raises
     ------
     MissingPackageError
-        The message says what to install.
+        If Bokeh is not installed; the message says what to install.
     """
     if find_spec("bokeh") is None:
         raise MissingPackageError(
