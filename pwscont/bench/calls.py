@@ -1,8 +1,8 @@
 """Counts of the work of a run: calls of residuals, Jacobians, factorisations and the like.
 
 The package itself does not count. While the context is open, the methods of the system's class and
-of the factorisations are replaced by methods that count and call the originals. Not for several
-threads. numpy's small dense solves in searches and at corners are not counted.
+of the factorisations are replaced by methods that count and call the originals. Counting does not
+work for several threads. numpy's small dense solves in searches and at corners are not counted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import DenseFactor, SparseFactor
 from pwscont.system.system import PiecewiseSystem
 
-#: Methods of a system, under their own names.
+#: Methods of a system that are counted, by name.
 EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")
 FACTORISATIONS, SOLVES, SIGNS = "factorisations", "solves", "determinant signs"
 KINDS = (*EVALUATIONS, FACTORISATIONS, SOLVES, SIGNS)
@@ -26,12 +26,12 @@ KINDS = (*EVALUATIONS, FACTORISATIONS, SOLVES, SIGNS)
 
 @contextmanager
 def counted(system: PiecewiseSystem) -> Iterator[Counter[str]]:
-    """Count calls by kind while the context is open.
+    """Yield a counter of calls by kind, which counts while the context is open.
 
     Parameters
     ----------
     system : PiecewiseSystem
-        Evaluations of all systems of its class are counted.
+        The system; evaluations of all systems of the same class are counted.
 
     Yields
     ------
@@ -50,17 +50,17 @@ def counted(system: PiecewiseSystem) -> Iterator[Counter[str]]:
 
 
 def factorisations() -> list[type[Factor]]:
-    """Return the classes of factorisations of whole matrices.
+    """Return the classes of factorisations that are counted, of whole matrices.
 
-    An LU of a part for z is not counted: neither beside the bordered matrix that contains the part,
-    nor along straight pieces, which have no bordered matrices.
+    An LU of the part for z is not counted, neither next to the bordered matrix that contains the
+    part nor along straight pieces, which have no bordered matrices.
     """
     return [DenseFactor, SparseFactor, BorderedFactor]
 
 
 @contextmanager
 def _counting(owner: type, name: str, calls: Counter[str], kind: str) -> Iterator[None]:
-    """Replace one method or property of a class by one that counts."""
+    """Replace a method or property of a class by a counting method while the context is open."""
     own, original = vars(owner).get(name), getattr(owner, name)
     if isinstance(original, property):
         assert original.fget is not None

@@ -1,4 +1,4 @@
-"""The problems of the bench: scenes with a known answer, and a few that are not scenes."""
+"""The problems of the bench: scenes with a known answer, and a few further problems."""
 
 from __future__ import annotations
 
@@ -37,19 +37,20 @@ from pwscont.system.system import (
     number_of_cells,
 )
 
-#: Values of alpha at which the answer is compared with an enumeration.
+#: Number of values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
-#: Beyond this many cells a complete answer takes too long.
+#: Most cells of a system for which the answer is computed in every cell: more cells take too long.
 MOST_CELLS = 64
-#: Up to this many unknowns, verifying and all settings of the steppers take half a minute.
+#: Most unknowns of a system whose exact path is verified: then verification and all settings of the
+#: steppers take half a minute.
 MOST_UNKNOWNS = 200
-AGREES = 1e-9
+AGREES = 1e-9  # largest difference of two answers, in typical magnitudes
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A problem and its true answer."""
+    """A problem and the true answer."""
 
     name: str
     system: PiecewiseSystem
@@ -63,12 +64,12 @@ class Case:
 
 
 def case_names() -> list[str]:
-    """Return the names of all problems and scenes, known answer or not."""
+    """Return the names of all problems and scenes, with or without known answer."""
     return [*OWN, *scene_names()]
 
 
 def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
-    """Build a problem with its answer; settings are those of a scene.
+    """Return the problem or scene of a name, with the answer; only scenes take settings.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
 
 
 def case_of(runnable: Runnable) -> Case:
-    """Return a scene with its true answer."""
+    """Return the case of a scene, with the true answer."""
     scene = runnable.curve()
     if not isinstance(scene, Scene):
         raise UnknownAnswerError("it has two parameters")

@@ -1,4 +1,4 @@
-"""The steppers that are compared, and their settings."""
+"""The steppers that are compared, and the settings of the steppers."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from pwscont.curve.steppers import ExactLinear, NaturalParameter
 
 #: Longest steps, in the metric in which the interval of alpha has length one.
 LONGEST = (0.3, 0.1, 0.03, 0.01)
-#: Tolerances for the turn within a step, as cosines of the largest angle.
+#: Bounds for the turn within a step, as cosines of the largest angle.
 COSINES = (0.9, 0.98, 0.998, 0.9998)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A stepper at one setting.
+    """A stepper with a setting.
 
     Attributes
     ----------
     name : str
-        The same for all settings of a stepper: one line in the picture.
+        The name of the stepper's line in the picture, equal for all settings of a stepper.
     step_size : StepSize or None
-        None where there is no step size.
+        None for a stepper without step size.
     stepper : Stepper
     """
 
@@ -51,7 +51,7 @@ def by_longest(largest: float) -> StepSize:
 
 
 def by_angle(cosine: float) -> StepSize:
-    """Return a step size that is limited by the turn within a step, and by little else."""
+    """Return a step size that is limited mainly by the turn within a step."""
     return StepSize(first=0.01, largest=0.5, least_cosine=cosine)
 
 
@@ -88,12 +88,12 @@ NAMES = (EXACT, *STEPPERS, BY_ANGLE)
 
 
 def contestants(is_straight: bool, quick: bool) -> Iterator[Contestant]:
-    """Yield all steppers that apply, at all settings.
+    """Yield all steppers that apply, each with all settings.
 
     Parameters
     ----------
     is_straight : bool
-        Whether all pieces are straight: then ExactLinear applies, and angles say nothing.
+        Whether all pieces are straight: then ExactLinear applies, and bounds of angles do not.
     quick : bool
         Whether to try few settings.
     """

@@ -1,8 +1,9 @@
-"""Distances of a computed graph from the true answer, in the problem's own metric.
+"""Distances of a computed graph from the true answer, in the metric of the problem.
 
-All distances are Euclidean after dividing each unknown by its typical magnitude and alpha by the
-length of its interval. A branch has two errors: that of the stored points, which comes from the
-corrector, and that of the straight lines between them, which comes from the step size.
+All distances are Euclidean after dividing each unknown by a typical magnitude and alpha by the
+length of the interval. A branch has two errors: the error of the stored points, which comes from
+the corrector, and the error of the chords between the stored points, which comes from the step
+size.
 """
 
 from __future__ import annotations
@@ -20,16 +21,17 @@ from pwscont.bench.truth.known_answer import Cell, TruePiece, Truth
 from pwscont.graph import BranchGraph, Piece
 from pwscont.system.system import PiecewiseSystem
 
-#: At most so many stored points of a graph are compared, evenly spread.
+#: Most stored points of a graph that are compared, evenly spread.
 MOST_POINTS = 200
-#: A piece in the right cell is right if its ends are this close, as parts of the interval.
+#: Distance in alpha, as a part of the interval, up to which ends of a piece in the right cell are
+#: right.
 SAME_PIECE = 1e-4
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Distances from the truth; NaN where there is nothing to compare.
+    """Distances from the truth; NaN for an error with nothing to compare.
 
     Attributes
     ----------
@@ -40,7 +42,8 @@ class Errors:
     transitions : float
         From true transitions to the nearest special point, the largest.
     folds : float
-        The same for folds, and in alpha only, as a part of the interval.
+        From true folds to the nearest turning point, the largest; in alpha only, as a part of the
+        interval.
     """
 
     branch_max: float
@@ -52,7 +55,7 @@ class Errors:
 
 
 def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
-    """Compare a graph with the truth."""
+    """Return the distances of a graph from the truth."""
     cells = [system.cell(piece.character) for piece in graph.pieces]
     branch, points = _branch(graph, cells, truth), _stored(graph, cells, truth)
     nodes = [point for point in graph.special_points() if point.kind != Kind.START]
@@ -68,20 +71,20 @@ def errors(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> Errors:
 
 
 def _turns(graph: BranchGraph, point: int) -> bool:
-    """Tell whether alpha turns at a special point, as :attr:`Truth.folds` does, of any kind."""
+    """Tell whether alpha turns at a special point of any kind, as at :attr:`Truth.folds`."""
     signs = [piece.det_sign for piece in graph.pieces_at(point)]
     return len(signs) > 1 and sum(signs) == 0
 
 
 def summary(distances: Array) -> tuple[float, float]:
-    """Return maximum and root mean square."""
+    """Return maximum and root mean square of distances; NaN without distances."""
     if not len(distances):
         return np.nan, np.nan
     return float(distances.max()), float(np.sqrt(np.mean(distances**2)))
 
 
 def farthest(true: Sequence[Array], found: Sequence[Array]) -> float:
-    """Return the largest distance from a true point to the nearest one found."""
+    """Return the largest distance from a true point to the nearest found point."""
     if not true:
         return np.nan
     nearest = [min((np.linalg.norm(a - b) for b in found), default=np.inf) for a in true]
@@ -89,7 +92,7 @@ def farthest(true: Sequence[Array], found: Sequence[Array]) -> float:
 
 
 def _branch(graph: BranchGraph, cells: Sequence[Cell], truth: Truth) -> Array:
-    """Return the distances of true solutions from the chords of their cell."""
+    """Return the distances of true solutions from the chords of the graph in the same cell."""
     distances = []
     for piece, samples in zip(truth.pieces, truth.samples, strict=True):
         same = [p for p, cell in zip(graph.pieces, cells, strict=True) if cell == piece.cell]
@@ -111,7 +114,7 @@ def from_polygon(samples: Array, nodes: Array) -> Array:
     lengths = np.maximum((chords**2).sum(axis=1), np.finfo(float).tiny)
     offsets = samples[:, np.newaxis] - nodes[:-1]
     shares = np.clip(np.einsum("skj,kj->sk", offsets, chords) / lengths, 0.0, 1.0)
-    # from the nearer end of the chord, so that the far one's rounding does not enter
+    # from the nearer end of the chord, so that the rounding of the far end does not enter
     ends = samples[:, np.newaxis] - nodes[1:]
     from_start = offsets - shares[..., np.newaxis] * chords
     from_end = ends + (1.0 - shares)[..., np.newaxis] * chords
@@ -122,7 +125,7 @@ def from_polygon(samples: Array, nodes: Array) -> Array:
 
 
 def _stored(graph: BranchGraph, cells: Sequence[Cell], truth: Truth) -> Array:
-    """Return the distances of stored points from the true pieces of their cell."""
+    """Return the distances of stored points from the true pieces in the same cell."""
     pairs = [
         (x, cell) for piece, cell in zip(graph.pieces, cells, strict=True) for x in piece.points
     ]
@@ -135,7 +138,7 @@ def _of(truth: Truth, cell: Cell) -> list[TruePiece]:
 
 
 def from_true(x: Array, pieces: Sequence[TruePiece], scale: Array) -> float:
-    """Return the distance of a point from the nearest of some true pieces."""
+    """Return the distance of a point from the nearest true piece."""
     gaps = (np.linalg.norm((x - piece.next_to(x)) / scale) for piece in pieces)
     return float(min(gaps, default=np.inf))
 
@@ -144,10 +147,11 @@ def from_true(x: Array, pieces: Sequence[TruePiece], scale: Array) -> float:
 
 
 def verdict(graph: BranchGraph, truth: Truth, system: PiecewiseSystem) -> str:
-    """Return what is wrong with a graph, in words; empty if the answer is right.
+    """Return the first mistake of a graph, in words; empty if the graph is right.
 
-    Right means: the same pieces, in the same cells with the same signs of the determinant and
-    the same ends; the same number of solutions everywhere; nothing stopped early.
+    A graph is right if the pieces lie in the same cells with the same signs of the determinant and
+    the same ends as the true pieces, the number of solutions is right everywhere, and no branch
+    stopped early.
     """
     if stopped := graph.special_points(Kind.STOPPED):
         return f"stopped at alpha = {stopped[0].alpha:.6g}"
@@ -170,7 +174,7 @@ Ends = tuple[int, int, float, float]
 
 
 def _true(truth: Truth, number: Mapping[Cell, int]) -> list[Ends]:
-    """Return number of the cell, sign, and both ends in alpha of every true piece."""
+    """Return number of the cell, sign, and lower and upper end in alpha of every true piece."""
     return [(number[p.cell], p.det_sign, *p.extent()) for p in truth.pieces]
 
 

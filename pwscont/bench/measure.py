@@ -1,4 +1,4 @@
-"""One row of the report: a problem, a stepper at one setting, its time, calls and errors."""
+"""A row of the report: a problem, a stepper with a setting, and time, calls and errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from pwscont.graph import BranchGraph
 from pwscont.search import Search
 from pwscont.system.system import PiecewiseSystem
 
-#: Runs that are timed, and seconds after which no further one is begun.
+#: Number of runs that are timed, usually and with ``quick``, and seconds after which no further run
+#: is begun.
 RUNS, FEW_RUNS = 5, 2
 ENOUGH = 0.2
 
@@ -31,23 +32,23 @@ ENOUGH = 0.2
 @final
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The result of one stepper at one setting on one problem.
+    """The result of a stepper with a setting on a problem.
 
     Attributes
     ----------
     case, stepper, setting : str
-        The stepper, or another program, gives its name to a line of the picture.
+        The name of the stepper, or of another program, is the name of a line of the picture.
     step_size : mapping or None
-        First and longest step and least cosine; None where there is no step size. For another
-        program, its own settings by its own names.
+        First and longest step and least cosine; None without step size. For another program, the
+        settings of that program.
     seconds : tuple of float
         The time of every timed run.
     calls : mapping
-        Number of calls by kind, see :mod:`pwscont.bench.calls`; empty if they are not known.
+        Number of calls by kind, see :mod:`pwscont.bench.calls`; empty if not known.
     points, pieces : int
     errors : Errors
     wrong : str
-        What is wrong with the answer; empty if it is right.
+        The mistake in the answer, in words; empty if the answer is right.
     """
 
     case: str
@@ -70,27 +71,27 @@ class Row:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class OneStartEach(Search):
-    """One true point inside every component: so a run measures the stepper, not a search."""
+    """The search that yields a true point inside every component: no search is measured."""
 
     truth: Truth
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the points."""
+        """Yield the true points, each with error zero."""
         for x in self.truth.starts:
             yield x.copy(), np.zeros((1, len(x)))
 
 
 def follow(case: Case, contestant: Contestant) -> BranchGraph:
-    """Follow every component of a problem from one true start each."""
+    """Return the graph of a problem, every component followed from a true start."""
     search = OneStartEach(case.truth)
     stepper = contestant.stepper
     return uninterrupted(explore(case.system, case.interval, search=search, stepper=stepper))
 
 
 def measure(case: Case, contestant: Contestant, quick: bool = False) -> Row:
-    """Return time, calls and errors of one stepper on one problem."""
+    """Return time, calls and errors of a stepper on a problem."""
     with counted(case.system) as calls:
         graph = follow(case, contestant)  # warms up, too
     size = contestant.step_size
@@ -112,7 +113,7 @@ SETTINGS = ("first", "largest", "least_cosine")
 
 
 def _timed(case: Case, contestant: Contestant, runs: int) -> Iterator[float]:
-    """Yield the seconds of each run; at least one."""
+    """Yield the seconds of each run, of at least one run."""
     total = 0.0
     for _ in range(runs):
         begin = time.perf_counter()

@@ -1,7 +1,7 @@
 """The work-precision picture: error over time, a panel per problem, a line per stepper.
 
-A wrong answer is a cross: its error says nothing about the stepper's accuracy. Rows of other
-programs are lines as well, under the names that they bear.
+A wrong answer is a cross: the error of a wrong answer says nothing about the stepper's accuracy.
+Rows of further programs are lines, too, named after the programs.
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ from pwscont.bench.measure import Row
 from pwscont.bench.report import FLOOR
 
 WIDTH, HEIGHT, MOST_COLUMNS = 3.3, 2.7, 4  # inches; panels in a row
-MOST_LABELLED = 200.0  # up to this ratio of the longest time to the shortest there is room for 3
-LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3
+MOST_LABELLED = 200.0  # largest ratio of the shown times with room for labels at 3, 30
+LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3  # inches, inches a row, and number
 LEAST_WIDTH = 10.0  # inches, for the three columns of the legend
 COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
-#: By the place of a name: always the same for a stepper; other programs come after all steppers.
+#: Looks by the place of a name in ``NAMES``, so that a stepper always has the same look; further
+#: programs come after all steppers.
 LOOKS = [{"color": c, "marker": m} for c, m in zip(COLOURS, "*opsD^vP<>hd8H", strict=True)]
 Kind = Callable[[Errors], float]
 Look = dict[str, Any]
 
 
 def branch(errors: Errors) -> float:
-    """Return the error of the branch between its stored points."""
+    """Return the error of the branch between the stored points."""
     return errors.branch_max
 
 
 def special(errors: Errors) -> float:
-    """Return the larger error of transitions and folds; NaN where there are none."""
+    """Return the larger error of transitions and folds; NaN without transitions and folds."""
     return float(np.fmax(errors.transitions, errors.folds))
 
 
 def draw(problems: Sequence[str], rows: Sequence[Row], columns: int = MOST_COLUMNS) -> Figure:
-    """Draw errors of branches and of special points over the median time, a panel per problem."""
+    """Return the picture of errors over the median time, a panel for each problem."""
     across = min(columns, len(problems))
     down = -(-len(problems) // across)
     looks, handles = _looks(rows), _legend(rows)
@@ -83,7 +84,7 @@ def _panel(ax: Axes, title: str, rows: Sequence[Row], looks: Mapping[str, Look])
 
 
 def _labelled(low: float, high: float) -> tuple[float, ...]:
-    """Return which multiples of powers of ten have labels between two times that do not touch."""
+    """Return the multiples of powers of ten that get labels between two times, without overlap."""
     return (1.0, 3.0) if high < MOST_LABELLED * low else (1.0,)
 
 
@@ -96,7 +97,7 @@ def _looks(rows: Sequence[Row]) -> dict[str, Look]:
 
 
 def _line(ax: Axes, rows: Sequence[Row], kind: Kind, **look: Any) -> None:
-    """Draw right answers as a line with the spread of the time, wrong ones as crosses."""
+    """Draw right answers as a line with the spread of the time, wrong answers as crosses."""
     shown = [row for row in rows if not math.isnan(kind(row.errors))]
     right = sorted((row for row in shown if not row.wrong), key=lambda row: row.median)
     wrong = [row for row in shown if row.wrong]
@@ -108,14 +109,14 @@ def _line(ax: Axes, rows: Sequence[Row], kind: Kind, **look: Any) -> None:
 
 
 def _times(rows: Sequence[Row]) -> tuple[list[float], list[float], list[float]]:
-    """Return the medians in milliseconds and how far the other runs reach below and above."""
+    """Return the medians in milliseconds, and the distances of the fastest and slowest run."""
     low = [1e3 * (row.median - min(row.seconds)) for row in rows]
     high = [1e3 * (max(row.seconds) - row.median) for row in rows]
     return [1e3 * row.median for row in rows], low, high
 
 
 def _clipped(rows: Sequence[Row], kind: Kind) -> list[float]:
-    """Return errors within what is drawn; a branch that is missing has the error one."""
+    """Return errors clipped to the range of the picture; a missing branch has the error 1."""
     found = (kind(row.errors) for row in rows)
     return [min(max(e, FLOOR), 1.0) for e in found]
 

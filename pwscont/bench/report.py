@@ -21,7 +21,7 @@ LIMITS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 def machine() -> dict[str, Any]:
-    """Return platform, cores, versions and what is known about BLAS."""
+    """Return platform, cores, versions, and name and threads of BLAS."""
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return {
         "system": platform.system(),
@@ -40,16 +40,17 @@ def _blas_threads() -> str:
     return ", ".join(found) or "not limited"
 
 
-#: Version of the file's layout, raised by one whenever readers have to change.
+#: Version of the file's layout, increased whenever readers have to change.
 SCHEMA = 1
-#: A double of size one errs by about this; smaller errors are shown as this in the picture.
+#: Least error in the picture, about a tenth of the unit roundoff: smaller errors are drawn at this
+#: value.
 FLOOR = 1e-17
 
 
 def as_dict(
     cases: Sequence[Case], rows: Sequence[Row], left_out: Mapping[str, str], quick: bool
 ) -> dict[str, Any]:
-    """Return machine, problems, what was left out and why, and a row per run."""
+    """Return machine, problems, {problem left out: reason}, and a row for each run."""
     return {
         "schema": SCHEMA,
         "quick": quick,
@@ -74,7 +75,7 @@ def _problem(case: Case) -> dict[str, Any]:
 
 
 def row_as_dict(row: Row) -> dict[str, Any]:
-    """Return one row; errors that mean nothing or are not finite are null."""
+    """Return a row as plain lists and numbers; errors that are not finite are None."""
     seconds = {
         "median": row.median,
         "least": min(row.seconds),
@@ -97,7 +98,7 @@ def row_as_dict(row: Row) -> dict[str, Any]:
 
 
 def rows_of(data: Mapping[str, Any]) -> list[Row]:
-    """Return the rows of a report read from its file, for drawing the picture again."""
+    """Return the rows from the data of a report's file, for drawing the picture again."""
     return [_row_of(row) for row in data["rows"]]
 
 
@@ -122,7 +123,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-#: Heading and the short names of the kinds of calls.
+#: Kind of calls -> short name in the heading.
 CALLS = {
     "residual": "res",
     "jacobian": "jac",
@@ -132,7 +133,7 @@ CALLS = {
     "solves": "solves",
     "determinant signs": "dets",
 }
-STEPPER, SETTING = 37, 27
+STEPPER, SETTING = 37, 27  # widths of two columns in letters
 
 
 def as_text(
@@ -141,7 +142,7 @@ def as_text(
     left_out: Mapping[str, str],
     facts: Mapping[str, Any],
 ) -> str:
-    """Return a table per problem."""
+    """Return the report as text, a table for each problem."""
     lines = list(_about(facts))
     for case in cases:
         lines += ["", *_problem_lines(case, [row for row in rows if row.case == case.name])]

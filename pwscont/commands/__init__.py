@@ -1,1 +1,1 @@
-"""Top floor: the command line, which alone knows all others."""
+"""Top floor: the command line, the only room that knows all rooms."""

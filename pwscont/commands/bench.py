@@ -15,7 +15,7 @@ from pwscont.bench.report import as_dict, as_text, machine
 from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.commands.run import make_directory
 
-#: Problems of the short form: straight pieces, curved ones, a smooth fold.
+#: Problems that ``--quick`` measures: straight pieces, curved pieces, a smooth fold.
 QUICK = ("fig7", "fig13", "two-curves")
 
 
@@ -25,12 +25,12 @@ def run(
     quick: bool,
     settings: Mapping[str, str] | None = None,
 ) -> int:
-    """Measure some problems, by default all with a known answer; returns the exit status.
+    """Measure problems, default all problems with a known answer, and return the exit status.
 
     Raises
     ------
     InvalidInputError
-        If the answer of a problem that was asked for is not known.
+        If the answer of a named problem is not known.
     """
     if output:
         make_directory(output)
@@ -46,7 +46,7 @@ def run(
 def _load(
     names: Sequence[str], quick: bool, settings: Mapping[str, str]
 ) -> tuple[list[Case], dict[str, str]]:
-    """Return the problems, and why others are left out; a problem that the user names stays."""
+    """Return the cases, and {problem left out: reason}; no named problem is left out."""
     if settings and len(names) != 1:
         raise InvalidInputError("settings are those of one scene: name it")
     if names:
@@ -70,7 +70,7 @@ def _wanted(name: str, settings: Mapping[str, str]) -> Case:
 
 
 def measured(case: Case, quick: bool) -> list[Row]:
-    """Measure one problem by all steppers that apply."""
+    """Return the measurements of a problem, a row for each stepper that applies."""
     print(f"{case.name} ...", file=sys.stderr)  # noqa: T201
     return [measure(case, one, quick) for one in contestants(case.is_straight, quick)]
 
@@ -78,7 +78,7 @@ def measured(case: Case, quick: bool) -> list[Row]:
 def write(
     directory: Path, cases: Sequence[Case], rows: Sequence[Row], data: dict[str, object]
 ) -> list[Path]:
-    """Write the data and the work-precision picture."""
+    """Write the data and the work-precision picture, and return the files."""
     from pwscont.bench.picture import draw  # noqa: PLC0415  only where asked for
 
     file, picture = directory / "bench.json", directory / "bench.png"

@@ -1,4 +1,4 @@
-"""The arguments of ``pwscont bench``; its work is imported when the command runs."""
+"""The arguments of ``pwscont bench``; :mod:`bench` is imported when the command runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: ``pwscont scenes``, ``run SCENE``, ``view FILE`` and others."""
+"""The command line: ``pwscont scenes``, ``run``, ``view``, ``sweep`` and ``bench``."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from pwscont.scenes.registry import (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status; ``--help`` lists the statuses."""
+    """Run a command and return the exit status; ``--help`` lists the statuses."""
     given = sys.argv[1:] if arguments is None else arguments
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # terminals that do not know Greek letters
-    if sys.stdout is None:  # closed by the program that started this one
+    if sys.stdout is None:  # closed by the program that started pwscont
         return _failed("standard output is closed: redirect it to a file, or to /dev/null")
     try:
         parser = _parser()
@@ -57,14 +57,14 @@ def _in_words(error: Exception) -> str:
 
 
 def _failed(message: str) -> int:
-    """Say in one line what went wrong; returns the exit status."""
+    """Print an error message on standard error, and return the exit status 2."""
     if sys.stderr is not None:
         print(f"pwscont: {message}", file=sys.stderr)  # noqa: T201
     return 2
 
 
 def _close_output() -> None:
-    """Drop what is left of standard output, so that Python does not try again at its end."""
+    """Flush standard output, or redirect a broken pipe, which Python would flush again at exit."""
     try:
         sys.stdout.flush()
     except OSError:

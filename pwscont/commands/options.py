@@ -1,10 +1,10 @@
-"""Options that several commands share, their completion and their help.
+"""Options that several commands share, with completion and help.
 
-``run --at 1 2 fig7`` is read as ``run --at 1 --at 2 fig7``: the arguments after an option belong to
-the option as long as they have the form of its values.
+``run --at 1 2 fig7`` is read as ``run --at 1 --at 2 fig7``: arguments after an option belong to the
+option as long as the arguments have the form of values of the option.
 
-The shell asks by running the program with the variable ``_ARGCOMPLETE`` set; without that variable
-argcomplete is not imported, so that no other run waits for it.
+The shell asks for completions by running the program with the variable ``_ARGCOMPLETE`` set;
+without that variable no run waits for the import of argcomplete.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _is_setting(argument: str) -> bool:
     return bool(sign) and name.strip().isidentifier()
 
 
-#: Options, and the form of their values.
+#: Option -> whether an argument has the form of a value of the option.
 FORMS: Mapping[str, Callable[[str], bool]] = {
     "--at": _is_number,
     "-s": _is_setting,
@@ -43,7 +43,7 @@ FORMS: Mapping[str, Callable[[str], bool]] = {
 
 
 def spread(arguments: Sequence[str]) -> Iterator[str]:
-    """Yield the arguments with an option before each of its values."""
+    """Yield the arguments, with the option repeated before every value of an option."""
     option, first = "", True
     for argument in arguments:
         if option and FORMS[option](argument):
@@ -55,23 +55,23 @@ def spread(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def _as_value(argument: str) -> str:
-    """Return an argument, a negative number with a space in front, which no option has."""
+    """Return an argument; a negative number gets a space in front, unlike any option."""
     return f" {argument}" if _is_number(argument) and float(argument) < 0.0 else argument
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """If the shell asks for completions, answer and leave."""
+    """Print completions and exit, if the shell asks for completions."""
     if "_ARGCOMPLETE" in os.environ:
         import_module("argcomplete").autocomplete(parser)
 
 
 def add_scene(command: argparse.ArgumentParser, help: str, **options: Any) -> None:
-    """Let a command take names of scenes, and the shell complete them."""
+    """Add the argument SCENE, which the shell completes, to a command."""
     scene: Any = command.add_argument("scene", metavar="SCENE", help=help, **options)
     scene.completer = lambda **_: scene_names()
 
 
-#: For each command, "" for the program itself: examples, each with its effect.
+#: Command, "" for the program itself -> {example: effect}.
 EXAMPLES: dict[str, dict[str, str]] = {
     "": {
         "pwscont scenes": "what is ready to run",
@@ -123,8 +123,8 @@ OPTIONS = ("format", "dpi", "panels", "scale", "animate")
 
 
 def add_looks(command: argparse.ArgumentParser) -> None:
-    """Let a command say how pictures look."""
-    group = command.add_argument_group("pictures", "how those that -o writes look")
+    """Add the options for the look of pictures to a command."""
+    group = command.add_argument_group("pictures", "the look of the pictures that -o writes")
     group.add_argument("--format", choices=FORMATS, help="of pictures; default png")
     group.add_argument("--dpi", type=_dots, help="dots per inch of pictures; default 150")
     group.add_argument(
@@ -137,7 +137,7 @@ def add_looks(command: argparse.ArgumentParser) -> None:
         "--scale",
         type=_factor,
         metavar="FACTOR",
-        help="draw displacements of bodies so many times larger; 1 is true to scale",
+        help="draw displacements of bodies larger by this factor; 1 is true to scale",
     )
     group.add_argument(
         "--animate",
@@ -167,7 +167,7 @@ def _factor(text: str) -> float:
 
 
 def look_of(options: argparse.Namespace, scene: Runnable) -> Look:
-    """Return how the pictures of a scene are to look.
+    """Return the look of pictures that the options ask for.
 
     Raises
     ------

@@ -19,9 +19,9 @@ WINDOW = 10.0  # seconds over which the rate is taken
 
 @final
 class ProgressLine:
-    """A line on a terminal that is written over.
+    """A line on a terminal that each update overwrites.
 
-    The line is silent for short runs, and where the stream is a file or another program.
+    The line is silent for short runs, and if the stream is no terminal.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ class ProgressLine:
         return self._clock() >= self._next
 
     def write(self, words: str) -> None:
-        """Write over what was written before."""
+        """Overwrite the line with new words."""
         self._next, self._shown = self._clock() + EVERY, True
         self._stream.write(f"\r{words:<60}")
         self._stream.flush()
 
     def rate(self, done: int) -> float:
-        """Return how many per second were done in the last seconds, not in the whole run."""
+        """Return the number done per second, over the last ``WINDOW`` seconds of the run."""
         now = self._clock()
         self._recent.append((now, done))
         while len(self._recent) > 2 and self._recent[1][0] <= now - WINDOW:
@@ -62,7 +62,7 @@ class ProgressLine:
         return (done - before) / (now - since)
 
     def begin(self, done: int) -> None:
-        """Count from the number that was done before."""
+        """Set the number done at the start, so that the rate counts only the rest."""
         self._recent = deque([(self._clock(), done)])
 
     def close(self) -> None:
@@ -73,9 +73,9 @@ class ProgressLine:
 
 @final
 class Progress:
-    """Shows how many pieces are done, and how many per second lately.
+    """Shows the number of finished pieces, and the recent rate.
 
-    The time left is not shown: nobody knows how many pieces there are.
+    The time left is not shown: the number of pieces is not known.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Progress:
 
 @final
 class CaseProgress:
-    """Shows how many cases of a study are done, how many per second lately, and the time left.
+    """Shows the number of finished cases of a study, the recent rate, and the time left.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ from pwscont.scenes.registry import load_scene
 
 
 def run_scene(options: argparse.Namespace) -> int:
-    """Run a scene as the command line says; returns the exit status."""
+    """Run a scene with the options of the command line, and return the exit status."""
     scene = load_scene(options.scene, dict(options.settings))
     with _failing_in_words(scene, options.settings):
         return _run(scene, options)
@@ -32,12 +32,12 @@ def run_scene(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _failing_in_words(scene: Runnable, settings: Sequence[tuple[str, str]]) -> Iterator[None]:
-    """Say in words that a scene cannot be computed.
+    """Turn an error of numerics into the message that a scene cannot be computed.
 
     Raises
     ------
     InvalidInputError
-        If the numbers of the scene fail, as with a setting that is nan.
+        If the arithmetic of the scene fails, for example with a setting that is nan.
     """
     try:
         yield
@@ -80,7 +80,7 @@ def _say_written(files: Sequence[Path]) -> None:
 
 
 def _print(text: str) -> OSError | None:
-    """Print the answer; returns why not, for the files may be written all the same."""
+    """Print the answer, and return an error instead of raising: files may still be written."""
     try:
         print(text, flush=True)  # noqa: T201
     except OSError as error:
@@ -91,7 +91,7 @@ def _print(text: str) -> OSError | None:
 def write_whole(
     answer: Answer, directory: Path, look: Look = DEFAULT_LOOK, origin: Origin | None = None
 ) -> list[Path]:
-    """Write the files of an answer into a directory; a full disk leaves no file there.
+    """Write the files of an answer into a directory, all or none, and return the files.
 
     The file of a graph names the scene of the graph.
 
@@ -116,7 +116,7 @@ def write_whole(
 
 
 def _sign(directory: Path, origin: Origin) -> None:
-    """Let the graphs in a directory name their scene."""
+    """Write the origin, scene and settings, into the graph files of a directory."""
     for file in directory.glob("*.npz"):
         write_origin(file, origin)
 
@@ -131,13 +131,13 @@ def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
 
 @contextmanager
 def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[Runnable]:
-    """Give a scene that writes files a journal, which is deleted when the files are written.
+    """Yield the scene with a journal if files are written, then delete the journal.
 
     Raises
     ------
     InvalidInputError
-        If there is an unfinished run that the user may not want to lose, or if the scene keeps no
-        journal to resume from.
+        If the directory holds an unfinished run that the user may want to keep, or if the scene
+        keeps no journal to resume from.
     """
     path = output / f"{scene.name}.journal" if output and scene.resumable else None
     _check_unfinished(scene, path, resume)
@@ -178,7 +178,7 @@ def _check_unfinished(scene: Runnable, path: Path | None, resume: bool) -> None:
 
 
 def _make_way(path: Path) -> None:
-    """Remove the journal of a finished run, or one without pieces; refuse to lose pieces."""
+    """Remove the journal of a finished run, or a journal without pieces, else refuse."""
     journal = Journal(path)  # refuses a journal that another process is writing
     if not journal.is_finished and len(journal):
         journal.close()
@@ -189,7 +189,7 @@ def _make_way(path: Path) -> None:
 
 
 def make_directory(directory: Path) -> None:
-    """Make the output directory, before any work.
+    """Create the output directory, before any work.
 
     Raises
     ------

@@ -19,14 +19,14 @@ from pwscont.studies.result import StudyResult
 from pwscont.studies.study import Study
 
 DEFAULT_MEASURE = "max-count"
-#: More rows are summed up instead of printed.
+#: Most rows that are printed one by one; more rows are summed up.
 MOST_ROWS = 24
-#: More failures, and more values of one measure, are not listed.
+#: Most failures, and most different values of a measure, that are listed.
 MOST_LISTED = 5
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a sweep as the command line says; returns the exit status, 1 if every case failed.
+    """Run a sweep by the command line's options, and return the exit status: 1 if all failed.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def _over(ranges: list[tuple[str, list[Any]]]) -> dict[str, list[Any]]:
 
 
 def _result(study: Study, options: argparse.Namespace) -> StudyResult:
-    """Run the cases; finished cases are kept in the directory that the user named, if any."""
+    """Return the result of the study; finished cases are stored in the user's directory, if any."""
     directory = _directory(options)
     if options.scheduler:
         print(f"pwscont: asking the scheduler at {options.scheduler}", file=sys.stderr)  # noqa: T201
@@ -101,7 +101,7 @@ def _as_text(study: Study, result: StudyResult) -> str:
 
 
 def _table(result: StudyResult, rows: list[Any]) -> list[str]:
-    """Return a line for each case."""
+    """Return the table as text: a heading, and a line for each case."""
     heads = [*result.over, *result.measures, "guarantee"]
     cells = [[*row.settings.values(), *row.values.values(), row.guarantee] for row in rows]
     words = [heads, *([_word(cell) for cell in line] for line in cells)]
@@ -118,7 +118,7 @@ def _word(value: Any) -> str:
 
 
 def _summary(result: StudyResult, name: str) -> str:
-    """Return one line: how often each whole number, or from where to where."""
+    """Return a line about a measure: the count of each value, or the range of the values."""
     column = result.column(name)
     values, missing = column.compressed().tolist(), int(column.mask.sum())
     nothing = f"; nothing in {missing}" if missing else ""
@@ -130,7 +130,7 @@ def _summary(result: StudyResult, name: str) -> str:
 
 
 def _write(result: StudyResult, directory: Path) -> list[Path]:
-    """Write the table, and a picture of each measure that can be drawn."""
+    """Write the table and a picture of each measure that can be drawn, and return the files."""
     table = directory / "study.csv"
     result.write_csv(table)
     return [table, *(file for name in result.measures for file in _drawn(result, name, directory))]

@@ -1,4 +1,4 @@
-"""The arguments of ``pwscont sweep``; its work is imported when the command runs."""
+"""The arguments of ``pwscont sweep``; :mod:`sweep` is imported when the command runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def add_to(commands: Any) -> None:
 
 
 def _range(text: str) -> tuple[str, list[Any]]:
-    """Return the name of a setting and its values."""
+    """Return the name and the values of a setting from ``NAME=LO:HI:COUNT`` or a list."""
     name, sign, values = text.strip().partition("=")
     if not (name and sign and values):
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form {FORM}")

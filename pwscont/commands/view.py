@@ -15,12 +15,12 @@ from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Scene
 from pwscont.view.view import View, check_bokeh
 
-#: How names of pages end.
+#: Endings of the names of pages.
 PAGES = (".html", ".htm")
 
 
 def view_graph(options: argparse.Namespace) -> int:
-    """Write the page of a graph; returns the exit status."""
+    """Write the page of a graph, and return the exit status."""
     page = options.output or options.graph.parent / f"{options.graph.stem}.html"
     check_page(page)
     if page.resolve() == options.graph.resolve():
@@ -36,7 +36,7 @@ def view_graph(options: argparse.Namespace) -> int:
 
 
 def _view_of(path: Path) -> View:
-    """Return the view of a graph with its scene, or of the graph alone, and say why."""
+    """Return the view of a graph with scene; without scene a plain view, and print the reason."""
     plain = BranchGraph.load(path)
     origin = read_origin(path)
     if origin is None:
@@ -63,12 +63,12 @@ def _say(words: str) -> None:
 
 
 def check_page(page: Path) -> None:
-    """Refuse, before any work, a page that cannot be written or that Bokeh is missing for.
+    """Refuse, before any work, a page that cannot be written, or any page without Bokeh.
 
     Raises
     ------
     InvalidInputError
-        If the file is a directory, or its directory does not exist.
+        If the file is a directory, or the parent directory does not exist.
     MissingPackageError
         If Bokeh is not installed.
     """
@@ -80,7 +80,7 @@ def check_page(page: Path) -> None:
 
 
 def check_named(page: Path) -> None:
-    """Refuse a file that is named like something else than a page, such as a graph.
+    """Refuse a file whose name does not end like a page's, such as the name of a graph.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def check_viewable(scene: Runnable, page: Path) -> None:
 
 
 def write_page(answer: Answer, page: Path) -> Path:
-    """Write the page of an answer."""
+    """Write the page of an answer, and return the path."""
     explored = answer.explored()
     if explored is None:
         raise InvalidInputError("--html: this scene's answer has no branch graph to show")

@@ -1,4 +1,4 @@
-"""The options of ``pwscont view``; its work is imported when the command runs."""
+"""The arguments of ``pwscont view``; :mod:`view` is imported when the command runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pwscont.commands.options import with_examples
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command."""
+    """Register the sub-command with the sub-parsers of the command line."""
     words = "write a page that shows a graph in a browser"
     command = commands.add_parser("view", help=words, **with_examples("view"))
     command.set_defaults(command=_view)

@@ -1,4 +1,4 @@
-"""What numpy's functions do with Duals, other than arithmetic: join, cut, move, sum."""
+"""Functions of numpy for Duals, other than arithmetic: join, cut, move, sum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pwscont.notation.dual import (
     spread,
 )
 
-#: Functions that move entries around, or put zeros between them.
+#: Functions that move entries around, or put zeros between entries.
 MOVING = tuple(
     getattr(np, name)
     for name in [
@@ -62,14 +62,14 @@ MOVING = tuple(
 )
 
 
-#: Ways of np.pad to put entries, or zeros, at the ends.
+#: Modes of np.pad that put entries, or zeros, at the ends.
 PADS = frozenset({"constant", "edge", "reflect", "symmetric", "wrap"})
 
 
 def gathered(function: Any, *args: Any, **kwargs: Any) -> Any:
-    """Return what a function does that moves entries around: it is shown their numbers.
+    """Return the operands' entries as a function of ``MOVING`` moves entry numbers.
 
-    Number zero is the entry zero, for functions that put zeros between.
+    Number 0 stands for the entry 0.0, for functions that put zeros between entries.
     """
     seen, total = [np.zeros(1)], 1
 
@@ -95,7 +95,7 @@ def _is_plain(things: Sequence[Any]) -> bool:
 
 
 def product(one: Any, other: Any) -> Any:
-    """Return a product of matrices or vectors, one of them a Dual."""
+    """Return the product of a Dual and a matrix or vector, in either order."""
     if sp.issparse(other):
         return product(other.T, one)
     if not sp.issparse(one):
@@ -146,7 +146,7 @@ def _where(condition: Any, *branches: Any) -> Any:
 
 
 def _are_alike(one: Any, other: Any, shape: tuple[int, ...]) -> bool:
-    """Tell whether two operands are Duals of this shape with dense derivatives."""
+    """Tell whether two operands are Duals of a given shape with dense derivatives."""
     if not (type(one) is Dual is type(other) and one.shape == other.shape == shape and shape):
         return False
     return type(one.rows) is np.ndarray is type(other.rows)
@@ -191,7 +191,7 @@ FUNCTIONS.update({function.__name__: partial(gathered, function) for function in
 
 
 def chosen(entries: Any, places: Indices) -> Any:
-    """Return the entries of an operand at some places, in their shape; a number for shape ()."""
+    """Return the entries of an operand at places, in the places' shape; a number for shape ()."""
     found = entries.moved(places) if isinstance(entries, Dual) else entries[places]
     return found[()] if not places.ndim and isinstance(found, np.ndarray) else found
 

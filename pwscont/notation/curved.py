@@ -1,8 +1,9 @@
 """Curved systems written with switches: the user's function, called with frozen switches.
 
-A switch on which no other switch depends needs no unknown of its own: with its mode frozen it is
-a smooth function of the unknowns, put in wherever the user's function asks for it. A switch within
-the argument of another one is an unknown y with the row y - branch, so that tests are smooth.
+A switch on which no other switch depends needs no unknown of its own: with a frozen mode the switch
+is a smooth function of the unknowns, put in wherever the user's function asks for the value. A
+switch within the argument of another switch is an unknown y with the row y - branch, so that test
+functions are smooth.
 """
 
 from __future__ import annotations
@@ -32,22 +33,22 @@ class SwitchedSystem(Notated):
     ) -> None:
         super().__init__(lifted.size, lifted.layout, lifted.hidden, given, own_names)
         self._lifted, self._derivatives = lifted, derivatives
-        #: The last outcome, with its point and signs: tests and residual are asked for in turn.
+        #: The last outcome, with point and signs: tests and residual are asked for in turn.
         self._last: tuple[bytes, float, bytes, Outcome] | None = None
         self._last_slopes: tuple[bytes, float, bytes, Matrix] | None = None
 
     @property
     def knows_jacobian(self) -> bool:
-        """Whether derivatives are more than differences."""
+        """Whether derivatives come from Duals or JAX, not from differences."""
         return self._derivatives is not None
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return the tests of all switches."""
+        """Return the values of the test functions of all switches at (z, alpha), shape (m,)."""
         tests: Array = self._outcome(z, alpha, None).tests.copy()
         return tests
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the equations of the user, then those of the hidden unknowns."""
+        """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
         outcome = self._outcome(z, alpha, character)
         if not len(self._hidden):
             value: Array = outcome.value.copy()
@@ -61,7 +62,7 @@ class SwitchedSystem(Notated):
         return places
 
     def _outcome(self, z: Array, alpha: float, character: Character | None) -> Outcome:
-        """Call the function, with true switches for None, unless the last call was the same."""
+        """Return an outcome, from the last call if equal; character None stands for true modes."""
         place, signs = z.tobytes(), bytes(character) if character is not None else b""
         last = self._last
         if last and last[0] == place and last[1] == alpha and signs in (b"", last[2]):
@@ -102,7 +103,7 @@ class SwitchedSystem(Notated):
         return slopes[self.shown : self.shown + self._layout.number_of_tests]
 
     def _slopes(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the derivatives of everything that a call gives, by (z, alpha)."""
+        """Return the derivatives of values, tests and branches by (z, alpha)."""
         place, signs, last = z.tobytes(), bytes(character), self._last_slopes
         if last and last[:3] == (place, alpha, signs):
             return last[3]

@@ -1,16 +1,18 @@
-"""Derivatives of a user's function, and its coefficients where it is affine.
+"""Derivatives of a user's function, and the coefficients of an affine function.
 
-With u = (z, y, alpha), y the values of all switches, its values, tests and branches are C u + c.
-C comes from one call with Duals, without cancellation; or from as many calls as there are columns.
+With u = (z, y, alpha), y the values of all switches, the values, tests and branches of an affine
+function are C u + c. C comes from one call with Duals, without cancellation; or from a call for
+each column.
 
-Which of these a function allows is found out once, by comparing them with a difference.
+Which way a function allows is found out once, by comparing the derivatives with a difference.
 
 Failure modes and answers
 -------------------------
-- The function does something that no Dual knows, but only with alpha, as where a load is
-  interpolated: then z alone is traced, and alpha changed by differences.
-- It is written with ``jax.numpy``: JAX differentiates it.
-- It changes an array of plain numbers in place, calls ``math.sin``, a table, a solver: differences.
+- The function does something that no Dual knows, but only with alpha, such as interpolating a load:
+  only z is traced, and derivatives by alpha are differences.
+- The function is written with ``jax.numpy``: JAX computes the derivatives.
+- The function changes an array of plain numbers in place, or calls ``math.sin``, a table or a
+  solver: all derivatives are differences.
 - Derivatives that disagree with a difference are not used.
 """
 
@@ -32,9 +34,10 @@ from pwscont.notation.function import LiftedFunction, Pick, UserFunction
 from pwscont.notation.layout import Layout
 from pwscont.system.differences import Differences
 
-#: A function promised to be affine may differ from its affine model by this part of its terms.
+#: Part of the sum of the terms' magnitudes by which a function promised to be affine may differ
+#: from the affine model: half of the digits, for C may come from differences of values.
 BENT = EPS**0.5
-#: Sizes of the points at which that is checked.
+#: Magnitudes of the points at which a function is compared with the affine model.
 CHECKED = (1.0, 1e3)
 
 
@@ -44,7 +47,7 @@ def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Mat
     Raises
     ------
     InvalidSystemError
-        If the function is not affine, with the words for what is not.
+        If the function is not affine; the message names the part that is not.
     """
     zero = np.zeros(size + layout.count + 1)
     rest = _called(function, size, layout, zero)
@@ -66,12 +69,12 @@ def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Mat
 def _traced_coefficients(
     function: UserFunction, size: int, layout: Layout, zero: Array
 ) -> Matrix | None:
-    """Return C from one call with Duals, None where the function does what they do not know."""
+    """Return C from a call with Duals, None if the function does something that no Dual knows."""
     try:
         called = _called(function, size, layout, Dual.variables(zero, 0, len(zero)))
     except InvalidSystemError:
         raise
-    except Exception:  # numbers it can do
+    except Exception:  # the function may take plain numbers only
         return None
     return sp.csr_array(as_dual(called, len(zero)).rows)
 
@@ -83,7 +86,7 @@ def _called(function: UserFunction, size: int, layout: Layout, u: Any) -> Any:
 
 
 def _given(layout: Layout, y: Any) -> Pick:
-    """Return a pick of given values for the switches."""
+    """Return a ``Pick`` that gives the switches the values y."""
 
     def pick(number: int, tests: Any, branches: Any) -> Any:
         mine = y[layout.slices[number]].reshape(layout.calls[number].shape)
@@ -93,7 +96,7 @@ def _given(layout: Layout, y: Any) -> Pick:
 
 
 def _bent(layout: Layout, size: int, u: Array, value: Array, matrix: Matrix, rest: Array) -> Signs:
-    """Tell which rows are not what the coefficients say."""
+    """Tell which rows of a value at u differ from C u + c by more than rounding."""
     terms = np.abs(value) + np.abs(rest) + abs(matrix) @ np.abs(u)
     with np.errstate(invalid="ignore"):
         off = np.abs(value - rest - matrix @ u)
@@ -102,7 +105,7 @@ def _bent(layout: Layout, size: int, u: Array, value: Array, matrix: Matrix, res
 
 
 def _rounding(layout: Layout, size: int, value: Array) -> Array:
-    """Return how far rounding moves each row: a test is the difference of two branches."""
+    """Return the rounding error of each row; a test is the difference of two branches."""
     branches = np.abs(value[size + layout.number_of_tests :])
     branches[~np.isfinite(branches)] = 0.0
     sizes = branches[layout.branches].max(axis=1)[layout.switch_of]
@@ -119,7 +122,7 @@ def _check(layout: Layout, size: int, bent: Signs) -> None:
 
 
 def _part(layout: Layout, size: int, row: int) -> str:
-    """Return in words which part of a function a row is."""
+    """Return a phrase for the part of the function that a row belongs to."""
     if row < size:
         return f"entry {row} of the function"
     row -= size
@@ -131,20 +134,21 @@ def _part(layout: Layout, size: int, row: int) -> str:
     return f"an argument of call {call + 1} of sw, {layout.calls[call]},"
 
 
-#: x = (z, alpha), modes, alpha -> differences; derivatives of all that a call gives, by x.
+#: x = (z, alpha), modes, alpha -> differences; derivatives of values, tests and branches by x.
 Derivatives = Callable[[Array, Indices, Callable[[float], Differences]], Matrix]
-#: Derivatives that disagree with a difference by this part of their terms are not used.
+#: Derivatives that disagree with a difference by this part of the sum of the terms' magnitudes are
+#: not used; a difference itself has half of the digits.
 WRONG = EPS**0.25
 
 
 def by_duals(lifted: LiftedFunction, x: Array, modes: Indices, differences: Any) -> Matrix:
-    """Return derivatives by one call with Duals."""
+    """Return the derivatives at x from a call with Duals."""
     u = Dual.variables(x, 0, len(x))
     return _traced(lifted, u, u[-1], modes)
 
 
 def by_duals_of_z(lifted: LiftedFunction, x: Array, modes: Indices, differences: Any) -> Matrix:
-    """Return derivatives by a call with Duals for z, and by differences for alpha."""
+    """Return the derivatives at x: by z from a call with Duals, by alpha from differences."""
     alpha = float(x[-1])
     rows = dense(_traced(lifted, Dual.variables(x, 0, len(x)), alpha, modes))
     rows[:, -1] = differences(alpha).by_parameter(
@@ -159,7 +163,7 @@ def _traced(lifted: LiftedFunction, u: Dual, alpha: Any, modes: Indices) -> Matr
 
 
 def by_jax(lifted: LiftedFunction, x: Array, modes: Indices, differences: Any) -> Matrix:
-    """Return derivatives by JAX, in double precision."""
+    """Return the derivatives at x from JAX, in double precision."""
     import jax  # noqa: PLC0415  an extra
 
     jax.config.update("jax_enable_x64", True)
@@ -171,13 +175,13 @@ def by_jax(lifted: LiftedFunction, x: Array, modes: Indices, differences: Any) -
 
 
 def derivatives_of(lifted: LiftedFunction, points: list[Array]) -> Derivatives | None:
-    """Return the best derivatives that a function allows, None where only differences do.
+    """Return the most exact derivatives that a function allows, None if only differences work.
 
     Parameters
     ----------
     lifted : LiftedFunction
     points : list of ndarray, shape (n + 1,)
-        Where the function is finite.
+        Points at which the function is finite.
 
     Raises
     ------
@@ -198,7 +202,7 @@ def derivatives_of(lifted: LiftedFunction, points: list[Array]) -> Derivatives |
 
 
 def _is_right(lifted: LiftedFunction, slopes: Derivatives, x: Array) -> bool:
-    """Tell whether derivatives along a direction agree with a difference."""
+    """Tell whether derivatives at x, along a direction, agree with a difference."""
     scale = np.maximum(np.abs(x), 1.0)
     differences = Differences(scale)
     outcome = lifted.outcome(x, float(x[-1]), None)

@@ -1,15 +1,15 @@
-"""Arrays that carry their derivatives along: a user's function of arrays is differentiated exactly.
+"""Arrays with derivatives, by which a user's function of arrays is differentiated exactly.
 
-A function written with numpy does not notice that it is given a :class:`Dual`: arithmetic, smooth
-functions, matrix products, indexing, sums, and whatever moves entries around are known here.
+A function written with numpy takes a :class:`Dual` like an array: arithmetic, smooth functions,
+matrix products, indexing, sums and functions that move entries around are known here.
 
 Failure modes and answers
 -------------------------
-- The function has a kink that no switch announces (``np.abs``, ``np.maximum``, a comparison): it
-  is refused by name, which differences would not have noticed.
-- The function does something that is not known here: :class:`UntraceableError`; its derivatives
-  are then taken in another way.
-- Many variables: derivatives are sparse, each entry knows only the variables that it depends on.
+- The function has a kink that no switch announces (``np.abs``, ``np.maximum``, a comparison): the
+  kink is refused by name; differences would not notice the kink.
+- The function does something that is not known here: :class:`UntraceableError`; derivatives are
+  then taken in another way.
+- The function has many variables: derivatives are sparse.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from pwscont.notation.arithmetic import (
     scaled,
 )
 
-#: What functions of numpy other than ufuncs do with Duals, by name; filled by array_functions.
+#: Functions of numpy, other than ufuncs, for Duals, by name; array_functions fills the table.
 FUNCTIONS: dict[str, Callable[..., Any]] = {}
-#: From this many variables on, derivatives are stored sparse.
+#: More variables than this: derivatives are stored sparse.
 MANY_VARIABLES = 200
 
 
 @final
 class Dual(Arithmetic):
-    """An array with the derivatives of its entries.
+    """An array with the derivatives of the entries by D variables.
 
     Parameters
     ----------
     value : ndarray, any shape
     rows : ndarray or scipy.sparse array, shape (value.size, D)
-        The derivatives of each entry, in C order, by D variables.
+        The derivatives of each entry, entries in C order.
     """
 
     __slots__ = ()
@@ -59,7 +59,7 @@ class Dual(Arithmetic):
 
     @classmethod
     def variables(cls, value: Array, first: int, total: int) -> Dual:
-        """Return variables that are numbered from ``first`` on, of ``total`` in all."""
+        """Return values as the variables ``first``, ``first + 1``, ... of ``total`` variables."""
         if total > MANY_VARIABLES:
             rows = sp.eye_array(value.size, total, k=first, format="csr")
         else:
@@ -109,7 +109,7 @@ class Dual(Arithmetic):
     def __setitem__(self, key: Any, new: Any) -> None:
         places = np.asarray(self._places()[key])
         source = spread(as_dual(new, self.rows.shape[1]), places.shape)
-        self.value = self.value.copy()  # others may share it
+        self.value = self.value.copy()  # other Duals may share the array
         self.value[key] = source.value
         if sp.issparse(self.rows):
             rows = self.rows.tolil()
@@ -120,7 +120,7 @@ class Dual(Arithmetic):
             self.rows[places.ravel()] = dense(source.rows)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """Return a box with this in it: numpy and scipy hand it over as one thing."""
+        """Return a 0-d object array that holds this Dual: numpy passes the Dual on undivided."""
         if dtype is not None and np.dtype(dtype) != np.dtype(object):
             raise UntraceableError("a Dual is no array of plain numbers")
         box = np.empty((), dtype=object)
@@ -139,7 +139,7 @@ class Dual(Arithmetic):
         return np.arange(self.size).reshape(self.shape)
 
     def moved(self, places: Any) -> Dual:
-        """Return the entries at some places, in their shape."""
+        """Return the entries at places, in the shape of the places."""
         places = np.asarray(places, dtype=np.intp)
         return Dual(self.value.ravel()[places], self.rows[places.ravel()])
 
@@ -148,7 +148,7 @@ class Dual(Arithmetic):
         return Dual(self.value.copy(), self.rows.copy())
 
     def astype(self, dtype: Any, copy: bool = True) -> Dual:
-        """Return the same, for floats are what it holds."""
+        """Return this Dual if the type is a float type; a Dual holds floats."""
         if np.dtype(dtype).kind != "f":
             raise UntraceableError("a Dual holds floats")
         return self
@@ -160,7 +160,7 @@ class Dual(Arithmetic):
         return self.moved(self._places().reshape(*shape, order=order))
 
     def ravel(self, order: Any = "C") -> Dual:
-        """Return the entries in a row."""
+        """Return the entries as a vector."""
         return self.moved(self._places().ravel(order=order))
 
     flatten = ravel
@@ -208,7 +208,7 @@ class Dual(Arithmetic):
         return FUNCTIONS[name](*args, **kwargs)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a method of arrays with a kink, refused, or what numpy asks of an object."""
+        """Return the method of a smooth function, which numpy asks of objects; refuse a kink."""
         if name in KINKED:
             raise refuse_kink(name)
         if name in SMOOTH:
@@ -217,23 +217,23 @@ class Dual(Arithmetic):
 
 
 def value_of(thing: Any) -> Array:
-    """Return the values of anything that is like an array."""
+    """Return the values of a Dual or array-like as an array, without derivatives."""
     thing = as_operand(thing)
     return thing.value if isinstance(thing, Dual) else thing
 
 
 def is_traced(thing: Any) -> bool:
-    """Tell whether JAX is differentiating what is done with something."""
+    """Tell whether a thing is an array that JAX traces."""
     return "jax" in sys.modules and isinstance(thing, sys.modules["jax"].core.Tracer)
 
 
 def as_operand(thing: Any) -> Any:
-    """Return a Dual or an array of floats; lists and boxes with Duals in them become one Dual.
+    """Return a Dual or an array of floats; a list or box that contains Duals becomes a single Dual.
 
     Raises
     ------
     UntraceableError
-        If it is neither.
+        If the thing is neither.
     """
     if isinstance(thing, Dual) or (type(thing) is np.ndarray and thing.dtype == float):
         return thing  # nearly always
@@ -264,7 +264,7 @@ def _are_all_numbers(entries: Any) -> bool:
 
 
 def _of_numbers(entries: Any, variables: int) -> Dual:
-    """Return the Dual of numbers, dense."""
+    """Return numbers and 0-d Duals as one Dual with dense derivatives."""
     value, rows = np.empty(len(entries)), np.zeros((len(entries), variables))
     for i, entry in enumerate(entries):
         if type(entry) is Dual:
@@ -275,7 +275,7 @@ def _of_numbers(entries: Any, variables: int) -> Dual:
 
 
 def as_dual(thing: Any, variables: int) -> Dual:
-    """Return numbers as a Dual, with derivatives zero if they have none."""
+    """Return an operand as a Dual; plain numbers get zero derivatives."""
     thing = as_operand(thing)
     if isinstance(thing, Dual):
         return thing
@@ -296,7 +296,7 @@ def spread(thing: Any, shape: tuple[int, ...]) -> Any:
 
 
 def joined(parts: Sequence[Any]) -> Any:
-    """Return the entries of some operands, one after the other."""
+    """Return the entries of operands as one vector, operand by operand."""
     if len(parts) == 1:
         return parts[0].reshape(-1)
     kinds = set(map(type, parts))
@@ -319,7 +319,7 @@ def _joined_duals(parts: Sequence[Any]) -> Dual:
 
 
 def applied(ufunc: Any, *inputs: Any) -> Any:
-    """Return numpy's ``ufunc`` of Duals and numbers."""
+    """Return numpy's ``ufunc`` of Duals and numbers: a Dual, or plain values for isfinite etc."""
     name = ufunc.__name__
     if name in KINKED:
         raise refuse_kink(name)

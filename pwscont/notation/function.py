@@ -1,16 +1,17 @@
-"""A user's function f(z, alpha, sw), called with switches that do as they are told.
+"""A user's function f(z, alpha, sw), called with true or given modes of the switches.
 
 Failure modes and answers
 -------------------------
-- It fails, returns the wrong shape, or numbers that are not real: said by its name, at the first
-  call.
-- Number, order or shapes of its switches change with z and alpha: refused at the call at which that
-  is seen.
-- Calls of sw with equal arguments are one switch. Where the function was tried, arguments of others
-  may be equal, too, as where all of them saturate: refused at the call at which they differ.
-- With its mode frozen, ``sw.abs`` or ``sw.relu`` is negative beyond its cell, where a power or a
-  root is not defined; at zero its slope may be infinite. Where a call is not finite, H is continued
-  beyond zero by its mirror image, 2 H(0) - H(-y), which has the same value and slope at zero.
+- The function fails, or returns a wrong shape or numbers that are not real: an error names the
+  mistake at the first call.
+- Number, order or shapes of the switches change with z and alpha: the first call that differs is
+  refused.
+- Calls of sw with equal arguments are one switch. Arguments of different switches may be equal,
+  too, wherever the function was tried, for example when all arguments saturate: a later call at
+  which the arguments differ is refused.
+- With a frozen mode, the value y of ``sw.abs`` or ``sw.relu`` is negative beyond the cell, where a
+  power or root of y is not defined; at y = 0 the slope may be infinite. If a call is not finite, H
+  is continued beyond zero by the mirror image 2 H(0) - H(-y), with equal value and slope at zero.
 """
 
 from __future__ import annotations
@@ -34,16 +35,17 @@ from pwscont.notation.switches import Switches, forms_of
 
 #: f(z, alpha, sw) -> (n,)
 Function = Callable[[Any, Any, Switches], Any]
-#: Arguments that differ by this part are no more the same but for rounding.
+#: Part of the arguments' magnitudes; arguments that differ by more are different arguments: half of
+#: the digits leaves room for rounding.
 ALIKE = EPS**0.5
-#: Number of the call, its tests and branches -> the value of each of its switches.
+#: Number of the call, tests and branches of the call -> the value of each switch of the call.
 Pick = Callable[[int, Sequence[Any], Sequence[Any]], Any]
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What one call of a function gives: arrays, or Duals if it was called with Duals.
+    """The results of a call of a user's function: arrays, or Duals if called with Duals.
 
     Attributes
     ----------
@@ -62,7 +64,7 @@ class Outcome:
         return joined([self.value, self.tests, self.branches])
 
     def values(self, layout: Layout) -> Array:
-        """Return the true value of every switch, of a call with numbers."""
+        """Return the true value of every switch from a call with numbers."""
         return layout.values(self.branches, layout.modes(self.tests >= 0.0))
 
 
@@ -74,15 +76,15 @@ class UserFunction:
         self._f, self._size = f, size
 
     def surveyed(self, z: Array, alpha: float) -> tuple[Outcome, list[Any]]:
-        """Call the function with true values; return the kinds of bounds of its clips as well."""
+        """Return the outcome with true values, and the kinds of bounds of the clips."""
         survey = _Survey()
         return self._called(z, alpha, survey), survey.forms
 
     def layout(self, points: Sequence[Array], forms: Sequence[Any]) -> Layout:
-        """Return the switches of the function, whose clips have these kinds of bounds.
+        """Return the switches of the function, from calls at points and the kinds of clips' bounds.
 
-        Calls that have the same arguments, to the last digit, at all of several points are one,
-        whatever the values of the switches before.
+        Calls with equal arguments, to the last digit, at every point are one switch; equality must
+        hold for any values of the switches called before.
         """
         surveys = [_Survey(forms) for _ in points]
         for x, survey in zip(points, surveys, strict=True):
@@ -96,7 +98,7 @@ class UserFunction:
     def _with_any_values(
         self, points: Sequence[Array], forms: Sequence[Any], calls: int
     ) -> Iterator[_Survey]:
-        """Yield surveys in which switches take any values, where the function knows an answer."""
+        """Yield surveys with arbitrary values of switches, where the function is defined."""
         for x in points:
             survey = _AnyValues(forms)
             with np.errstate(all="ignore"), suppress(Exception):
@@ -105,7 +107,7 @@ class UserFunction:
                 yield survey
 
     def outcome(self, z: Any, alpha: Any, layout: Layout, pick: Pick | None = None) -> Outcome:
-        """Call the function; default with the true values of its switches."""
+        """Return the outcome with values of switches from ``pick``, default the true values."""
         return self._called(z, alpha, _Replay(layout, pick or _true))
 
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
@@ -132,7 +134,7 @@ class UserFunction:
 
 
 def _prints(surveys: Sequence[_Survey]) -> list[Any]:
-    """Return the arguments of each call in all surveys, none where their calls differ."""
+    """Return the arguments of each call in all surveys, nothing if the calls differ."""
     several = all(each.calls == surveys[0].calls for each in surveys)
     return list(zip(*(each.prints for each in surveys), strict=True)) if several else []
 
@@ -150,14 +152,14 @@ class _Survey:
         self.prints: list[Any] = []
 
     def forms_of(self, lower: Any, upper: Any) -> Any:
-        """Return the kinds of bounds of a clip: those given, or as they are here."""
+        """Return the kinds of bounds of a clip: as given, or as the bounds are at this point."""
         i = len(self.forms)
         known = i < len(self._known_forms) and self._known_forms[i].shape == lower.shape
         self.forms.append(self._known_forms[i] if known else forms_of(lower, upper))
         return self.forms[i]
 
     def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
-        """Note the arguments of a switch, and return its true value."""
+        """Record the arguments of a call of sw, and return the true values."""
         self.calls.append(Call(operation, tests[0].shape))
         self.prints.append((operation, *(each.tobytes() for each in (*tests, *branches))))
         self.tests += tests
@@ -169,21 +171,21 @@ class _Survey:
 
 
 class _AnyValues(_Survey):
-    """The same with any values of switches: equal ones for equal arguments."""
+    """A survey with arbitrary values of switches: equal values for equal arguments."""
 
     def __init__(self, forms: Sequence[Any]) -> None:
         super().__init__(forms)
         self._values: dict[Any, Any] = {}
 
     def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
-        """Note the arguments of a switch, and return generic numbers."""
+        """Record the arguments of a call of sw, and return generic numbers."""
         true, key = super().choose(operation, tests, branches), self.prints[-1]
         any_values = generic(np.size(true), len(self._values)).reshape(np.shape(true))
         return self._values.setdefault(key, any_values)
 
 
 class _Replay:
-    """The switches of a later call, which must be those of the first one."""
+    """The switches of a later call of a function, which must be as in the first call."""
 
     __slots__ = ("_args", "_calls", "_clips", "_layout", "_pick", "_values", "branches", "tests")
 
@@ -196,7 +198,7 @@ class _Replay:
         self.branches: list[Any] = []
 
     def forms_of(self, lower: Any, upper: Any) -> Any:
-        """Return the kinds of bounds of a clip, as they were at the first call."""
+        """Return the kinds of bounds of a clip at the first call."""
         number, forms = self._clips, self._layout.forms
         self._clips += 1
         if number >= len(forms) or forms[number].shape != lower.shape:
@@ -204,13 +206,13 @@ class _Replay:
         return forms[number]
 
     def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
-        """Note the arguments of a switch, and return its value."""
+        """Record the arguments of a call of sw, and return the values that ``pick`` gives."""
         made, layout, shape = self._calls, self._layout, tests[0].shape
         self._calls += 1
         if not layout.has(made, operation, shape):
             self._refuse(f"{Call(operation, shape)} is number {made + 1} of its switches")
         number = layout.numbers[made]
-        if number < len(self._values):  # it has been called before
+        if number < len(self._values):  # a call with these arguments was made before
             self._check_repeated(made, number, (*tests, *branches))
             return self._values[number]
         self.tests += tests
@@ -220,7 +222,7 @@ class _Replay:
         return self._values[number]
 
     def _check_repeated(self, made: int, number: int, args: Sequence[Any]) -> None:
-        """Refuse a call that was taken for an earlier one and has other arguments here."""
+        """Refuse a call that counts as repeated and has different arguments here."""
         if any(map(_differ, args, self._args[number])):
             first = self._layout.numbers.index(number)
             raise InvalidSystemError(
@@ -230,7 +232,7 @@ class _Replay:
             )
 
     def close(self) -> None:
-        """Refuse a call with fewer switches than the first one."""
+        """Refuse a call of the function with fewer calls of sw than the first call."""
         if self._calls != len(self._layout.numbers):
             self._refuse(f"it has {self._calls} calls of sw")
 
@@ -245,7 +247,7 @@ class _Replay:
 
 
 def _differ(a: Any, b: Any) -> bool:
-    """Tell whether arguments of two calls differ by more than rounding may make of one."""
+    """Tell whether arguments of two calls differ by more than rounding."""
     if is_traced(a) or is_traced(b):
         return False
     one, other = value_of(a), value_of(b)
@@ -255,18 +257,18 @@ def _differ(a: Any, b: Any) -> bool:
 
 
 def _true(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
-    """Return the true value of the switches of a call."""
+    """Return the true values of the switches of a call from tests and branches."""
     return taken(true_modes(tests), branches)
 
 
 def true_modes(tests: Sequence[Any]) -> Any:
-    """Return the mode of each entry of a call: how many of its tests are not negative."""
+    """Return the mode of each entry of a call: the number of tests that are not negative."""
     modes = value_of(tests[0]) >= 0.0
     return modes if len(tests) == 1 else modes.astype(int) + (value_of(tests[1]) >= 0.0)
 
 
 def taken(modes: Any, branches: Sequence[Any]) -> Any:
-    """Return from each entry the branch of its mode."""
+    """Return for each entry the branch that belongs to the mode of the entry."""
     if len(branches) == 2:
         return where(modes, branches[1], branches[0])
     found = branches[0]
@@ -275,7 +277,7 @@ def taken(modes: Any, branches: Sequence[Any]) -> Any:
     return found
 
 
-#: Stands for zero, where a slope may be infinite.
+#: The smallest normal number stands for y = 0, at which a slope may be infinite.
 ZERO = sys.float_info.min
 
 
@@ -291,16 +293,17 @@ class LiftedFunction:
         self._all_hidden = [bool(some.all()) for some in self._is_hidden]
         self._none_hidden = [not some.any() for some in self._is_hidden]
         first = size + np.cumsum(is_hidden) - 1
-        #: Where in x the hidden switches of each call are; any place for the others.
+        #: Places in x of the hidden switches of each call; any place for switches that are not
+        #: hidden.
         self._places = [np.where(is_hidden[mine], first[mine], 0) for mine in layout.slices]
         self._is_magnitude = [call.operation in (ABS, RELU) for call in layout.calls]
 
     def outcome(self, x: Any, alpha: Any, modes: Indices | None) -> Outcome:
-        """Call the function with these modes of the other switches, None for the true ones."""
+        """Return the outcome at x; ``modes`` of the switches not hidden, None for true modes."""
         pick = self._pick(x, modes)
         if modes is None or not any(self._is_magnitude):
             return self.function.outcome(x[: self.size], alpha, self.layout, pick)
-        with np.errstate(invalid="ignore", divide="ignore"):  # what is not finite is mended
+        with np.errstate(invalid="ignore", divide="ignore"):  # mended below
             found = self.function.outcome(x[: self.size], alpha, self.layout, pick)
         if _is_finite(found):
             return found
@@ -312,7 +315,7 @@ class LiftedFunction:
         return Outcome(*(2.0 * a - b for a, b in pairs))
 
     def _beyond(self, pick: Pick, sign: float) -> Pick:
-        """Return what picks zero, or the mirror image, for magnitudes that are not positive."""
+        """Return a ``Pick`` that replaces magnitudes y <= 0 by 0 (sign 0) or -y (sign -1)."""
 
         def beyond(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
             y = pick(number, tests, branches)
@@ -346,7 +349,7 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 
 
 def _is_finite(outcome: Outcome) -> bool:
-    """Tell whether all numbers are finite, derivatives included; what JAX traces counts as such."""
+    """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
         known = [value_of(part)] if isinstance(part, np.ndarray | Dual) else []
         if isinstance(part, Dual):

@@ -1,7 +1,7 @@
-"""What switches do, and which switches a user's function has.
+"""Kinds of switches, and the switches of a user's function.
 
-All tests stand in one vector, call by call of ``sw``, and so do all branches. A *switch* is one
-entry of one call.
+All tests stand in a vector, call by call of ``sw``; all branches stand in another vector in the
+same order. A *switch* is an entry of a call.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from pwscont.basics.character import Character
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Operation:
-    """A kind of switch: with k tests it takes branch j where j of the tests are not negative.
+    """A kind of switch with k tests, whose value is branch j if j of the tests are not negative.
 
     Attributes
     ----------
     name : str
     modes : tuple of str, length k + 1
-        What a switch does in each mode.
+        The name of each mode.
     changes : dict of (int, int) to str
-        What happens to it from one mode to another.
+        The change of the switch from the first mode to the second, in words.
     sides : tuple of int, length k + 1
-        +1 or -1 where its value is never below, or never above, that branch, whatever the mode.
+        For each branch +1 if the value of the switch is never below the branch, -1 if never above,
+        in any mode; else 0.
     """
 
     name: str
@@ -40,7 +41,7 @@ class Operation:
     sides: tuple[int, ...]
 
     def __reduce__(self) -> str:
-        """Return the name by which a pickle finds it: there is one of each, told by identity."""
+        """Return the name by which a pickle finds this operation, compared by identity."""
         return next(name for name, value in globals().items() if value is self)
 
 
@@ -89,14 +90,14 @@ CLIP = Operation(
 @final
 @dataclass(frozen=True)
 class Call:
-    """One call of a method of ``sw``."""
+    """A call of a method of ``sw``."""
 
     operation: Operation
     shape: tuple[int, ...]
 
     @property
     def size(self) -> int:
-        """The number of switches: one for each entry."""
+        """The number of entries, each a switch."""
         return int(np.prod(self.shape, dtype=int))
 
     def __str__(self) -> str:
@@ -106,20 +107,21 @@ class Call:
 
 @final
 class Layout:
-    """The switches of a function, in the order in which they are called.
+    """The switches of a function, in the order of the calls.
 
     Attributes
     ----------
     calls : sequence of Call
-        Each once: a call with the arguments of an earlier one is the same.
+        Each once: a call that repeats the arguments of an earlier call is the same call.
     numbers : tuple of int
         The number in ``calls`` of every call that the function makes.
     forms : sequence of ndarray
-        For each clip of the function, the kinds of bounds of its entries.
+        For each clip of the function, the kind of bounds of each entry.
     tests : list of ndarray of int
-        For every switch the places of its tests among all tests.
+        The places of the tests of every switch among all tests.
     branches : ndarray of int, shape (number of switches, most modes)
-        The places of its branches among all branches; the last one again where there are fewer.
+        The places of the branches of every switch among all branches; a switch with fewer modes
+        repeats the last place.
     """
 
     def __init__(
@@ -146,14 +148,14 @@ class Layout:
         return self.count + len(self.three)
 
     def has(self, number: int, operation: Operation, shape: tuple[int, ...]) -> bool:
-        """Tell whether this is the call of that number, of all that the function makes."""
+        """Tell whether call ``number`` of the function has this operation and shape."""
         if number >= len(self.numbers):
             return False
         call = self.calls[self.numbers[number]]
         return call.operation is operation and call.shape == shape
 
     def _offsets(self, more: int) -> list[Indices]:
-        """Return the places of the parts of each call, shape (modes + more, size)."""
+        """Return the places of the tests (more = -1) or branches (more = 0) of each call."""
         places, start = [], 0
         for call in self.calls:
             parts = len(call.operation.modes) + more
@@ -178,20 +180,20 @@ class Layout:
 
     @cached_property
     def switch_of(self) -> Indices:
-        """The switch that each test belongs to."""
+        """The number of the switch that each test belongs to, shape (m,)."""
         owners = np.empty(self.number_of_tests, dtype=np.intp)
         owners[self.first_tests] = owners[self.last_tests] = np.arange(self.count)
         return owners
 
     def modes(self, signs: Signs) -> Indices:
-        """Return the mode of every switch: how many of its tests are not negative."""
+        """Return the mode of every switch, the number of True signs of tests."""
         modes: Indices = signs[self.first_tests].astype(np.intp)
         if len(self.three):
             modes[self.three] += signs[self.last_tests[self.three]]
         return modes
 
     def bounding(self, character: Character) -> Signs:
-        """Tell which tests bound a cell: at a lower bound the upper one means nothing."""
+        """Tell which tests bound a cell; at a lower bound the upper bound's test does not."""
         bounding = np.ones(self.number_of_tests, dtype=bool)
         if len(self.three):
             modes = self.modes(character.array)[self.three]
@@ -200,7 +202,7 @@ class Layout:
         return bounding
 
     def signs(self, switch: int) -> tuple[tuple[bool, ...], ...]:
-        """Return the signs of the tests of a switch in each of its modes."""
+        """Return the signs of the tests of a switch in each mode."""
         tests = len(self.operations[switch].modes) - 1
         return tuple(tuple(i < mode for i in range(tests)) for mode in range(tests + 1))
 
@@ -213,6 +215,6 @@ class Layout:
             yield Character(signs)
 
     def values(self, branches: Array, modes: Indices) -> Array:
-        """Return the values of all switches, shape (count,)."""
+        """Return the values of all switches, shape (count,), from branches and modes."""
         values: Array = branches[self.branches[np.arange(self.count), modes]]
         return values

@@ -1,4 +1,4 @@
-"""What systems written with switches have in common: names, cells, and hidden unknowns."""
+"""The base of systems written with switches: names, cells and hidden unknowns."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pwscont.notation.layout import Layout
 from pwscont.system.abilities import HidesUnknowns
 from pwscont.system.system import PiecewiseSystem
 
-#: Points at which the values of switches are seen.
+#: Number of points, for each alpha, at which the magnitudes of switches are measured.
 SEEN = 4
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What a user says of a system beside its function; see :func:`pwscont.Switched`."""
+    """What a user says of a system besides the function; see :func:`pwscont.Switched`."""
 
     names: tuple[str, ...] | None = None
     switches: tuple[str, ...] | None = None
@@ -39,8 +39,8 @@ class Given:
 class Notated(PiecewiseSystem, HidesUnknowns):
     """A system written with switches.
 
-    Its unknowns are those of the user, then the values of those switches that need an unknown of
-    their own (docs/theory, F15).
+    The unknowns are the user's, then the values of the switches that need an unknown (docs/theory,
+    F15).
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Notated(PiecewiseSystem, HidesUnknowns):
         """Return the value of each switch from the user's unknowns."""
 
     def with_hidden(self, z: Array, alpha: float) -> Array:
-        """Return the user's unknowns and those of the switches, shape (size,)."""
+        """Return the user's unknowns, then the unknowns of hidden switches, shape (size,)."""
         if not len(self._hidden):
             return z
         return np.concatenate([z, self.values_of_switches(z, alpha)[self._hidden]])
@@ -72,12 +72,12 @@ class Notated(PiecewiseSystem, HidesUnknowns):
     # -- cells ---------------------------------------------------------------------------
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return the test of every switch, of a clip those that bound its mode."""
+        """Return the tests that bound a cell: of a clip only the tests that bound the mode."""
         found: list[int] = np.flatnonzero(self._layout.bounding(character)).tolist()
         return found
 
     def cell(self, character: Character) -> bytes:
-        """Return the signs that matter, 0 for a test that does not bound the cell."""
+        """Return a key of a cell: a byte for each test, 0 if the test does not bound the cell."""
         signs = character.array.view(np.uint8) + np.uint8(1)
         return (signs * self._layout.bounding(character)).tobytes()
 
@@ -88,26 +88,26 @@ class Notated(PiecewiseSystem, HidesUnknowns):
     # -- the user's numbers ----------------------------------------------------------------
 
     def bounds(self) -> tuple[Any, Any]:
-        """Return the bounds that the user gave."""
+        """Return the bounds that the user gave, infinite for the unknowns of switches."""
         if self._given.bounds is None:
             return super().bounds()
         lower, upper = self._given.bounds
         return self._padded("bounds", lower, -np.inf), self._padded("bounds", upper, np.inf)
 
     def periods(self) -> Any:
-        """Return the periods that the user gave."""
+        """Return the periods that the user gave, infinite for the unknowns of switches."""
         if self._given.periods is None:
             return super().periods()
         return self._padded("periods", self._given.periods, np.inf)
 
     @property
     def gives_scale(self) -> bool:
-        """Whether the user gave typical magnitudes, or a run found them."""
+        """Whether typical magnitudes are known, from the user or from a run."""
         measured = bool((super().scale(0.0, 0.0) != 1.0).any())
         return self._given.scale is not None or measured
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return the magnitudes that the user gave, and those of switches that follow."""
+        """Return the magnitudes that the user gave, and measured magnitudes for switches."""
         if self._given.scale is None:
             return super().scale(lo, hi)
         shown = self._padded("scale", self._given.scale, 1.0)[: self.shown]
@@ -115,7 +115,7 @@ class Notated(PiecewiseSystem, HidesUnknowns):
 
     @np.errstate(all="ignore")
     def _with_sizes_of_switches(self, shown: Array, alphas: Sequence[float]) -> Array:
-        """Return magnitudes of all unknowns: those of switches are seen at a few points."""
+        """Return the magnitudes of all unknowns; hidden switches are measured at a few points."""
         if not len(self._hidden):
             return shown
         signs = [generic(self.shown, shift) for shift in range(SEEN)]
@@ -187,7 +187,7 @@ def _unknowns(names: Sequence[str] | None, size: int) -> tuple[str, ...]:
 def _switches(
     given: Sequence[str] | None, layout: Layout, names: Sequence[str], own_names: dict[int, int]
 ) -> tuple[str, ...]:
-    """Return a name for every switch: that given, that of its unknown, or its place."""
+    """Return a name for every switch: as given, or the unknown's name, or operation and number."""
     if given is None:
         return tuple(_default_names(layout, names, own_names))
     if len(given) == layout.count:
@@ -206,7 +206,7 @@ def _of_entry(name: str, entry: int, size: int) -> str:
 
 
 def _default_names(layout: Layout, names: Sequence[str], own: dict[int, int]) -> Iterator[str]:
-    """Yield the unknown whose value a switch is; else its operation and its number."""
+    """Yield for each switch the name of the unknown with that value; else operation and number."""
     numbers: dict[str, int] = defaultdict(int)
     for switch, operation in enumerate(layout.operations):
         numbers[operation.name] += 1

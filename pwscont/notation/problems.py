@@ -1,4 +1,4 @@
-"""Thin constructors for problems that are often met."""
+"""Constructors of frequent problems over :func:`Switched`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
 
-#: Most unknowns that are tried to find out how many there are.
+#: Largest number of unknowns that is tried if the user does not say how many F takes.
 MOST_UNKNOWNS = 1000
 
 
@@ -31,8 +31,8 @@ def Complementarity(  # noqa: N802  used like a class
 ) -> Notated:
     """Return the mixed complementarity problem of F between bounds.
 
-    z lies between its bounds; F(z, alpha) is zero where z is strictly between them, not negative
-    where z is at the lower bound, and not positive at the upper one.
+    z lies between bounds; F(z, alpha) is zero where z is strictly between the bounds, not negative
+    at the lower bound, and not positive at the upper bound.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def Complementarity(  # noqa: N802  used like a class
 
 
 def _median(function: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any) -> Any:
-    """Return the median of z - upper, F and z - lower; so written, no row is a small difference."""
+    """Return the median of z - upper, F and z - lower, in a form without small differences."""
     return -sw.clip(-as_operand(function(z, alpha)), below(alpha) - z, above(alpha) - z)
 
 
@@ -132,13 +132,14 @@ def AbsNormal(  # noqa: N802  the usual name
 ) -> Notated:
     """Return the system in abs-normal form s = c + Z x + L |s|, 0 = b + J x + Y |s|.
 
-    Any piecewise-linear function can be written so (Griewank, *On stable piecewise linearization
-    and generalized algorithmic differentiation*, 2013). x are the unknowns; alpha is in c or b.
+    Any piecewise-linear function has an abs-normal form (Griewank, *On stable piecewise
+    linearization and generalized algorithmic differentiation*, 2013). The unknowns are x; alpha is
+    in c or b.
 
     Parameters
     ----------
     Z, L, J, Y : array_like, shapes (s, n), (s, s), (n, n), (n, s)
-        L is strictly lower triangular: each switch depends on those before it.
+        L is strictly lower triangular: each switch depends on earlier switches only.
     c, b : array_like or callable
         Shapes (s,) and (n,); or pairs (constant, slope), shapes (2, s) and (2, n); or functions of
         alpha, affine unless ``linear=False`` is given.
@@ -217,7 +218,7 @@ class _Constant:
 
 
 def _size(F: Callable[[Any, Any], Any], lower: Any, upper: Any) -> int:
-    """Return how many unknowns a function takes."""
+    """Return the number of unknowns that F takes, from the bounds or from calls."""
     lengths = [np.size(bound) for bound in (lower, upper) if not callable(bound) and np.ndim(bound)]
     if lengths:
         return max(lengths)
@@ -232,10 +233,10 @@ def _size(F: Callable[[Any, Any], Any], lower: Any, upper: Any) -> int:
 
 @np.errstate(all="ignore")
 def _takes(F: Callable[[Any, Any], Any], n: int) -> bool:
-    """Tell whether a function takes n unknowns, and returns as many values."""
+    """Tell whether F takes n unknowns and returns n values."""
     try:
         return bool(np.shape(F(np.full(n, 0.5), 0.5)) == (n,))
-    except Exception:  # it takes another number
+    except Exception:  # F takes another number of unknowns
         return False
 
 
@@ -247,7 +248,7 @@ class WithJacobian:
         self._F, self._jacobian = F, jacobian
 
     def __call__(self, z: Any, alpha: Any) -> Any:
-        """Return F, with its derivatives if it is asked for them."""
+        """Return F(z, alpha), with derivatives if z is a Dual."""
         if not isinstance(z, Dual):
             return self._F(z, alpha)
         variables = z.rows.shape[1]

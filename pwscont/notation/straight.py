@@ -1,4 +1,4 @@
-"""Systems that are affine between their kinks, as matrices."""
+"""Systems that are affine between kinks, as matrices."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.system.system import Block, PiecewiseLinearSystem
 
-#: Smaller matrices are dense.
+#: Matrices of at most this number of entries, zeros included, are stored dense.
 SMALL = 10_000
-#: Matrices are dense, too, if the nonzero entries are more than this part of all entries.
+#: Matrices in which at least this part of all entries is nonzero are stored dense.
 DENSE = 0.1
-#: Matrices with more diagonals than this part of their size are not stored as banded.
+#: Matrices with more diagonals than this part of the number of rows are not stored as banded.
 THIN = 0.1
 
 
 def stored(matrix: Matrix) -> Matrix:
-    """Return a sparse matrix as it is cheapest: sparse, or dense and not to be written to."""
+    """Return a sparse matrix in the cheaper form: sparse, or dense and read-only."""
     if np.prod(matrix.shape) > SMALL and matrix.nnz < DENSE * np.prod(matrix.shape):
         return matrix
     whole = matrix.toarray()
@@ -37,12 +37,12 @@ def stored(matrix: Matrix) -> Matrix:
 
 @final
 class RowChoice:
-    """Rows of which each has one of several modes.
+    """Affine rows with several modes each; the caller chooses a mode for every row.
 
     Parameters
     ----------
     modes : sequence of (csr array, ndarray), shapes (n, n + 1) and (n,)
-        All rows in each mode, and their constants.
+        The coefficients and constants of all rows, for each mode.
     """
 
     def __init__(self, modes: Sequence[tuple[Matrix, Array]]) -> None:
@@ -53,13 +53,13 @@ class RowChoice:
         self._bands = _Bands.of(modes) if sp.issparse(self._all) else None
 
     def rows(self, modes: Indices) -> Matrix:
-        """Return the rows in their modes, shape (n, n + 1)."""
+        """Return the coefficients of the rows in given modes, shape (n, n + 1)."""
         if self._bands is not None:
             return self._bands.rows(modes)
         return self._all[modes * len(self._numbers) + self._numbers]
 
     def values(self, modes: Indices, x: Array) -> Array:
-        """Return the rows in their modes times x, plus their constants, shape (n,)."""
+        """Return the values of the rows in given modes at x, shape (n,)."""
         values = self._all @ x + self._rests
         chosen: Array = values[modes * len(self._numbers) + self._numbers]
         return chosen
@@ -73,14 +73,14 @@ class _Bands:
         self._bands, self._columns, self._lower, self._upper = bands, columns, lower, upper
         n = columns.shape[1]
         self._numbers = np.arange(n)
-        #: The row of each entry of the bands, and its diagonal.
+        #: The row and the diagonal of each entry of the bands.
         rows = self._numbers + np.arange(-upper, lower + 1)[:, np.newaxis]
         self._rows = np.clip(rows, 0, n - 1)
         self._diagonals = np.arange(lower + upper + 1)[:, np.newaxis]
 
     @classmethod
     def of(cls, modes: Sequence[tuple[Matrix, Array]]) -> _Bands | None:
-        """Return the bands of matrices that are narrow in all modes, None of others."""
+        """Return the bands of the matrices of all modes, None if the matrices are not narrow."""
         lower, upper = _width(modes)
         if lower + upper + 1 > THIN * len(modes[0][1]):
             return None
@@ -89,14 +89,14 @@ class _Bands:
         return cls(np.array(bands), np.array(columns), lower, upper)
 
     def rows(self, modes: Indices) -> BandedJacobian:
-        """Return the rows in their modes."""
+        """Return the rows in given modes as a banded matrix."""
         bands = self._bands[modes[self._rows], self._diagonals, self._numbers]
         column = self._columns[modes, self._numbers]
         return BandedJacobian(bands, self._lower, self._upper, column)
 
 
 def _width(modes: Sequence[tuple[Matrix, Array]]) -> tuple[int, int]:
-    """Return the numbers of diagonals below and above the main one."""
+    """Return the numbers of diagonals below and above the main diagonal, over all modes."""
     lower = upper = 0
     for matrix, _ in modes:
         entries = matrix[:, :-1].tocoo()
@@ -106,13 +106,13 @@ def _width(modes: Sequence[tuple[Matrix, Array]]) -> tuple[int, int]:
 
 
 def _bands(entries: Any, lower: int, upper: int) -> Array:
-    """Return the diagonals of a sparse matrix as :class:`BandedJacobian` stores them."""
+    """Return the diagonals of a sparse matrix in the storage of :class:`BandedJacobian`."""
     bands = np.zeros((lower + upper + 1, entries.shape[1]))
     bands[upper + entries.row - entries.col, entries.col] = entries.data
     return bands
 
 
-#: Cells of which the matrix is kept.
+#: Number of cells whose matrices are kept: several cells take turns around a transition.
 KEPT = 4
 
 
@@ -124,14 +124,14 @@ class SystemRows:
     Attributes
     ----------
     hidden : ndarray of int
-        The switches with an unknown of their own.
+        The numbers of the switches that are unknowns.
     owner : ndarray of int, shape (size,)
         The switch that chooses each row, -1 for none.
     modes : list of (csr array, ndarray)
-        All rows with every switch in its k-th mode.
+        Entry k has all rows with every switch in mode k.
     tests, branches : (csr array, ndarray)
     value : (csr array, ndarray)
-        The value of each switch where the system is solved, shape (number of switches, size + 1).
+        The value of each switch at solutions, shape (number of switches, size + 1).
     """
 
     hidden: Indices
@@ -143,11 +143,11 @@ class SystemRows:
 
 
 def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemRows:
-    """Return the rows of a system from the coefficients of its function.
+    """Return the rows of a system from the coefficients of the user's function.
 
-    A switch that stands in one equation only, and in no argument of another switch, is put there:
-    its modes are those of that equation. Any other switch is an unknown of its own, with the row
-    y - branch. Both leave det(dH/dz) as it is.
+    A switch that stands in a single equation and in no argument of another switch is put into the
+    equation, which then has the modes of the switch. Any further switch becomes an unknown with the
+    row y - branch. Neither way changes det(dH/dz).
     """
     m, count = layout.number_of_tests, layout.count
     absorbed = _absorbed(matrix, size, count)
@@ -173,7 +173,7 @@ def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemR
 
 
 def _absorbed(matrix: Matrix, size: int, count: int) -> Indices:
-    """Return for each equation the switch that is put there, -1 for none."""
+    """Return for each equation the switch that is put into the equation, -1 for none."""
     by_switch = (matrix[:, size : size + count] != 0.0).tocsc()
     absorbed = np.full(size, -1)
     for switch in range(count):
@@ -192,7 +192,7 @@ def _values(
     factor: Array,
     count: int,
 ) -> tuple[Matrix, Array]:
-    """Return the values of all switches at solutions: their unknowns, or as their rows say."""
+    """Return coefficients and constants of the values of all switches at solutions."""
     values, rest = sp.lil_array((count, F.shape[1])), np.zeros(count)
     if len(hidden):
         values[hidden] = unit
@@ -215,12 +215,12 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         self._chosen = RowChoice(rows.modes)
         self._tests, self._test_values = stored(rows.tests[0]), rows.tests[1]
         self._switched = np.flatnonzero(rows.owner >= 0)
-        #: The matrices of the last cells: around a transition two take turns.
+        #: The matrices of the last cells.
         self._known: dict[bytes, Matrix] = {}
         self.domain = self._ordered()
 
     def _ordered(self) -> tuple[float, float]:
-        """Return for which alpha all lower bounds of clips are below the upper ones.
+        """Return the alphas (lo, hi) at which no lower bound of a clip is above the upper bound.
 
         Bounds that depend on z do not count.
         """
@@ -236,7 +236,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         return float(lo), float(hi)
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return the tests of all switches."""
+        """Return the values of the test functions of all switches at (z, alpha), shape (m,)."""
         values: Array = self._tests @ np.append(z, alpha) + self._test_values
         return values
 
@@ -245,11 +245,11 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         return self._tests
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the equations of the user, then those of the hidden unknowns."""
+        """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
         return self._chosen.values(self._modes_of_rows(character.array), np.append(z, alpha))
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the constant matrix of a cell; those of the last cells are kept."""
+        """Return the constant matrix of a cell; the matrices of the last cells are kept."""
         key = bytes(character)
         if (known := self._known.get(key)) is None:
             known = self._chosen.rows(self._modes_of_rows(character.array))
@@ -264,7 +264,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         return modes
 
     def values_of_switches(self, z: Array, alpha: float) -> Array:
-        """Return the value of each switch: of the inner ones first, on which others depend."""
+        """Return the value of each switch, call by call: later calls may use earlier values."""
         layout, (B, b), (T, t) = self._layout, self._rows.branches, self._rows.tests
         values, x = np.zeros(layout.count), np.zeros(self.size + 1)
         x[: self.shown], x[-1] = z, alpha
@@ -275,7 +275,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         return values
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block for each switch, which owns one row."""
+        """Return a block for each switch, which owns a row."""
         rows = {int(switch): row for row, switch in enumerate(self._rows.owner) if switch >= 0}
         return tuple(
             Block(self._layout.tests_of(switch), (rows[switch],), self._layout.signs(switch))
@@ -283,7 +283,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
         )
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return that a maximum is not below its arguments, and so on."""
+        """Return inequalities that hold in every mode, such as max(a, b) >= a."""
         A, b = self._necessary
         return A[:, :-1], b + alpha * A[:, -1]
 

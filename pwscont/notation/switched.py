@@ -20,14 +20,16 @@ from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
 from pwscont.system.contract import MOST_UNKNOWNS, checked_magnitudes
 
-#: Points at which the function must be finite.
+#: Number of points of ``TRIED`` whose finite outcomes show the switches of a function.
 SURVEYED = 3
-#: Sizes of those that are tried: a large and a small one at first, for tanh(100 z) is 1 at any
-#: large z, whatever unknown z is.
+#: Magnitudes of the points that are tried: a large and a small magnitude first, for tanh(100 z) is
+#: 1 at any large z, and different unknowns then look equal.
 TRIED = (1.0, 1e-3, 0.5, 0.1, 2.0, 10.0, 0.0)
-#: At how many others it is seen which switches depend on each other: a large and a small one.
+#: Number of further points at which dependences between switches are looked for: with a large and a
+#: small magnitude.
 ELSEWHERE = 2
-#: By how much an argument is changed to see what depends on it: functions may have narrow domains.
+#: Change of an argument, in units of x, that shows what depends on the argument: small, because
+#: functions may have narrow domains.
 SMALL = 1e-4
 
 
@@ -52,25 +54,25 @@ def Switched(  # noqa: N802  used like a class
         The number of unknowns.
     f : callable
         (z, alpha, sw) -> (n,). z has shape (n,); ``sw`` is a :class:`Switches`, whose methods take
-        numbers and arrays that broadcast. It is to be smooth but for its switches, which may be
-        nested. Written with numpy it is differentiated exactly, and so is one written with
-        ``jax.numpy``; otherwise by differences.
+        numbers and arrays that broadcast. f is smooth except at the kinks of switches, which may be
+        nested. Derivatives are exact if f is written with numpy or ``jax.numpy``; otherwise
+        derivatives are differences.
     linear : bool
-        The promise that f is affine in (z, alpha) between its kinks. It is checked. Paths are then
-        exact polygons, and all solutions at one alpha can be listed.
+        The promise, which is checked, that f is affine in (z, alpha) between kinks. Branches are
+        then exact polygons, and all solutions at an alpha can be listed.
     names : sequence of str, length n, optional
         The names of the unknowns.
     switches : sequence of str, optional
-        The names of the switches, in the order in which f calls them: one for each entry, or one
-        for each call.
+        The names of the switches, in the order of the calls in f: a name for each entry, or for
+        each call.
     degree, unique
         As for :class:`~pwscont.PiecewiseSystem`.
     bounds : tuple of array_like, optional
-        Between which values z makes sense: (lower, upper), each broadcastable to (n,).
+        (lower, upper), each broadcastable to (n,): values between which z makes sense.
     periods : array_like, optional
-        After what each unknown repeats itself.
+        The period of each unknown, broadcastable to (n,), infinite for none.
     scale : array_like, optional
-        Typical magnitudes of z, broadcastable to (n,); default what a run finds.
+        Typical magnitudes of z, broadcastable to (n,); default the magnitudes that a run finds.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def Switched(  # noqa: N802  used like a class
         not fit.
     InvalidSystemError
         If f fails, returns something else than n real numbers, has a kink without a switch, a
-        number of switches that changes with z, or is not affine where that is promised.
+        number of switches that changes with z, or is not affine in spite of the promise.
 
     Examples
     --------
@@ -141,7 +143,7 @@ def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:
 
 
 def _points(size: int, given: Given) -> Iterator[Array]:
-    """Yield points at which to try a function, within the bounds; no two of them are alike."""
+    """Yield points (z, alpha), no two alike, within the bounds, at which to try a function."""
     bounds = given.bounds or (-np.inf, np.inf)
     for shift, reach in enumerate(TRIED):
         x = reach * generic(size + 1, shift)
@@ -153,7 +155,7 @@ def _points(size: int, given: Given) -> Iterator[Array]:
 def _within(z: Array, generic: Array, lower: Any, upper: Any) -> Array:
     """Return generic numbers within bounds: mirrored there, or spread where bounds are narrow.
 
-    Were they put on the bounds, unknowns that differ would be taken for equal.
+    Numbers put onto the bounds would make different unknowns look equal.
     """
     mirrored = np.where(z < lower, 2.0 * np.asarray(lower) - z, z)
     mirrored = np.where(mirrored > upper, 2.0 * np.asarray(upper) - mirrored, mirrored)
@@ -163,12 +165,12 @@ def _within(z: Array, generic: Array, lower: Any, upper: Any) -> Array:
 
 
 def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array, Layout]:
-    """Return a point where a function is finite, and its switches.
+    """Return the first point at which a function is finite, and the switches of the function.
 
     Raises
     ------
     InvalidSystemError
-        If it fails, or is finite at none of the points.
+        If the function fails, or is finite at none of the points.
     """
     failure: Exception | None = None
     finite: list[tuple[Array, list[Any]]] = []
@@ -178,7 +180,7 @@ def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array
                 outcome, forms = function.surveyed(x[:-1], float(x[-1]))
         except InvalidSystemError:
             raise
-        except Exception as error:  # perhaps it is not defined there
+        except Exception as error:  # perhaps the function is not defined at x
             failure = failure or error
             continue
         if np.isfinite(outcome.all()).all():
@@ -209,10 +211,11 @@ def _undefined(failure: Exception | None, tried: int) -> InvalidSystemError:
 def _dependence(
     function: UserFunction, size: int, layout: Layout, x: Array, others: Sequence[Array]
 ) -> tuple[Indices, dict[int, int]]:
-    """Return on which switches other switches depend, and which are one unknown each.
+    """Return the switches on which further switches depend, and the switches that bound an unknown.
 
-    What depends is seen at x, where the function is finite, and at other points if it can be: at
-    one point a switch may be zero and stand in a product, or be so large that exp(-y) is zero.
+    Dependences are looked for at x, where the function is finite, and at further points if
+    possible: at a single point a switch y may be zero and stand in a product, or be so large that
+    exp(-y) is zero.
     """
     everything = LiftedFunction(function, size, layout, np.arange(layout.count))
     with np.errstate(all="ignore"):
@@ -226,13 +229,13 @@ def _dependence(
 
 
 def _matter(rows: Any, size: int) -> Signs:
-    """Tell on which switches tests or branches of others depend, by derivatives of all of them."""
+    """Tell which switches the tests or branches of any switch depend on, from all derivatives."""
     matter: Signs = abs(rows[size:, size:-1]).sum(axis=0) != 0.0
     return matter
 
 
 def _matter_elsewhere(everything: LiftedFunction, x: Array, size: int) -> Signs:
-    """Tell the same at another point, with other values of all switches; nothing if that fails."""
+    """Tell which switches matter at x, with arbitrary values of all switches; none on failure."""
     count = everything.layout.count
     values = np.abs(x).max() * np.abs(generic(count))
     try:
@@ -244,10 +247,10 @@ def _matter_elsewhere(everything: LiftedFunction, x: Array, size: int) -> Signs:
 
 
 def unknowns_bounded(equations: Any, size: int) -> dict[int, int]:
-    """Return after which unknown a switch is called, by the equation in which it stands.
+    """Return {switch: unknown after which the switch is named} from the equations.
 
-    That is the unknown whose value the switch is, in z_i - y = 0; or, where an equation is a switch
-    and nothing else, the unknown of the same number.
+    In an equation z_i - y = 0 the switch y is named after z_i; a switch that is alone in equation i
+    is named after z_i, too.
 
     Parameters
     ----------
@@ -267,13 +270,13 @@ def unknowns_bounded(equations: Any, size: int) -> dict[int, int]:
 
 
 def _slopes(lifted: LiftedFunction, x: Array) -> Any:
-    """Return derivatives by all switches, or changes where there are no derivatives."""
+    """Return the derivatives of an outcome by x, or changes of the outcome if derivatives fail."""
     try:
         u = Dual.variables(x, 0, len(x))
         return as_dual(lifted.outcome(u, float(x[-1]), None).all(), len(x)).rows
     except InvalidSystemError:
         raise
-    except Exception:  # it does what Duals do not know; numbers it can do
+    except Exception:  # the function does something that no Dual knows, but takes plain numbers
         here = lifted.outcome(x, float(x[-1]), None).all()
         moved = x + SMALL * np.diag(np.abs(generic(len(x))))
         return np.stack([lifted.outcome(y, float(y[-1]), None).all() - here for y in moved], axis=1)

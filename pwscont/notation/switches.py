@@ -22,10 +22,10 @@ from pwscont.notation.layout import (
     Operation,
 )
 
-#: Operation, its tests and its branches, all of one shape -> its value.
+#: Operation, tests and branches, all of one shape -> the value of the switches.
 Choose = Callable[[Operation, Sequence[Any], Sequence[Any]], Any]
-#: Bounds of a clip -> which entries have which: 1 for a lower bound, 2 for an upper one, 3 for
-#: both, 0 for none, 4 for both where they are equal, 5 where the lower one is larger.
+#: Bounds of a clip -> the kind of bounds of each entry, a number of the next line: no bound, a
+#: lower bound, an upper bound, two bounds, two equal bounds, a lower bound above the upper bound.
 Forms = Callable[[Any, Any], Any]
 FREE, BELOW, ABOVE, BOTH, FIXED, CROSSED = range(6)
 
@@ -34,8 +34,9 @@ FREE, BELOW, ABOVE, BOTH, FIXED, CROSSED = range(6)
 class Switches:
     """The switches ``sw`` of a function f(z, alpha, sw), for numbers and arrays that broadcast.
 
-    Each announces its kinks, entry by entry. They may be nested, stand in loops and in expressions
-    of any kind; but their number and order must not depend on the values of z and alpha.
+    Each switch announces kinks, entry by entry. Switches may be nested, stand in loops and in
+    expressions of any kind; but number and order of the calls must not depend on the values of z
+    and alpha.
     """
 
     __slots__ = ("_choose", "_forms")
@@ -44,7 +45,7 @@ class Switches:
         self._choose, self._forms = choose, forms
 
     def __getattr__(self, name: str) -> Any:
-        """Say what there is instead of something that there is not."""
+        """Raise an error that lists the switches."""
         raise AttributeError(f"sw has no {name!r}; it has max, min, abs, relu, clip and where")
 
     def max(self, a: Any, b: Any) -> Any:
@@ -63,20 +64,20 @@ class Switches:
         return self._choose(ABS, [a], [-a, a])
 
     def relu(self, a: Any) -> Any:
-        """Return a quantity where it is positive, and zero elsewhere."""
+        """Return ``a`` where ``a`` is positive, and zero elsewhere."""
         (a,) = _alike("relu", a)
         return self._choose(RELU, [a], [np.zeros(a.shape), a])
 
     def where(self, s: Any, a: Any, b: Any) -> Any:
-        """Return ``a`` where ``s >= 0``, and ``b`` elsewhere; they must agree where ``s`` is zero.
+        """Return ``a`` where ``s >= 0``, ``b`` elsewhere; ``a`` equals ``b`` where ``s`` is 0.
 
-        Both branches are evaluated on both sides.
+        ``a`` and ``b`` are evaluated for either sign of ``s``.
         """
         s, a, b = _alike("where", s, a, b)
         return self._choose(WHERE, [s], [b, a])
 
     def clip(self, a: Any, lower: Any, upper: Any) -> Any:
-        """Return a quantity between bounds, which may be infinite; one block of three modes."""
+        """Return a quantity clipped to bounds, which may be infinite: at most three modes."""
         a, lower, upper = _alike("clip", a, lower, upper)
         forms = self._forms(lower, upper)
         if (forms == BOTH).all():  # nearly always
@@ -91,7 +92,7 @@ class Switches:
         return chosen(joined(parts), order.reshape(a.shape))
 
     def _clipped(self, form: int, a: Any, lower: Any, upper: Any) -> Any:
-        """Return clipped entries that all have the same kinds of bounds."""
+        """Return clipped entries, all with the same kind of bounds."""
         if form == BELOW:
             return self._choose(LOWER, [a - lower], [lower, a])
         if form == ABOVE:
@@ -102,7 +103,7 @@ class Switches:
 
 
 def forms_of(lower: Any, upper: Any) -> Any:
-    """Return which bounds there are, entry by entry."""
+    """Return the kind of bounds of each entry, FREE to CROSSED."""
     lower, upper = value_of(lower), value_of(upper)
     forms = BELOW * (lower > -np.inf) + ABOVE * (upper < np.inf)
     forms = np.where((forms == BOTH) & (lower == upper), FIXED, forms)
@@ -110,14 +111,14 @@ def forms_of(lower: Any, upper: Any) -> Any:
 
 
 def common_form(forms: Any) -> Any:
-    """Return the kinds of bounds that hold at all points, shape (points, entries).
+    """Return the kinds of bounds of each entry from the kinds at points, shape (points, entries).
 
-    Bounds that meet, or cross, at some points only are two bounds.
+    Bounds that meet, or cross, at some points only count as two bounds.
 
     Raises
     ------
     InvalidSystemError
-        If a lower bound is above the upper one at all points, or bounds become infinite.
+        If a lower bound is above the upper bound at all points, or bounds become infinite.
     """
     if (forms == CROSSED).all(axis=0).any():
         raise InvalidSystemError("sw.clip needs lower <= upper, but lower is larger")
@@ -128,12 +129,12 @@ def common_form(forms: Any) -> Any:
 
 
 def _alike(name: str, *arguments: Any) -> list[Any]:
-    """Return the arguments of a switch in their common shape.
+    """Return the arguments of a switch, broadcast to a common shape.
 
     Raises
     ------
     InvalidSystemError
-        If they do not broadcast, or are no real numbers.
+        If the arguments do not broadcast, or are no real numbers.
     """
     operands = [_operand(name, each) for each in arguments]
     if len({each.shape for each in operands}) == 1:

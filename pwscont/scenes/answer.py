@@ -1,4 +1,4 @@
-"""Answers of scenes, and how a user asks for their files to look."""
+"""Answers of scenes, and the look of the files that answers write."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ FORMATS = ("png", "pdf", "svg")
 @final
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Format and resolution of pictures, and what is drawn of bodies.
+    """Format and resolution of pictures, and the display of bodies.
 
     Attributes
     ----------
     format : str
-        One of ``png``, ``pdf`` and ``svg``.
+        ``png``, ``pdf`` or ``svg``.
     dpi : int
         Dots per inch.
     scale : float or None
-        Factor by which displacements of bodies are enlarged; the default makes them visible.
+        Factor by which displacements of bodies are enlarged; default a factor that makes
+        displacements visible.
     animate : bool
         Whether moving pictures are written, too.
     """
@@ -47,7 +48,7 @@ class Look:
     animate: bool = False
 
     def save(self, figure: Figure, directory: Path, name: str) -> Path:
-        """Write a picture into an existing directory; return its file."""
+        """Write a figure into an existing directory, and return the path of the file."""
         path = directory / f"{name}.{self.format}"
         figure.savefig(path, dpi=self.dpi)
         return path
@@ -65,7 +66,7 @@ class Answer(ABC):
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
-        """Return the same as plain lists and numbers, without the time it took."""
+        """Return the answer as plain lists and numbers, without computing time."""
 
     @abstractmethod
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
@@ -76,7 +77,7 @@ class Answer(ABC):
         return self
 
     def explored(self) -> tuple[Shown, BranchGraph] | None:
-        """Return the scene and its branch graph, for a view; None without a graph."""
+        """Return the scene and the branch graph, for a view; None without a graph."""
         return None
 
 
@@ -100,7 +101,7 @@ class Runnable(ABC):
 
     #: Whether an interrupted run can go on; such a scene overrides with_journal.
     resumable: ClassVar[bool] = False
-    #: Whether its pictures show a body, with displacements.
+    #: Whether the pictures of the scene show a body, with displacements.
     has_body: ClassVar[bool] = False
 
     def __repr__(self) -> str:
@@ -111,21 +112,21 @@ class Runnable(ABC):
         return card(f"{type(self).__name__} {self.name}", rows)
 
     def with_journal(self, journal: Journal) -> Runnable:
-        """Return the same scene with a journal of its finished pieces."""
+        """Return the scene with a journal that stores every finished piece."""
         raise NotImplementedError
 
     def with_panels(self, names: Sequence[str]) -> Runnable:
-        """Return the same scene, which draws these unknowns or recorded quantities instead.
+        """Return the scene with diagrams of the named unknowns or recorded quantities instead.
 
         Raises
         ------
         InvalidInputError
-            If there are none of these names, or if the scene draws no quantity over a parameter.
+            If a name is not known, or if the scene draws no quantity over a parameter.
         """
         raise InvalidInputError(f"--panels: scene {self.name} draws no quantity over a parameter")
 
     def curve(self) -> Runnable | None:
-        """Return the scene with one parameter that runs, built; None for other scenes."""
+        """Return the one-parameter scene, built; None for a scene of another kind."""
         return None
 
     @abstractmethod
@@ -140,11 +141,11 @@ class Runnable(ABC):
         Raises
         ------
         InvalidInputError
-            If the scene cannot list solutions there.
+            If the scene cannot list solutions at a value.
         """
 
     def plan(self) -> Mapping[str, str]:
-        """Return the parts of the run in words; default nothing."""
+        """Return the parts of the run, {name: words}; default nothing."""
         return {}
 
     @abstractmethod
@@ -166,7 +167,7 @@ def values_within(
     own: Sequence[float],
     wanted: Sequence[float] | None,
 ) -> tuple[float, ...]:
-    """Return the values of alpha asked for, by default the scene's own; for ``Runnable.values``.
+    """Return the wanted values of alpha, default the scene's own, for ``Runnable.values``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One diagram, and the inset that enlarges crowded folds."""
+"""A diagram of a quantity, and the inset that enlarges crowded folds."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Diagram:
             )
 
         strokes, marks = strokes_of(graph, mode, place, styles), marks_of(graph, mode, place)
-        if over is not None:  # lines may bend back: no line is a function of what is across
+        if over is not None:  # lines may bend back: no line is a function of x
             return cls(quantity, over, joined(strokes), [], [replace(m, side=0) for m in marks])
         strokes = visible(strokes)
         return cls(quantity, None, joined(strokes), rails_of(strokes), marks)
@@ -86,7 +86,7 @@ class Diagram:
         draw_marks(ax, self.marks)
 
     def _draw_rails(self, ax: Axes, above: int) -> None:
-        """Draw the rails beneath a branch, those of the lowest one outside, and the white core."""
+        """Draw the rails beneath a branch, the lowest branch outermost, and the white core."""
         rails = [rail for rail in self.rails if rail.above == above]
         below = sorted({rail.below for rail in rails})
         for depth, branch in enumerate(below):
@@ -97,7 +97,7 @@ class Diagram:
         ax.add_collection(LineCollection(lines, colors="white", linewidths=CORE))
 
     def set_axes(self, ax: Axes, graph: BranchGraph, title: str) -> None:
-        """Set names and limits; an axis that would show nothing but rounding is widened."""
+        """Set names and limits of the axes; an axis that would show only rounding is widened."""
         across = graph.parameter if self.across is None else self.across.label
         ax.set(xlabel=symbol(across), ylabel=symbol(self.quantity.label))
         ax.set_title(title, fontsize="medium")
@@ -110,7 +110,7 @@ class Diagram:
             ax.set_ylim(low - half, high + half)
 
     def room(self, ax: Axes) -> Room:
-        """Return the room that lines and marks leave free."""
+        """Return the cells of the axes that lines and marks leave free."""
         room = Room(ax)
         room.draw(stroke.points for stroke in self.strokes)
         for mark in self.marks:
@@ -120,19 +120,20 @@ class Diagram:
 
 
 FOLDS = (Kind.FOLD, Kind.NONSMOOTH_FOLD)
-#: Folds that fill less than the first part of the axis are enlarged, if two of them are closer to
-#: each other than the second part of the picture.
+#: Folds of a branch that extend over less than the first part of the axis are enlarged, if two
+#: folds are closer than the second part of the picture.
 SMALL, CROWDED = 0.12, 0.05
 #: A branch that fills less than this part of the axis is a stub, and enlarged.
 STUB = 0.06
-#: Margins of an inset beside the folds, and above and below the lines, where labels have room: as
-#: parts of their extent.
+#: Margins of an inset, room for labels: beside the folds as part of the extent of the folds, above
+#: and below the lines as part of the height of the lines.
 MARGIN, ABOVE = 0.25, 0.5
-#: Sizes of an inset, and the room of its numbers to the left and below, as parts of the axes.
+#: Sizes of an inset, the first that fits is taken, and the room for numbers to the left and below,
+#: as parts of the axes.
 SIZES = ((0.62, 0.56), (0.56, 0.5), (0.5, 0.45), (0.45, 0.4), (0.45, 0.33), (0.6, 0.28))
 NUMBERS = 0.13, 0.11
-POINTS = 101
-#: The colour of the frames around the inset and around the part that it enlarges.
+POINTS = 101  # places of each step of a line at which heights in an inset are measured
+#: The colour of the frames around the inset and around the enlarged part.
 FRAME = "0.55"
 
 
@@ -166,7 +167,7 @@ def draw_inset(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
 
 
 def _window(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
-    """Return the limits around the crowded folds of a branch; None where there are none."""
+    """Return the limits around a branch's crowded folds, else around stubs, else None."""
     for branch in dict.fromkeys(mark.branch for mark in diagram.marks):
         marks = [mark for mark in diagram.marks if mark.branch == branch and mark.kind in FOLDS]
         folds = np.array([mark.at for mark in marks]).reshape(-1, 2)
@@ -176,7 +177,7 @@ def _window(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
 
 
 def _around_stubs(ax: Axes, diagram: Diagram, room: Room) -> Window | None:
-    """Return the limits around branches that are too short to be seen; None without any."""
+    """Return the limits around branches that are too short to be seen; None without stubs."""
     found: dict[int, list[Array]] = {}
     for stroke in diagram.strokes:
         found.setdefault(stroke.branch, []).append(stroke.points)
@@ -193,7 +194,7 @@ def _extent(points: Array) -> Array:
 
 
 def _are_crowded(parts: Array) -> bool:
-    """Tell whether folds, in parts of the picture, are hard to tell apart."""
+    """Tell whether folds, given as parts of the picture, (k, 2), are hard to tell apart."""
     if len(parts) < 2 or np.ptp(parts[:, 0]) > SMALL:
         return False
     distances = np.linalg.norm(parts[:, np.newaxis] - parts, axis=2)
@@ -212,7 +213,7 @@ def _around(ax: Axes, diagram: Diagram, alphas: Array) -> Window | None:
 
 
 def _values_within(points: Array, lo: float, hi: float) -> Array:
-    """Return the values of a line where its parameter lies in an interval."""
+    """Return the values of a line at parameters in an interval."""
     t = np.linspace(0.0, len(points) - 1.0, POINTS * (len(points) - 1) + 1)
     alpha, values = (np.interp(t, np.arange(len(points)), column) for column in points.T)
     within: Array = values[(alpha >= lo) & (alpha <= hi)]

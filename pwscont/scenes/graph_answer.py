@@ -1,4 +1,4 @@
-"""The answer of a scene with one parameter."""
+"""The answer of a one-parameter scene."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class GraphAnswer(Answer):
         return {"scene": self.scene.name} | graph | {"solutions": solutions} | failed
 
     def explored(self) -> tuple[Shown, BranchGraph]:
-        """Return the scene and its branch graph."""
+        """Return the scene and the branch graph."""
         return self.scene, self.graph
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:

@@ -2,9 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- One label takes the only place of another: marks with few free places come first.
+- A label takes the only free place of another mark: marks with few free places come first.
 - All places beside a mark are taken, or closer to other marks: the label stands farther away, and a
-  line leads there where the label is closer to another mark.
+  line leads to any label that is closer to another mark.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Room:
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-        Its limits are set.
+        Axes whose limits are set.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Room:
         self._is_taken = np.zeros(CELLS, dtype=bool)
 
     def part(self, points: Array) -> Array:
-        """Return points in parts of the axes, shape (k, 2)."""
+        """Return points, shape (k, 2), as parts of the axes."""
         lo, hi = self._limits.T
         parts: Array = (points - lo) / (hi - lo)
         return parts
@@ -63,7 +63,7 @@ class Room:
         return size
 
     def box(self, middle: Array, size: Array) -> Box:
-        """Return the box with this middle and size, both given in points."""
+        """Return the box, in parts of the axes, from middle and size in points."""
         left, bottom = (middle - 0.5 * size) / self.extent
         width, height = size / self.extent
         return float(left), float(bottom), float(width), float(height)
@@ -99,7 +99,7 @@ class Room:
         return self._is_taken[first[0] : last[0], first[1] : last[1]]
 
     def largest(self, sizes: Iterable[tuple[float, float]]) -> Box | None:
-        """Return a free box close to a corner, of the first size that has room."""
+        """Return a free box close to a corner, of the first size that fits, else None."""
         for width, height in sizes:
             across, up = (np.linspace(0.0, 1.0 - part, 12) for part in (width, height))
             spots = [(float(x), float(y), width, height) for x in across for y in up]
@@ -116,19 +116,19 @@ def is_inside(box: Box) -> bool:
 
 
 def _off_corner(box: Box) -> float:
-    """Return how far a box is from the nearest corner."""
+    """Return the distance of a box from the nearest corner, in parts of the axes."""
     left, bottom, width, height = box
     return min(left, 1.0 - left - width) + min(bottom, 1.0 - bottom - height)
 
 
-#: Labels in one diagram at most, and the size of their letters, in points.
+#: Largest number of labels in a diagram, and the size of the letters in points.
 MOST_LABELS, LETTERS = 8, 7.0
-#: How far labels are from their marks, the nearest first, in units of the distance of a label that
-#: stands beside its mark.
+#: Distances of labels from marks that are tried in turn, in units of the distance of a label right
+#: beside the mark.
 DISTANCES = (1.0, 1.4, 2.0, 2.8, 4.0)
-#: Points between a label and the frame, on both sides together, where there is room for that.
+#: Points between a label and the frame, left and right together, if there is room.
 PAD = 4.0
-#: A line to a label comes no closer to another mark than this part of what the marks are apart.
+#: A line to a label comes no closer to another mark than this part of the distance of the marks.
 ASIDE = 0.8
 #: The line to a label that is closer to another mark.
 LEADER: dict[str, Any] = {
@@ -141,7 +141,7 @@ LEADER: dict[str, Any] = {
 
 
 def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
-    """Write labels at the marks, a few at most, where there is room for them."""
+    """Write labels at marks, at most ``MOST_LABELS``, where there is room."""
     places = np.array([room.part(mark.at) * room.extent for mark in marks]).reshape(-1, 2)
     labelled = [(mark, at) for mark, at in zip(marks, places, strict=True) if mark.label]
     free = [len(list(_beside(mark, at, places, room))) for mark, at in labelled]
@@ -156,7 +156,7 @@ def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
 
 
 def _beside(mark: Mark, at: Array, places: Array, room: Room) -> Iterator[tuple[Array, Box]]:
-    """Yield free places that are closer to a mark than to any other."""
+    """Yield free places for a label that are closer to the mark than to any other mark."""
     others = _others(at, places)
     for middle, box in _free(mark, at, room):
         if (np.linalg.norm(others - middle, axis=1) > np.linalg.norm(at - middle)).all():
@@ -164,7 +164,7 @@ def _beside(mark: Mark, at: Array, places: Array, room: Room) -> Iterator[tuple[
 
 
 def _led(mark: Mark, at: Array, places: Array, room: Room) -> Iterator[tuple[Array, Box]]:
-    """Yield free places to which a line leads from a mark that does not come close to others."""
+    """Yield free places for a label to which a line leads without coming close to other marks."""
     others = _others(at, places)
     close = np.minimum(2.0 * RADIUS, ASIDE * np.linalg.norm(others - at, axis=1))
     for middle, box in _free(mark, at, room):
@@ -184,13 +184,13 @@ def _free(mark: Mark, at: Array, room: Room) -> Iterator[tuple[Array, Box]]:
 
 
 def _others(at: Array, places: Array) -> Array:
-    """Return the places of the marks that are not at a place."""
+    """Return the places of the marks except the mark at ``at``."""
     others: Array = places[np.abs(places - at).max(axis=1) > RADIUS]
     return others
 
 
 def _distances(start: Array, end: Array, points: Array) -> Array:
-    """Return how far points are from a line between two others."""
+    """Return the distances of points from the line between ``start`` and ``end``."""
     way = end - start
     along = np.clip((points - start) @ way / float(way @ way), 0.0, 1.0)
     apart: Array = np.linalg.norm(points - start - along[:, np.newaxis] * way, axis=1)
@@ -198,13 +198,13 @@ def _distances(start: Array, end: Array, points: Array) -> Array:
 
 
 def _ways(side: int) -> list[tuple[int, int]]:
-    """Return directions from a mark, the best first."""
+    """Return directions (across, up) from a mark, the best first."""
     first = [(side, 0)] if side else []
     return [*first, (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0)]
 
 
 def _write(ax: Axes, mark: Mark, off: Array, leader: dict[str, Any] | None) -> None:
-    """Write a label at a distance ``off`` from its mark, in points."""
+    """Write the label of a mark at a distance ``off`` from the mark, in points."""
     ax.annotate(
         mark.label,
         (mark.at[0], mark.at[1]),

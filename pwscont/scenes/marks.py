@@ -1,4 +1,4 @@
-"""Marks of special points, and the texts of their labels."""
+"""Marks of special points, and the labels of marks."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ MARKERS: dict[str, dict[str, Any]] = {
 }
 #: The shapes of kinds of a user's own detectors, in the order of their names.
 OWN_MARKERS = "hp<>8dX1"
-#: Kinds without alpha beside them: there are many of them, or the mark says all. Where an event is,
-#: its name stands beside any kind.
+#: Kinds without alpha beside the mark: such points are frequent, or the mark says all. The name of
+#: an event stands beside any kind.
 UNLABELLED = (Kind.START, Kind.END, Kind.TRANSITION, Kind.STOPPED)
-#: Most transitions whose marks have their full size.
+#: Most transitions of a diagram that are drawn with marks of full size.
 FEW = 12
 #: Sizes in points: of the smallest marks, and the radius of a mark for labels.
 SMALLEST, RADIUS = 1.5, 4.5
@@ -54,7 +54,7 @@ class Mark:
     Attributes
     ----------
     kind, label : str
-        The label is empty where the mark says enough.
+        The label is empty if the mark says enough.
     look : dict
         How matplotlib draws the mark.
     at : ndarray, shape (2,)
@@ -71,14 +71,14 @@ class Mark:
     side: int
 
     def is_within(self, window: Window | None) -> bool:
-        """Tell whether a mark lies in a part of the diagram."""
+        """Tell whether the mark lies in a window of the diagram; not without window."""
         if window is None:
             return False
         return all(lo <= value <= hi for value, (lo, hi) in zip(self.at, window, strict=True))
 
 
 def markers_of(graph: BranchGraph) -> dict[str, dict[str, Any]]:
-    """Return how each kind of special point is drawn, also those of a user's own detectors."""
+    """Return {kind: look} for all special points, also from a user's own detectors."""
     kinds = {str(point.kind) for point in graph.special_points()}
     own = zip(sorted(kinds - {str(kind) for kind in Kind}), cycle(OWN_MARKERS), strict=False)
     return MARKERS | {kind: {"marker": shape, "markersize": 8} for kind, shape in own}
@@ -87,7 +87,8 @@ def markers_of(graph: BranchGraph) -> dict[str, dict[str, Any]]:
 def marked(graph: BranchGraph) -> dict[int, list[SpecialPoint]]:
     """Return the special points that are marked, by branch.
 
-    A branch that leaves the interval is not marked there, whichever end it was followed from.
+    The end of a branch on the boundary of the interval has no mark, even if the run started from
+    that end.
     """
     found = {}
     for branch, pieces in enumerate(graph.components()):
@@ -108,13 +109,13 @@ def _leaves(graph: BranchGraph, point: SpecialPoint) -> bool:
 def marks_of(
     graph: BranchGraph, mode: Callable[[Character], str], place: Callable[[Array], Array]
 ) -> list[Mark]:
-    """Return the marks of a diagram, without transitions that do not change its mode.
+    """Return the marks of a diagram, without transitions that do not change the mode.
 
     Parameters
     ----------
     graph, mode
     place : callable
-        Points (z, alpha), shape (k, n + 1) -> their places in the diagram, shape (k, 2).
+        Points (z, alpha), shape (k, n + 1) -> places in the diagram, shape (k, 2).
     """
     sides, unseen, looks = _sides(graph), _unseen(graph, mode), markers_of(graph)
     return [
@@ -133,7 +134,7 @@ def marks_of(
 
 
 def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
-    """Return the transitions at which a mode does not change: another part of the system does."""
+    """Return the transitions at which the mode of the panel does not change."""
     words: dict[int, set[str]] = {}
     for piece in graph.pieces:
         for node in (piece.start, piece.end):
@@ -143,7 +144,7 @@ def _unseen(graph: BranchGraph, mode: Callable[[Character], str]) -> set[int]:
 
 
 def _label(graph: BranchGraph, point: SpecialPoint) -> str:
-    """Return what is written beside a point; rounding dust reads as zero."""
+    """Return the label of a point; alpha within rounding of zero reads as zero."""
     if point.kind in UNLABELLED or point.kind == Kind.EVENT:
         return point.name
     dust = DUST * float(np.ptp(graph.interval))
@@ -152,7 +153,7 @@ def _label(graph: BranchGraph, point: SpecialPoint) -> str:
 
 
 def _sides(graph: BranchGraph) -> dict[int, int]:
-    """Return the side, 1 or -1, of each node with pieces on the other side only."""
+    """Return the side without pieces, 1 or -1, of each node whose pieces lie on a single side."""
     seen: dict[int, set[int]] = {}
     for piece in graph.pieces:
         for node in {piece.start, piece.end}:
@@ -161,7 +162,7 @@ def _sides(graph: BranchGraph) -> dict[int, int]:
 
 
 def _side(point: SpecialPoint, piece: Piece) -> int:
-    """Return the side, 1 or -1, of a node on which one of its pieces lies."""
+    """Return the side, 1 or -1, of a node on which a piece lies."""
     return int(np.sign(0.5 * sum(piece.interval) - point.alpha))
 
 

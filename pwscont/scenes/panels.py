@@ -1,4 +1,4 @@
-"""What a scene shows: quantities, bodies, panels."""
+"""The things that a scene shows: quantities, bodies, panels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.graph import BranchGraph
 from pwscont.system.system import PiecewiseSystem
 
-#: What a contact node may do.
+#: The states of a contact node.
 CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")
 
 
@@ -27,33 +27,33 @@ CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")
 class Shapes:
     """The shapes in which pictures show a body in several states.
 
-    Between two states all numbers are interpolated, so they must depend on (z, alpha) linearly to
-    be true there.
+    Between two states all numbers are interpolated; the picture in between is right only if the
+    numbers depend linearly on (z, alpha).
 
     Attributes
     ----------
     corners : ndarray of int, shape (elements, c)
         The nodes around each element.
     positions : ndarray, shape (states, 2, nodes)
-        Where nodes are drawn: displacements may be magnified.
+        Places at which nodes are drawn: displacements may be magnified.
     shade : ndarray, shape (states, m, elements)
-        Its Euclidean norm over the m components chooses the colour of an element.
+        Stress of each element; the Euclidean norm over the m components chooses the colour.
     contact : ndarray of int, shape (p,)
         The nodes in or near contact.
     tangents : ndarray, shape (2, p)
         Unit vectors in the direction of ``slip+``.
     pressure, shear, bound : ndarray, shape (states, p)
-        Force per area on each contact node, and the most that friction can hold.
+        Force per area on each contact node, and the friction bound of the shear.
     arc : ndarray, shape (p,)
         Length along the boundary at each contact node.
     part : ndarray of int, shape (p,)
         Number of the connected part of the boundary that each contact node belongs to.
     obstacles : tuple of ndarray, each of shape (2, j)
-        Outlines of what the body leans on.
+        Outlines of the obstacles that the body leans on.
     held : ndarray of int
         Nodes that are held in place.
     note : str
-        What is magnified, and by how much.
+        The quantity that is magnified, and the factor.
     shade_label, arc_label, force_label : str
         Names of colours and axes, with units.
     """
@@ -77,14 +77,14 @@ class Shapes:
 
 
 class BodyPicture(ABC):
-    """How the states of a system look on a body; the field ``body`` of a scene holds it.
+    """The seam for pictures of a body; the field ``body`` of a scene holds a picture.
 
     :class:`pwscont.View` shows the body beside the branch diagram.
     """
 
     @abstractmethod
     def shapes(self, points: Array) -> Shapes:
-        """Return the body in several states.
+        """Return the shapes of the body at several solutions.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class BodyPicture(ABC):
 
     @abstractmethod
     def contact_states(self, character: Character) -> Sequence[str]:
-        """Return what each contact node does in a cell.
+        """Return the state of each contact node in the cell of a character.
 
         Returns
         -------
@@ -112,7 +112,7 @@ DUST = 1e-9
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """A quantity with its name.
+    """A quantity to draw, with name and typical magnitude.
 
     Attributes
     ----------
@@ -129,12 +129,12 @@ class Drawn:
 
     @classmethod
     def of(cls, graph: BranchGraph, what: What) -> Drawn:
-        """Return the quantity that is asked for.
+        """Return the quantity for an index, a name or a function.
 
         Raises
         ------
         InvalidInputError
-            If there is no such quantity; UnknownNameError names close ones.
+            If there is no such quantity; UnknownNameError lists similar names.
         """
         if isinstance(what, Integral):
             return cls._component(graph, int(what))
@@ -145,7 +145,7 @@ class Drawn:
         raise _undrawable(what)
 
     def is_constant(self, values: Sequence[Array]) -> bool:
-        """Tell whether there are values and all of them are equal to rounding."""
+        """Tell whether all values of a quantity, at least one, are equal to rounding."""
         if not values:
             return False
         low, high = (extreme([extreme(some) for some in values]) for extreme in (np.min, np.max))
@@ -164,12 +164,12 @@ class Drawn:
             return cls._component(graph, graph.names.index(name))
         value = partial(graph.quantities.value, name)
         if name not in graph.quantities.record:
-            value(np.zeros(len(graph.names)), 0.0)  # raises an error that names close ones
+            value(np.zeros(len(graph.names)), 0.0)  # raises an error that lists similar names
         return cls(name, _each(value))
 
 
 def is_parameter(graph: BranchGraph, name: str) -> bool:
-    """Tell whether a name is that of the parameter, and of no unknown and no recorded quantity."""
+    """Tell whether a name means the parameter, and no unknown or recorded quantity."""
     known = (*graph.names, *graph.quantities.record)
     return name not in known and spelled(name) == spelled(graph.parameter)
 
@@ -182,7 +182,7 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
     Raises
     ------
     UnknownNameError
-        If there is none; the message names close ones.
+        If the name is not known; the message lists similar names.
     """
     if name.isdecimal() and name not in record and int(name) < len(unknowns):
         return unknowns[int(name)]
@@ -231,7 +231,7 @@ def _each(function: Function) -> Callable[[Array], Array]:
 @final
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One diagram: a quantity against the parameter.
+    """A diagram: a quantity against the parameter.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ class ParameterPath:
     curve : callable
         alpha -> (horizontal, vertical).
     labels : tuple of str
-        Names of both axes.
+        Names of the horizontal and the vertical axis.
     title : str
 
     Examples
@@ -300,7 +300,7 @@ class Shown(Protocol):
 
     @property
     def orientations(self) -> tuple[int, ...]:
-        """The first is the direction in which the table reads every branch."""
+        """Directions, +1 or -1; the table reads every branch in the first direction."""
 
     @property
     def panels(self) -> tuple[Panel, ...]:
@@ -316,4 +316,4 @@ class Shown(Protocol):
 
     @property
     def body(self) -> BodyPicture | None:
-        """How solutions look on a body; None without a body."""
+        """The picture of the body; None without a body."""

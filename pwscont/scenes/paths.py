@@ -1,6 +1,6 @@
 """Companion pictures: load paths, and numbers of solutions.
 
-Meant to stand under a branch diagram with the same horizontal axis.
+The diagram of numbers stands under a branch diagram with the same horizontal axis.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pwscont.scenes.labels import LETTERS
 from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.styles import number_of, symbol
 
-POINTS = 201
-#: A path shorter than this part of its size is a point.
+POINTS = 201  # of a drawn path
+#: A path whose extent is less than this part of the largest coordinate is a point.
 AT_REST = 1e-9
 
 
@@ -30,13 +30,13 @@ def points_of(graph: BranchGraph, path: ParameterPath) -> Array:
 
 
 def is_at_rest(graph: BranchGraph, path: ParameterPath) -> bool:
-    """Tell whether a path is a point."""
+    """Tell whether a path stays at a point over the whole interval."""
     points = points_of(graph, path)
     return bool(np.ptp(points, axis=0).max() <= AT_REST * np.abs(points).max())
 
 
 def draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
-    """Draw a path with its direction and the parameter at both ends."""
+    """Draw a path with an arrow for the direction, and the parameter at the ends."""
     points = points_of(graph, path)
     ax.plot(*points.T, color="black", linewidth=1.5)
     middle = points[len(points) // 3 : len(points) // 3 + 2]
@@ -62,7 +62,7 @@ def draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
 
 
 def _ends(graph: BranchGraph, points: Array) -> list[tuple[tuple[float, float], str]]:
-    """Return the ends of a path with their labels; one end and label for a closed path."""
+    """Return the ends of a path, each with a label; a single end and label for a closed path."""
     (first, last), name = map(number_of, graph.interval), symbol(graph.parameter)
     begin, end = (tuple(map(float, points[i])) for i in (0, -1))
     if np.abs(points[0] - points[-1]).max() <= AT_REST * np.abs(points).max():
@@ -78,7 +78,7 @@ ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "nc
 
 
 def is_one_number(graph: BranchGraph) -> bool:
-    """Tell whether one number of solutions and one balance hold on the whole interval."""
+    """Tell whether the number of solutions and the balance are constant on the interval."""
     vertical = any(piece.is_vertical for piece in graph.pieces)
     return len(graph.multiplicity()) == 1 and len(graph.balance_values()) == 1 and not vertical
 
@@ -94,8 +94,8 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     Returns
     -------
     matplotlib.axes.Axes
-        The same axes. Dots are the counts at single values of alpha, such as folds; dotted lines
-        mark vertical pieces, where there are infinitely many.
+        The given axes. Dots are the counts at single values of alpha, such as folds; dotted lines
+        mark vertical pieces, which have infinitely many solutions at one alpha.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Branch diagrams in the manner of the paper.
 
 Colours are branches, line styles modes, thin lines a negative determinant; marks are special
-points. Imported only where a picture is asked for.
+points. This module is imported only if a picture is asked for.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _modes(styles: Mapping[str, Any]) -> list[Line2D]:
 
 
 def _signs(graph: BranchGraph) -> list[Line2D]:
-    """Return the handle that explains thin lines, where there are any."""
+    """Return the handle that explains thin lines, if a piece has a negative determinant."""
     if not any(piece.det_sign < 0 for piece in graph.pieces):
         return []
     return [Line2D([], [], color="black", linewidth=THIN, label="thin: det(dH/dz) < 0")]
@@ -89,7 +89,7 @@ def _text(words: str) -> Line2D:
 
 
 def told_apart(words: Sequence[str]) -> list[str]:
-    """Return names that a legend has room for; what long names share at their ends is left out."""
+    """Return names short enough for a legend, without the words that long names share."""
     if max(map(len, words), default=0) > MOST_LETTERS:
         before, after = _shared(words), _shared([word[::-1] for word in words])[::-1]
         words = [_without(word, before, after) for word in words]
@@ -97,7 +97,7 @@ def told_apart(words: Sequence[str]) -> list[str]:
 
 
 def _shared(words: Sequence[str]) -> str:
-    """Return what several names begin with, up to the end of a word."""
+    """Return the whole words with which all of several names begin."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*words, strict=False))
     shared = "".join(letters[0] for letters in alike) if len(words) > 1 else ""
     return shared[: shared.rfind(" ") + 1]
@@ -109,7 +109,7 @@ def _without(word: str, before: str, after: str) -> str:
 
 
 def _word(graph: BranchGraph, kind: str) -> str:
-    """Return the word for a kind, with a note on the number beside its mark."""
+    """Return the word for a kind, with a note on the number beside the mark."""
     beside = "" if kind in {*UNLABELLED, Kind.EVENT} else f", at {symbol(graph.parameter)}"
     return f"{kind}{beside}".replace("nonsmooth", "non-smooth")
 
@@ -119,14 +119,14 @@ Content: TypeAlias = Panel | ParameterPath
 ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
 #: Most diagrams side by side, and most rows of a legend beside the counts.
 MOST_COLUMNS, LEGEND_ROWS = 3, 6
-#: Inches of a line in a legend and its letters per inch.
+#: Width of a handle in a legend in inches, and letters per inch of a legend.
 HANDLE, SMALL_LETTERS = 0.6, 16
-#: Most constant quantities that a title names, and its letters per inch.
+#: Most constant quantities that a title names, and letters per inch of a title.
 MOST_CONSTANTS, LETTERS = 4, 12
 
 
 def rows_of(scene: Shown, graph: BranchGraph) -> list[list[Content]]:
-    """Return the diagrams in rows, a row per title with its parameter path.
+    """Return the diagrams in rows, a row for each title, with a parameter path at the end.
 
     Constant quantities are left out, unless all quantities are constant.
     """
@@ -178,7 +178,7 @@ def _number(graph: BranchGraph) -> Iterator[str]:
 
 
 def columns_for(rows: Sequence[Sequence[Any]]) -> int:
-    """Return how many diagrams stand side by side."""
+    """Return the number of diagrams that stand side by side."""
     lengths, count = {len(row) for row in rows}, sum(map(len, rows))
     if len(lengths) == 1 and max(lengths) <= MOST_COLUMNS:
         return max(lengths)
@@ -186,7 +186,7 @@ def columns_for(rows: Sequence[Sequence[Any]]) -> int:
 
 
 def arrange(columns: int, rows: int, *, counted: bool) -> tuple[Figure, Any]:
-    """Return a figure and its axes: rows for diagrams, and a low row for the counts."""
+    """Return a figure and axes: rows for diagrams, and a low row for the counts."""
     heights = [ROW] * rows + [COUNTS] * counted
     width = COLUMN * columns if columns > 1 else ALONE
     figure = Figure(figsize=(width, sum(heights)), layout="constrained")
@@ -212,7 +212,7 @@ def place_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]
 
 
 def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
-    """Return how many inches wide a legend is, about."""
+    """Return the approximate width of a legend, in inches."""
     lines = [str(handle.get_label()).split("\n") for handle in handles]
     letters = [max(map(len, some)) for some in lines]
     longest = [max(part, default=0) for part in np.array_split(letters, columns or 1)]
@@ -227,9 +227,9 @@ def plot(
     y: What | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw a quantity over the parameter, or over another one: colours are branches.
+    """Draw a quantity over the parameter or over another quantity: colours are branches.
 
-    Line styles are modes, and thin lines are pieces on which det(dH/dz) is negative. Where branches
+    Line styles are modes, and thin lines are pieces on which det(dH/dz) is negative. If branches
     coincide over the parameter, the upper branch runs between rails in the colours of the branches
     beneath. Folds that are close together are enlarged.
 
@@ -240,11 +240,11 @@ def plot(
         The quantity: index into z, name of an unknown or of a recorded quantity, or function of
         (z, alpha). Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
     x : int, str or callable, optional
-        The quantity of the horizontal axis; default the parameter, which goes by its name, too.
+        The quantity of the horizontal axis; default the parameter, whose name is accepted, too.
     y : int, str or callable, optional
-        Another word for ``what``.
+        The quantity of the vertical axis, instead of ``what``.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
+        Axes to draw into; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
 
     Returns
     -------
@@ -254,7 +254,7 @@ def plot(
     Raises
     ------
     InvalidInputError
-        If there is no such quantity; the message names close ones.
+        If there is no such quantity; the message lists similar names.
 
     Examples
     --------
@@ -339,7 +339,7 @@ def _draw_panel(
 
 
 def _write_labels(figure: Figure | SubFigure, diagrams: Mapping[Axes, Diagram | None]) -> None:
-    """Enlarge what is crowded and write labels, once it is known how large the diagrams are."""
+    """Draw insets and labels, after the layout has set the sizes of the diagrams."""
     layout = figure.get_layout_engine()
     if layout is not None and isinstance(figure, Figure):
         layout.execute(figure)
@@ -353,7 +353,7 @@ def _write_labels(figure: Figure | SubFigure, diagrams: Mapping[Axes, Diagram | 
 def _styles(
     graph: BranchGraph, panels: Sequence[Panel], wanted: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a line style for every mode that occurs: the scene's, else the system's."""
+    """Return a line style for every mode that occurs: from the scene, else from the system."""
     own = graph.system.line_styles if graph.system else {}
     modes = [mode_of(graph, panel) for panel in panels]
     words = (mode(piece.character) for mode in modes for piece in graph.pieces)

@@ -2,8 +2,8 @@
 
 Failure modes and answers
 -------------------------
-- A package cannot be imported, or what it offers is no scene: the message names the package, and
-  all other scenes go on working.
+- A package cannot be imported, or offers something that is no scene: the message names the package,
+  and the scenes of all other packages go on working.
 - Two packages offer scenes of one name: the name is refused, and the message names the packages.
 """
 
@@ -29,7 +29,7 @@ TRUTH = {"true": True, "false": False}
 
 
 def add_settings(command: argparse.ArgumentParser) -> None:
-    """Let a command take settings of scenes."""
+    """Add the option ``-s NAME=VALUE`` to a command."""
     command.add_argument(
         "-s",
         "--set",
@@ -51,15 +51,15 @@ def _setting(text: str) -> tuple[str, str]:
 
 
 def settings_of(scene: str, make: Callable[..., Any], given: Mapping[str, str]) -> dict[str, Any]:
-    """Return the arguments for a function.
+    """Return the arguments for the function that makes a scene, from settings as text.
 
-    The type of a parameter is its annotation. Without annotation it is a number where the default
-    is a number, else a text.
+    The annotation of a parameter is the type. Without annotation a parameter is a number if the
+    default is a number, else a text.
 
     Raises
     ------
     InvalidInputError
-        If there is no such parameter, or the text is not of its type.
+        If there is no such parameter, or the text does not fit the type.
     """
     hints, parameters = get_type_hints(make), signature(make).parameters
     kinds = {name: hints.get(name) or _kind(what.default) for name, what in parameters.items()}
@@ -79,14 +79,14 @@ def _number(text: str) -> float:
 
 
 def _kind(default: Any) -> Callable[[str], Any]:
-    """Return the function that converts a text where only a default tells the type."""
+    """Return the function that converts a text to the type of a default."""
     if isinstance(default, bool):
         return bool
     return _number if isinstance(default, int | float) else str
 
 
 def described(make: Callable[..., Any]) -> str:
-    """Return the parameters of a function with their defaults, such as ``nodes=20``."""
+    """Return the parameters of a function with defaults, such as ``nodes=20``, as text."""
     parameters = signature(make).parameters.values()
     return ", ".join(f"{parameter.name}={parameter.default}" for parameter in parameters)
 
@@ -109,17 +109,17 @@ def _value(scene: str, name: str, text: str, kind: Callable[[str], Any]) -> Any:
 
 
 GROUP = "pwscont.scenes"
-#: A name as similar as this to another one is a misspelt one.
+#: A name counts as misspelt if the similarity to a known name, 0 to 1 (difflib), is at least this.
 NEAR = 0.6
 
 
 def scene_names() -> list[str]:
-    """Return the names of all scenes, without importing any."""
+    """Return the names of all scenes, without importing a package."""
     return sorted({point.name for point in entry_points(group=GROUP)}, key=_natural)
 
 
 def scenes_by_package() -> dict[str, list[str]]:
-    """Return the names of the scenes of each package that offers some, without importing any."""
+    """Return {package: names of the offered scenes}, without importing a package."""
     package = {point.name: point.module.split(".")[0] for point in entry_points(group=GROUP)}
     grouped: dict[str, list[str]] = {package: [] for package in sorted({*package.values()})}
     for name in scene_names():
@@ -128,16 +128,16 @@ def scenes_by_package() -> dict[str, list[str]]:
 
 
 def described_package(package: str) -> str:
-    """Return a package's name and the first line of its documentation, or only the name."""
+    """Return a package's name with the first line of the docstring, or only the name."""
     try:
         words = import_module(package).__doc__
-    except (Exception, SystemExit):  # each of its scenes says why
+    except (Exception, SystemExit):  # each scene of the package says why
         words = None
     return f"{package}: {words.strip().splitlines()[0]}" if words and words.strip() else package
 
 
 def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable:
-    """Build a scene by name; imports only the package that offers it.
+    """Return the scene of a name, built; imports only the package that offers the scene.
 
     Parameters
     ----------
@@ -148,9 +148,9 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
     Raises
     ------
     SceneNotFoundError
-        If no installed package offers the scene; the message names similar ones.
+        If no installed package offers the scene; the message lists similar names.
     BrokenSceneError
-        If the package cannot make the scene, or several packages offer one of this name.
+        If the package cannot make the scene, or several packages offer a scene of this name.
     InvalidInputError
         If the function has no such parameter, or a value does not fit.
     """
@@ -168,12 +168,12 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
 
 
 def scene_settings(name: str) -> tuple[str, ...]:
-    """Return the names of a scene's settings; raises what :func:`load_scene` raises."""
+    """Return the names of a scene's settings; errors as of :func:`load_scene`."""
     return tuple(signature(_loaded(_entry_point(name))).parameters)
 
 
 def described_scene(name: str) -> str:
-    """Return a scene's title and its settings, or why there are none, in one line."""
+    """Return a scene's title and settings, or the error of building the scene, as one line."""
     try:
         title, settings = load_scene(name).title, described(_loaded(_entry_point(name)))
     except PwscontError as error:
@@ -221,6 +221,6 @@ def _package(point: EntryPoint) -> str:
 
 
 def _natural(name: str) -> tuple[str, int]:
-    """Sort fig7 before fig10."""
+    """Return the key by which fig7 sorts before fig10."""
     word = name.rstrip("0123456789")
     return word, int(name[len(word) :] or 0)

@@ -1,4 +1,4 @@
-"""A scene: a named problem, ready to run, and what to report and draw of its graph."""
+"""A scene: a named problem, ready to run, with the choice of what is reported and drawn."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ from pwscont.transitions.user_event import Stop
 @final
 @dataclass(frozen=True, slots=True, repr=False)
 class Scene(Runnable):
-    """A system, an interval of its parameter, and what to report and draw.
+    """A system, an interval of the parameter, and the choice of what is reported and drawn.
 
     A package offers a scene by an entry point of the group ``pwscont.scenes`` whose value is a
-    function that returns the scene; its parameters, all with defaults, are settings.
+    function that returns the scene; the parameters of the function, all with defaults, are
+    settings.
 
     Attributes
     ----------
@@ -47,18 +48,18 @@ class Scene(Runnable):
     parameter : str
         Name of alpha.
     at : tuple of float
-        Parameter values whose solutions are listed unless the user asks for others.
+        Parameter values whose solutions are listed unless the user asks for other values.
     orientations : tuple of int
-        The first is the direction in which the table reads every branch: +1, -1 (paper,
-        Definition 1).
+        Directions, +1 or -1 (paper, Definition 1); the table reads every branch in the first
+        direction.
     search, stepper, detectors, events, record : optional
         As for :func:`pwscont.explore`.
     panels, paths, styles
         The pictures, and the line style for each mode.
     journal : Journal, optional
-        Where every finished piece is kept at once.
+        The journal that stores every finished piece at once.
     body : BodyPicture, optional
-        How solutions look on a body, for a view in the browser.
+        The picture of the body, for a view in the browser.
 
     Examples
     --------
@@ -90,16 +91,16 @@ class Scene(Runnable):
     resumable: ClassVar[bool] = True
 
     def with_journal(self, journal: Journal) -> Scene:
-        """Return the same scene with a journal."""
+        """Return the scene with a journal."""
         return replace(self, journal=journal)
 
     def with_panels(self, names: Sequence[str]) -> Scene:
-        """Return the same scene, which draws these unknowns or recorded quantities instead.
+        """Return the scene with diagrams of the named unknowns or recorded quantities instead.
 
         Raises
         ------
         UnknownNameError
-            If a name is not known; the message names close ones.
+            If a name is not known; the message lists similar names.
         """
         unknowns = self.system.names()
         own = {
@@ -114,12 +115,12 @@ class Scene(Runnable):
         return self
 
     def run(self, report: Report = silent) -> BranchGraph:
-        """Explore the scene's interval.
+        """Return the branch graph of the scene on the interval.
 
         Raises
         ------
         InvalidInputError, UnknownNameError
-            Before any work if a panel, or one of ``at``, does not fit.
+            Before any work if a panel, or a value of ``at``, does not fit.
         """
         self.values(None)
         return explore(
@@ -150,12 +151,12 @@ class Scene(Runnable):
             check_drawn(panel.component, unknowns, self.record)
 
     def plan(self) -> dict[str, str]:
-        """Return the parts of the run in words, without following anything."""
+        """Return the parts of the run, {name: words}, without following a branch."""
         interval = checked_interval(self.system, self.interval)
         watched = checked_detectors(self.system, self.detectors, self.events)
         plan = Plan.of(self.system, interval, self.stepper, watched)
         return plan.told(self.search or default_search(plan.followed, interval))
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
-        """Explore the interval and list the solutions at some values of alpha."""
+        """Return the branch graph of the interval, and the solutions at values of alpha."""
         return GraphAnswer(self, uninterrupted(self.run(report)), tuple(at))

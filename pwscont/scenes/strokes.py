@@ -1,10 +1,11 @@
 """The lines of a branch diagram.
 
-Corners of a polygon would look like kinks. The curve's parameter is the length along the points;
-its cubics never leave the range of their ends (Fritsch and Carlson 1980). Unknowns that change by
-rounding only do not count for the length; points that nearly coincide are drawn as one point.
+Corners of a polygon would look like kinks: pieces are drawn as smooth curves. The parameter of a
+curve is the length along the points; the cubics never leave the range of the values at the ends
+(Fritsch and Carlson 1980). The length leaves out unknowns that change by rounding only; points that
+nearly coincide are drawn as one point.
 
-Where branches coincide, as on a constant quantity, the upper line runs between rails in the colours
+If branches coincide, as for a constant quantity, the upper line runs between rails in the colours
 of the lines beneath.
 """
 
@@ -23,9 +24,10 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.graph import BranchGraph, Piece
 
-#: Least points of a piece that is drawn as a smooth curve, and parts of each of its steps.
+#: Least points of a piece that is drawn as a smooth curve, and parts into which each step of the
+#: piece is divided.
 LEAST_POINTS, FINER = 4, 8
-#: Points of a piece closer than this part of its length are drawn as one.
+#: Points of a piece that are closer than this part of the piece's length are drawn as one point.
 APART = 1e-6
 #: Unknowns that change by less than this part of the largest value change by rounding only.
 SAME = 1e-9
@@ -52,7 +54,7 @@ class Smooth:
 
     @classmethod
     def through(cls, points: Array, finer: int = FINER) -> Smooth | None:
-        """Return the curve through points (z, alpha), shape (k, n + 1), None through too few."""
+        """Return the curve through points (z, alpha), shape (k, n + 1); None for too few points."""
         if len(points) < LEAST_POINTS:
             return None
         length = length_along(points)
@@ -66,29 +68,29 @@ class Smooth:
         return cls(kept, length, fine)
 
     def __call__(self, values: Array) -> Array:
-        """Return values along the curve from those at all points, shape (k,) or (k, m)."""
+        """Return values along the curve from values at all points, shape (k,) or (k, m)."""
         along: Array = PchipInterpolator(self.length, values[self.kept])(self.fine)
         return along
 
 
 def is_straight(values: Array, parts: Array) -> bool:
-    """Tell whether values, (k,) or (k, m), at parts of the way lie on the line of their ends."""
+    """Tell whether values, (k,) or (k, m), at parts 0 to 1 lie on the line of the end values."""
     line = values[0] + np.multiply.outer(parts, values[-1] - values[0])
     return bool((np.abs(values - line) <= SAME * np.abs(values).max(axis=0)).all())
 
 
 def length_along(points: Array) -> Array:
-    """Return the length along points, shape (k, m), at each; columns count by their extent."""
+    """Return the length along points, shape (k, m), at each point; columns are scaled by extent."""
     extent, size = np.ptp(points, axis=0), np.abs(points).max()
     steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
     return np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
 
 
-#: Lines of two branches closer than this part of the picture's height look like one.
+#: Lines of two branches that are closer than this part of the picture's height look like one line.
 NEAR = 3e-3
 #: A common stretch shorter than this part of the picture's width is a crossing.
 LEAST_STRETCH = 0.01
-#: Parts in which a straight piece is drawn where a quantity is not straight along it.
+#: Number of parts of a straight piece along which a quantity is drawn as a curve.
 FINE = 64
 #: Parts of a straight piece at which a quantity is compared with a straight line.
 TRIED = np.array([0.0, 0.37, 0.71, 1.0])
@@ -99,7 +101,7 @@ SAMPLES = 17
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Stroke:
-    """One line.
+    """A line of a diagram.
 
     Attributes
     ----------
@@ -126,7 +128,7 @@ class Stroke:
         return self.branch, repr(self.style), self.is_thin
 
     def at(self, alpha: Array) -> Array:
-        """Return the quantity at values of the parameter, on one piece."""
+        """Return the quantity at values of the parameter, for the line of a single piece."""
         order = np.argsort(self.points[:, 0])
         values: Array = np.interp(alpha, *self.points[order].T)
         return values
@@ -135,13 +137,13 @@ class Stroke:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Rail:
-    """A stretch of one branch that lies beneath another.
+    """A stretch of a branch that lies beneath another branch.
 
     Attributes
     ----------
     points : ndarray, shape (k, 2)
     below, above : int
-        The branches.
+        The numbers of the branches.
     """
 
     points: Array
@@ -155,13 +157,13 @@ def strokes_of(
     place: Callable[[Array], Array],
     styles: Mapping[str, Any],
 ) -> list[Stroke]:
-    """Return the lines of all pieces, one each.
+    """Return a line for each piece of a graph.
 
     Parameters
     ----------
     graph, mode, styles
     place : callable
-        Points (z, alpha), shape (k, n + 1) -> their places in the diagram, shape (k, 2).
+        Points (z, alpha), shape (k, n + 1) -> places in the diagram, shape (k, 2).
     """
     return [
         Stroke(
@@ -177,7 +179,7 @@ def strokes_of(
 
 
 def visible(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Leave out lines over the parameter that lie on another line of the same branch and style.
+    """Return the lines without those that lie on another line of equal branch and style.
 
     Two dashed lines of different phase would look like a solid line, which is another mode.
     """
@@ -193,7 +195,7 @@ def visible(strokes: Sequence[Stroke]) -> list[Stroke]:
 
 
 def _boxes(strokes: Sequence[Stroke]) -> Array:
-    """Return the extents of lines: smallest and largest parameter, then the same of the values."""
+    """Return the extents of lines, shape (k, 4): parameter from, to, quantity from, to."""
     rows = [np.stack([s.points.min(axis=0), s.points.max(axis=0)]).T.ravel() for s in strokes]
     return np.array(rows).reshape(-1, 4)
 
@@ -204,7 +206,7 @@ def _hides(upper: Stroke, lower: Stroke, near: float) -> bool:
 
 
 def joined(strokes: Sequence[Stroke]) -> list[Stroke]:
-    """Return the lines, with lines that follow each other in one style joined.
+    """Return the lines, with successive lines of equal style joined.
 
     Otherwise the dashes of short pieces would begin anew at every transition.
     """
@@ -229,7 +231,7 @@ def _as_one(run: Sequence[Stroke]) -> Stroke:
 
 
 def alike(strokes: Sequence[Stroke]) -> Iterator[tuple[Stroke, list[Array]]]:
-    """Yield a stroke of each style on one branch, and the points of all strokes of that style."""
+    """Yield for each style on a branch a stroke, and the points of all strokes of that style."""
     for _, group in groupby(sorted(strokes, key=lambda s: s.kind), key=lambda s: s.kind):
         some = list(group)
         yield some[0], [stroke.points for stroke in some]
@@ -264,7 +266,7 @@ def _meets(boxes: Array, box: Array, width: float, near: float) -> npt.NDArray[n
 
 
 def line_of(piece: Piece, along: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Return alpha and a quantity along a piece: a smooth curve through its points."""
+    """Return alpha and a quantity along a piece, on a smooth curve through the points."""
     smooth = Smooth.through(piece.points)
     if smooth is not None:
         return smooth(piece.alpha), smooth(along(piece.points))

@@ -8,17 +8,17 @@ from typing import Any
 
 from pwscont.basics.quantities import spelled
 
-#: Greek letters by their words.
+#: The Greek letter for each word.
 GREEK = {spelled(letter): letter for letter in "αβγδεζηθικλμνξοπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"}
 
 
 def in_letters(words: str) -> str:
-    """Return a text with Greek letters for their words, such as ``δ = 0.9`` or ``θ1``."""
+    """Return a text with Greek letters in place of words, such as ``δ = 0.9`` or ``θ1``."""
     return re.sub(r"(?<![^\W_])[A-Za-z]+(?![a-z])", lambda m: GREEK.get(m[0], m[0]), words)
 
 
 def in_notation(words: str) -> str:
-    """Return a text with its names such as ``z_1`` in matplotlib's notation."""
+    """Return a text with names such as ``z_1`` in matplotlib's notation."""
     return re.sub(r"(?<!\w)[^\W_]+_\w+", lambda name: symbol(name[0]), in_letters(words))
 
 
@@ -38,7 +38,7 @@ def number_of(value: float) -> str:
 
 
 #: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow; then dark
-#: and muted ones for more branches (Tol 2021).
+#: and muted colours for more branches (Tol 2021).
 COLORS = (
     "#0072B2",
     "#D55E00",
@@ -53,7 +53,7 @@ COLORS = (
     "#332288",
     "#BBCC33",
 )
-#: Widths of lines; pieces on which the determinant is negative are thin.
+#: Widths of lines in points; pieces on which the determinant is negative are thin.
 WIDTH, THIN = 2.0, 0.9
 #: Line styles that can be told apart; where there are more modes, all lines are solid.
 LINE_STYLES: tuple[Any, ...] = (

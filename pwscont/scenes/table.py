@@ -1,8 +1,8 @@
 """The answer of a scene as text.
 
 Each special point has the estimated error of the parameter behind a plus-minus sign; no sign
-stands behind a value that is exact. Each solution has the error of its state relative to typical
-magnitudes. Fewer than six known digits are pointed out.
+stands behind a value that is exact. Each solution is printed with the error of the state relative
+to typical magnitudes. Fewer than six known digits are pointed out.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from pwscont.scenes.panels import Shown
 #: Kinds of points whose solutions are like the solutions around them, and need no remark.
 UNREMARKABLE = (None, Kind.START, Kind.END, Kind.TRANSITION)
 HEADINGS = {1: "", -1: ", negative orientation"}
-#: Most unknowns and most letters of a label that are printed, and the unknowns at either end of a
-#: shortened state.
+#: Most unknowns of a state and most letters of a label that are printed, and the number of unknowns
+#: at either end of a shortened state.
 MOST_UNKNOWNS, MOST_LETTERS, AT_EITHER_END = 12, 90, 3
 HINT = "Long lines are shortened: pwscont run --full prints them in full."
 
@@ -66,12 +66,12 @@ def _shortened(label: str) -> str:
 
 
 def _named(graph: BranchGraph, words: str) -> str:
-    """Return words about alpha with the parameter's own name."""
+    """Return words about alpha with the name of the parameter in place of ``alpha``."""
     return re.sub(r"\balpha\b", lambda _: graph.parameter, words)
 
 
 def _branches(scene: Shown, graph: BranchGraph, short: Shortening) -> Iterator[str]:
-    """Yield every branch once, read in the first orientation that the scene names."""
+    """Yield the lines of every branch, read in the first orientation that the scene names."""
     orientation = next(iter(scene.orientations), 1)
     for i, component in enumerate(graph.components(), start=1):
         yield ""
@@ -82,7 +82,7 @@ def _branches(scene: Shown, graph: BranchGraph, short: Shortening) -> Iterator[s
 def _branch(
     graph: BranchGraph, component: Sequence[Piece], orientation: int, short: Shortening
 ) -> Iterator[str]:
-    """Yield special points and pieces in turn."""
+    """Yield the lines of a branch, special points and pieces in turn."""
     previous = None
     for piece in component[::orientation]:
         first, last = (piece.start, piece.end)[::orientation]
@@ -129,7 +129,7 @@ def _counts(graph: BranchGraph) -> Iterator[str]:
 
 
 def _between(graph: BranchGraph, alpha: float) -> str:
-    """Return the number of solutions at one alpha between two stretches."""
+    """Return the number of solutions, in words, at the alpha between two stretches."""
     count = graph.count(alpha)
     return "infinitely many" if isinf(count) else f"{count}, counting a double one once"
 
@@ -140,7 +140,7 @@ def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
 
 
 def _balance(graph: BranchGraph) -> str:
-    """Return the balance; one value is necessary for completeness, but not sufficient."""
+    """Return the balance in words; a single value is necessary for completeness, not sufficient."""
     values = graph.balance_values()
     if len(values) == 1:
         return f"balance: the signs of det(dH/dz) sum to {_sign(values[0])} throughout"
@@ -167,7 +167,7 @@ def _error(solution: Solution) -> str:
 
 
 def _shown(values: list[str], full: bool) -> list[str]:
-    """Return the values of a state, of a wide state the first and the last ones."""
+    """Return the values of a state; of a wide state only the first and the last values."""
     if full or len(values) <= MOST_UNKNOWNS:
         return values
     count = f"({len(values)} unknowns)"
@@ -176,8 +176,8 @@ def _shown(values: list[str], full: bool) -> list[str]:
 
 
 def _values(scene: Shown, solution: Solution, largest: Array | float) -> list[str]:
-    """Return the unknowns of a solution by name; rounding dust reads as zero."""
-    # dust is measured by each unknown itself: metres stand beside pascals
+    """Return "name = value" for the unknowns of a solution; values within rounding read as zero."""
+    # rounding is relative to each unknown's own magnitude: metres stand beside pascals
     error = solution.error[:-1] if len(solution.error) else 0.0
     dust = np.maximum(DUST * largest, CONFIDENCE * error)
     z = np.where(np.abs(solution.z) <= dust, 0.0, solution.z)

@@ -1,1 +1,1 @@
-"""Many runs: sweeps over settings, what is measured of each, and where results are kept."""
+"""Many runs: sweeps over settings, measures of each run, and the store of results."""

@@ -1,11 +1,12 @@
-"""One case: a pure call from its number to a row of the table.
+"""Cases of a study: a pure function from the number of a case to a row of the table.
 
-Each row depends on the number of its case alone, except for the seconds.
+A row depends only on the number of the case, except for the seconds.
 
 Failure modes and answers
 -------------------------
-- The problem cannot be made or explored: the row has no values, and says why.
-- One measure fails: its value is None, the row says why, and keeps the other values.
+- The problem cannot be made or explored: the row has no values, and ``failure`` says why.
+- A measure fails: the value of the measure is None, ``failure`` says why, and the row keeps all
+  further values.
 """
 
 from __future__ import annotations
@@ -48,10 +49,10 @@ class StudyRow:
     proven : bool
         Whether all graphs of the case are complete; else counts are least numbers.
     guarantee : str
-        What is known of the completeness of the graph, in words.
+        The guarantee of completeness of the graph, in words.
     seconds : float
     failure : str
-        What failed, and why; empty where nothing did.
+        The part that failed, and why; empty if nothing failed.
     """
 
     case: int
@@ -72,7 +73,7 @@ class StudyRow:
 @final
 @dataclass(frozen=True, slots=True)
 class CaseRunner:
-    """Runs single cases of a study; sent to the processes that do.
+    """Runs single cases of a study; worker processes get a copy.
 
     Attributes
     ----------
@@ -89,7 +90,7 @@ class CaseRunner:
     graphs: Path | None = None
 
     def __call__(self, number: int) -> StudyRow:
-        """Run a case; returns its row, whatever happens."""
+        """Return the row of a case, run here; no error leaves the call."""
         begin = time.perf_counter()
         row = self._row(number)
         return replace(row, seconds=time.perf_counter() - begin)
@@ -125,7 +126,7 @@ def graph_file(directory: Path, number: int) -> Path:
 
 @contextmanager
 def _noted(failures: list[str], case: ExploredCase, what: str) -> Iterator[None]:
-    """Note what failed instead of raising it, what would end the program, too."""
+    """Record an error in ``failures`` instead of raising; SystemExit counts as an error."""
     try:
         yield
     except (Exception, SystemExit) as error:
@@ -135,6 +136,6 @@ def _noted(failures: list[str], case: ExploredCase, what: str) -> Iterator[None]
 
 
 def in_process(run: CaseRunner, numbers: Iterable[int]) -> Iterator[StudyRow]:
-    """Yield the rows of some cases; BLAS has one thread meanwhile, as in all other processes."""
+    """Yield the rows of cases, with one thread of BLAS as in worker processes."""
     with one_thread():
         yield from map(run, numbers)

@@ -2,10 +2,11 @@
 
 Failure modes and answers
 -------------------------
-- A worker dies: Dask runs its cases elsewhere, those too whose rows it had finished and kept, and
-  gives up a case that ended several workers; the case becomes a failed row.
-- No scheduler answers, or workers have other versions, so other numbers: refused before any work.
-- The scheduler goes away: the study ends with an error, and what is stored stays.
+- A worker dies: Dask runs the worker's cases elsewhere, including cases whose finished rows were
+  not fetched, and gives up a case that ended several workers; the case becomes a failed row.
+- No scheduler answers, or workers have different versions, whose numbers may differ: refused before
+  any work.
+- The scheduler goes away: the study ends with an error, and all stored rows stay.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.linear.threads import one_thread
 from pwscont.studies.case import CaseRunner, StudyRow, versions
 
-#: Cases that are sent ahead; more would fill the scheduler's memory.
+#: Number of cases that are sent ahead; more cases would fill the scheduler's memory.
 AHEAD = 500
-#: Seconds after which a scheduler that does not answer is taken to be none; Dask asks it twice.
+#: Seconds after which a scheduler that does not answer is given up; Dask asks twice.
 PATIENCE = 5.0
 
 
 def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterator[StudyRow]:
-    """Yield the rows of some cases in the order in which the cases finish.
+    """Yield the rows of cases as the cases finish on the workers of a scheduler.
 
     Parameters
     ----------
@@ -40,7 +41,8 @@ def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterato
     MissingPackageError
         If Dask is not installed.
     InvalidInputError
-        If no scheduler answers there, its workers have other versions, or it goes away.
+        If no scheduler answers at the address, workers have different versions, or the scheduler
+        goes away.
     """
     distributed = _distributed()
     with _client(distributed, address) as client:
@@ -64,7 +66,7 @@ def _rows(
 
 
 def run_alone(run: CaseRunner, number: int) -> StudyRow:
-    """Run a case on a worker, with one thread of BLAS."""
+    """Return the row of a case, run on a worker with one thread of BLAS."""
     with one_thread():
         return run(number)
 
@@ -74,7 +76,7 @@ def _sent(client: Any, run: CaseRunner, number: int) -> Any:
 
 
 def _row(future: Any, run: CaseRunner, number: int) -> StudyRow:
-    # a worker may die with a row that was finished but not fetched: Dask computes it again
+    # a worker may die with a row that was finished but not fetched: Dask computes the row again
     if future.status in ("lost", "pending"):
         future.exception()  # waits
     if future.status == "finished":
@@ -109,7 +111,7 @@ def _client(distributed: Any, address: str) -> Any:
 
 
 def _check_versions(client: Any) -> None:
-    """Refuse workers with other versions: their numbers may differ."""
+    """Refuse workers with different versions, whose numbers may differ."""
     here = versions()
     for worker, there in client.run(versions).items():
         for name in here:

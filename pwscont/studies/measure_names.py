@@ -29,7 +29,7 @@ def _critical(text: str, bracket: bool = False) -> Measure:
 
 
 def _only(tolerance: list[str]) -> float | None:
-    """Return the tolerance that may stand at the end."""
+    """Return the tolerance from the words behind a bracket, None for no word."""
     if len(tolerance) > 1:
         raise ValueError("more than a tolerance behind the bracket")
     return float(tolerance[0]) if tolerance else None
@@ -45,7 +45,8 @@ def _smallest(text: str) -> Measure:
     return QuantityAt(name, float(alpha), min)
 
 
-#: For each name, the form of what follows it, and the measure.
+#: Names of measures without value, and names of measures with a value: the form of the value, and
+#: the function that makes the measure from the value.
 SIMPLE: Mapping[str, Callable[[], Measure]] = {
     "max-count": MaxCount,
     "first-fold": FirstFold,
@@ -59,19 +60,19 @@ WITH_VALUE: Mapping[str, tuple[str, Callable[[str], Measure]]] = {
     "largest": ("QUANTITY@ALPHA", _largest),
     "smallest": ("QUANTITY@ALPHA", _smallest),
 }
-#: All measures with their forms, in words.
+#: All measures with the forms of the values, in words.
 FORMS = ", ".join([*SIMPLE, *(f"{name}={form}" for name, (form, _) in WITH_VALUE.items())])
 
 
 def measure_named(text: str) -> Measure:
-    """Return a measure by its name, such as ``critical=friction:0.1:5``.
+    """Return the measure of a name, such as ``critical=friction:0.1:5``.
 
     Raises
     ------
     UnknownNameError
-        If there is none of this name; the message names close ones.
+        If no measure has this name; the message lists similar names.
     InvalidInputError
-        If what follows the name is not of its form.
+        If the value behind the name does not have the form that the measure takes.
     """
     name, sign, value = text.partition("=")
     if name in SIMPLE and not sign:
@@ -92,7 +93,7 @@ def measure_named(text: str) -> Measure:
 
 
 def checked_measures(given: Mapping[str, Any] | Iterable[str]) -> dict[str, Measure]:
-    """Return measures by the names of their columns.
+    """Return {name of the column: measure} for measures given by name or as objects.
 
     Parameters
     ----------

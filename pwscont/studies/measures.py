@@ -1,7 +1,7 @@
-"""What a study measures of each case.
+"""The quantities that a study measures of each case.
 
-Values are numbers, texts, tuples of them, or None where there is nothing to measure, as for the
-first fold of a curve without folds.
+Values are numbers, texts, tuples of numbers and texts, or None if there is nothing to measure, such
+as the first fold of a curve without folds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pwscont.studies.problem import Problem, Setting, described, explored
 
 @final
 class ExploredCase:
-    """What a measure works on.
+    """A case as a measure sees the case: settings, and graphs that are explored when asked for.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ExploredCase:
     is_proven : bool
         Whether all graphs that were asked for are complete.
     failure : BaseException or None
-        Why the case has no graph, once that was asked for.
+        The error because of which the case has no graph, known once the graph was asked for.
     """
 
     def __init__(self, problem: Problem, settings: Mapping[str, Setting]) -> None:
@@ -67,7 +67,7 @@ class ExploredCase:
         return self._noted(explored(self._problem(**{**self.settings, **changed})), where)
 
     def _noted(self, graph: BranchGraph, where: str = "") -> BranchGraph:
-        """Note what is known of the completeness of a graph."""
+        """Return a graph, after updating the case's guarantee by the graph's."""
         if not self.guarantee or (self.is_proven and not graph.is_complete):
             self.is_proven = graph.is_complete
             at = "" if self.is_proven or not where else f"at {where}: "
@@ -80,12 +80,12 @@ def _word(value: Setting) -> str:
 
 
 Measured: TypeAlias = bool | int | float | str | tuple[Any, ...] | None
-#: Without a tolerance, a bracket is bisected to this part of its length.
+#: Default tolerance of a critical value, as a part of the length of the first bracket: nine digits.
 BRACKET_PART = 1e-9
 
 
 class Measure(ABC):
-    """A quantity that a study measures of each case; a case always has the same value.
+    """The seam for a quantity that a study measures of each case; equal cases have equal values.
 
     Examples
     --------
@@ -108,14 +108,14 @@ class Measure(ABC):
         Raises
         ------
         InvalidInputError
-            If the value cannot be told; the row of the case then says why.
+            If the value cannot be computed; the row of the case then says why.
         """
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class OfGraph(Measure):
-    """Any function of the graph."""
+    """A measure from a function of the graph."""
 
     function: Callable[[BranchGraph], Any]
 
@@ -165,7 +165,7 @@ class MaxCount(Measure):
     """
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return the largest number, infinite where a piece is vertical."""
+        """Return the largest number of solutions, infinite if a piece is vertical."""
         return most_solutions(case.graph)
 
 
@@ -227,7 +227,7 @@ def non_unique(graph: BranchGraph) -> tuple[tuple[float, float], ...]:
 @final
 @dataclass(frozen=True, slots=True)
 class FirstFold(Measure):
-    """The smallest alpha at which a branch turns, smoothly or not; None without folds.
+    """The smallest alpha of a fold or non-smooth fold; None without folds.
 
     Examples
     --------
@@ -247,14 +247,14 @@ class FirstFold(Measure):
 @final
 @dataclass(frozen=True, slots=True)
 class QuantityAt(Measure):
-    """An unknown or a recorded quantity at one alpha.
+    """The value of an unknown or a recorded quantity at one alpha.
 
     Attributes
     ----------
     quantity : str
     alpha : float
     of_all : callable
-        What to take of the values of all solutions there: ``max``, ``min``, ``tuple``, ...
+        Values at all solutions -> the value of the measure: ``max``, ``min``, ``tuple``, ...
 
     Examples
     --------
@@ -273,7 +273,7 @@ class QuantityAt(Measure):
         _check_alpha(self.alpha)
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return what ``of_all`` makes of the values; None without solutions."""
+        """Return ``of_all`` of the values at all solutions; None without solutions."""
         graph = case.graph
         quantity_named(self.quantity, graph.names, graph.quantities.record)
         values = [solution[self.quantity] for solution in graph.solutions(self.alpha)]
@@ -286,33 +286,34 @@ def _check_alpha(alpha: Any) -> None:
 
 
 def has_several(graph: BranchGraph) -> bool:
-    """Tell whether there is more than one solution at some alpha."""
+    """Tell whether a graph has more than one solution at some alpha."""
     return most_solutions(graph) > 1
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class CriticalValue(Measure):
-    """The value of a further setting at which something begins, by bisection.
+    """The value of a further setting at which a property of the graph begins, by bisection.
 
-    At every value tried the system is explored, and the graph is asked. The guarantee of the case
-    is the guarantee of the least certain graph: where that graph is not complete, a solution that
-    was not seen may be there nevertheless.
+    At every tried value the system is explored, and ``begins`` tells whether the graph has the
+    property. The guarantee of the case is the guarantee of the least certain graph: if that graph
+    is not complete, the graph may lack solutions.
 
     Attributes
     ----------
     setting : str
     lo, hi : float
-        The first bracket: something is there at hi and not at lo. If nothing is there at hi, the
-        value is None; if something is there at lo, the critical value is smaller, and the case
-        fails. If something begins several times in between, one of these values is found.
+        The first bracket: the property holds at hi and not at lo. If the property does not hold at
+        hi, the value is None; if the property holds at lo, the critical value is smaller than lo,
+        and the case fails. If the property begins several times in between, bisection finds one of
+        these values.
     begins : callable
         BranchGraph -> bool; default whether some alpha has more than one solution.
     tolerance : float, optional
         Longest last bracket, in units of the setting; default 1e-9 times hi - lo.
     bracket : bool
         Whether the value is the last bracket, (lo, hi); default the upper end of the last bracket,
-        at which something is there.
+        at which the property holds.
 
     Examples
     --------
@@ -348,11 +349,11 @@ class CriticalValue(Measure):
 
     @property
     def varied(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The setting itself."""
+        """The setting, as the only varied setting."""
         return (self.setting,)
 
     def of(self, case: ExploredCase) -> Measured:
-        """Return the critical value, or its bracket."""
+        """Return the critical value, or the bracket of the critical value."""
         if not self._is_there(case, self.hi):
             return None
         if self._is_there(case, self.lo):
@@ -364,7 +365,7 @@ class CriticalValue(Measure):
         return last if self.bracket else last[1]
 
     def _bisected(self, case: ExploredCase) -> tuple[float, float]:
-        """Return the last bracket: nothing is there at its lower end, something at its upper."""
+        """Return the last bracket (lo, hi): the property holds at hi and not at lo."""
         lo, hi = float(self.lo), float(self.hi)
         tolerance = self.tolerance or BRACKET_PART * (hi - lo)
         while hi - lo > tolerance:
@@ -379,7 +380,7 @@ class CriticalValue(Measure):
 
 
 def plain(value: Any) -> Measured:
-    """Return what a function measured as plain Python has it, the same in files and processes.
+    """Return a measured value as plain Python objects, equal in files and processes.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Pictures of a study: a line over one setting, a map over two, several maps over three.
 
-Cases whose graphs are not complete are hollow dots, or hatched: their counts are least numbers.
-Failed cases are crosses; where there is nothing to measure, there is a gap.
+Cases whose graphs are not complete are hollow dots, or hatched: counts of such cases are least
+numbers. Failed cases are crosses; cases with nothing to measure are gaps.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from pwscont.studies.problem import Setting
 
 #: The name of a column -> a masked array.
 Column: TypeAlias = Callable[[str], Any]
-#: Most different whole numbers that have a colour each.
+#: Most different whole numbers that are drawn with a colour for each number.
 FEW = 9
-#: Most maps in a single row (more maps stand in a square), and most maps.
+#: Most maps in a single row (more maps stand in a square), and most maps in a picture.
 ACROSS, MOST_MAPS = 3, 12
-#: One solution is nearly white; more are darker.
+#: Colours of counts: one solution is nearly white, more solutions are darker.
 SHADES = "YlGnBu"
 NOTHING = "0.88"
 CROSS: dict[str, Any] = {"marker": "x", "linestyle": "none", "color": COLORS[1]}
 HATCH: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.35", "hatch": "///", "linewidth": 0}
 ENDLESS: dict[str, Any] = {"marker": "$∞$", "linestyle": "none", "color": "black", "markersize": 11}
-#: Most ticks for values that are texts.
+#: Most ticks of an axis for values that are texts.
 MOST_WORDS = 12
 
 
 @final
 class Drawing:
-    """A measure over those settings that have several values.
+    """A measure over the settings that have several values.
 
     Attributes
     ----------
     name : str
     over : dict of str to tuple
-        These settings.
+        The values of each setting with several values.
     values, unproven, failed : ndarray
-        One axis for each setting.
+        Arrays with one axis for each setting.
     """
 
     def __init__(self, name: str, over: Mapping[str, Sequence[Setting]], column: Column) -> None:
@@ -69,7 +69,7 @@ class Drawing:
 
     @property
     def levels(self) -> npt.NDArray[np.float64] | None:
-        """The values, if all are whole or infinite and few differ; else None."""
+        """The different values, if all values are whole or infinite and few differ; else None."""
         found = np.unique(self.values.compressed())
         finite = found[np.isfinite(found)]
         few = len(found) <= FEW and bool((finite == finite.round()).all())
@@ -89,7 +89,7 @@ def draw_study(
     column : callable
         Name -> column of the table, one axis for each setting, masked.
     figure : matplotlib.figure.Figure or None
-        Where to draw; None for a new one of pyplot.
+        The figure to draw into; None for a new figure of pyplot.
     """
     drawing, draw = Drawing(name, over, column), {1: _lines, 2: _maps, 3: _maps}
     count = len(drawing.over)
@@ -166,7 +166,7 @@ def _maps(drawing: Drawing, figure: Figure) -> None:
 
 
 def _spread(count: int) -> list[Any]:
-    """Return the places of those values that have a map: all, or some from first to last."""
+    """Return the places of the values that get a map: all, or ``MOST_MAPS`` evenly spread."""
     places = np.linspace(0, count - 1, min(count, MOST_MAPS)).round().astype(int)
     return [int(place) for place in places]
 
@@ -191,13 +191,13 @@ def _map(ax: Axes, drawing: Drawing, panel: Any, colours: tuple[Colormap, Normal
 
 
 def _label(ax: Axes, names: tuple[str, str], below: bool, left: bool) -> None:
-    """Write the names of the settings at the rim."""
+    """Write the names of the settings at the left and the lower edge of the picture."""
     ax.set(xlabel=symbol(names[0]) if below else "", ylabel=symbol(names[1]) if left else "")
     ax.tick_params(labelbottom=below)
 
 
 def _shown(drawing: Drawing, values: Any) -> Any:
-    """Return the places of whole numbers among the levels, other values as they are."""
+    """Return for whole numbers the places among the levels; leave values on a scale unchanged."""
     if drawing.levels is None:
         return np.ma.masked_where(np.isinf(values.filled(0.0)), values)
     return np.ma.masked_array(np.searchsorted(drawing.levels, values.filled(0.0)), values.mask)
@@ -237,12 +237,12 @@ def _is_scale(values: Sequence[Setting]) -> bool:
 
 
 def _places(values: Sequence[Setting]) -> npt.NDArray[np.float64]:
-    """Return where values stand on an axis: numbers at their values, texts side by side."""
+    """Return the places of values on an axis: numbers at the numbers, texts at 0, 1, 2, ..."""
     return np.array(values if _is_scale(values) else range(len(values)), dtype=float)
 
 
 def _edges(values: Sequence[Setting]) -> npt.NDArray[np.float64]:
-    """Return the edges of cells: midway between values, which need not be evenly spaced."""
+    """Return the edges of the cells around values: midway between neighbours."""
     places = _places(values)
     between = [0.5 * (a + b) for a, b in pairwise(places)]
     return np.array([2 * places[0] - between[0], *between, 2 * places[-1] - between[-1]])

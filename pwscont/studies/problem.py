@@ -1,4 +1,4 @@
-"""What a study varies, and the grid of its cases."""
+"""The problems that a study varies, and the grid of cases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pwscont.system.system import PiecewiseSystem
 
 #: The value of a setting.
 Setting: TypeAlias = bool | int | float | str
-#: Columns of the table of a study beside those of settings and measures.
+#: Columns of the table of a study besides settings and measures.
 FIXED = ("case", "proven", "guarantee", "seconds", "failure")
 
 
@@ -35,7 +35,7 @@ class Grid:
     Parameters
     ----------
     over : mapping of str to iterable
-        For each setting its values: numbers, texts or truth values.
+        The values of each setting: numbers, texts or truth values.
 
     Attributes
     ----------
@@ -45,7 +45,8 @@ class Grid:
     Raises
     ------
     InvalidInputError
-        If there is no setting, a setting has no values, one that is not finite, or one twice.
+        If there is no setting, or a setting has no values, a value that is not finite, or a value
+        twice.
     """
 
     def __init__(self, over: Mapping[str, Iterable[Any]]) -> None:
@@ -72,7 +73,7 @@ class Grid:
 
 
 def checked_column(what: str, name: Any) -> str:
-    """Return the name of a setting or a measure, or say why the table cannot have such a column."""
+    """Return the name of a setting or a measure; refuse a name that no column can have."""
     if not isinstance(name, str) or not name:
         raise InvalidInputError(f"{what}: names are texts that are not empty, got {name!r}")
     if name in FIXED:
@@ -103,7 +104,7 @@ def _plain(name: str, value: Any) -> Setting:
     return plain  # type: ignore[no-any-return]
 
 
-#: Settings, by keyword -> a scene, a system with its interval, or a graph.
+#: Settings, by keyword -> a scene, a pair of system and interval, or a graph.
 Problem: TypeAlias = Callable[..., Any]
 KINDS = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 WANTED = "a Scene, a system with its interval as in (system, (lo, hi)), or a BranchGraph"
@@ -112,20 +113,20 @@ WANTED = "a Scene, a system with its interval as in (system, (lo, hi)), or a Bra
 @final
 @dataclass(frozen=True, slots=True)
 class RegisteredScene:
-    """A scene that a package offers, as a function of its settings.
+    """A scene that a package offers, as a function of the settings.
 
     Attributes
     ----------
     name : str
     fixed : mapping of str to str
-        Settings that stay, as the command line takes them.
+        Settings that all cases share, with values as texts of the command line.
     """
 
     name: str
     fixed: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self, **settings: Setting) -> Runnable:
-        """Return the scene with some settings."""
+        """Return the scene with the fixed settings and the given settings."""
         varied = {name: _as_text(value) for name, value in settings.items()}
         return load_scene(self.name, {**self.fixed, **varied})
 
@@ -135,13 +136,13 @@ class RegisteredScene:
 
 
 def _as_text(value: Setting) -> str:
-    """Return a setting as the command line takes it; 8.0 is 8, which a whole number may be."""
+    """Return a setting as text of the command line; 8.0 becomes 8, which fits int as well."""
     whole = isinstance(value, float) and value.is_integer()
     return str(int(value)) if whole else str(value)
 
 
 def checked_problem(given: Any) -> Problem:
-    """Return a function of settings, or say what is wrong with it.
+    """Return the problem, a function of settings, from a function or the name of a scene.
 
     Raises
     ------
@@ -183,7 +184,7 @@ def _settings_of(problem: Problem) -> list[str] | None:
         return list(scene_settings(problem.name))
     try:
         parameters = signature(problem).parameters.values()
-    except (TypeError, ValueError):  # something built in
+    except (TypeError, ValueError):  # a built-in function
         return None
     if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
         return None
@@ -191,7 +192,7 @@ def _settings_of(problem: Problem) -> list[str] | None:
 
 
 def described(thing: Any) -> str:
-    """Return what a function or an object is called, the same in every process."""
+    """Return the name of a function or an object, equal in every process."""
     if isinstance(thing, partial):
         fixed = [*thing.args, *(f"{name}={value!r}" for name, value in thing.keywords.items())]
         return f"{described(thing.func)}({', '.join(map(_without_address, fixed))})"
@@ -205,12 +206,12 @@ def _without_address(thing: object) -> str:
 
 
 def explored(made: Any) -> BranchGraph:
-    """Return the graph of what a problem returned.
+    """Return the graph of a scene, a pair of system and interval, or a graph.
 
     Raises
     ------
     InvalidInputError
-        If the problem has no graph, as a scene with two parameters has none.
+        If there is no graph, as for a scene with two parameters.
     KeyboardInterrupt
         If Ctrl-C was pressed: half a graph is no case.
     """

@@ -1,4 +1,4 @@
-"""The result of a study: a table of rows, and what other programs take."""
+"""The result of a study: a table of rows, and forms of the table for other programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ INSTALL = "pip install {0}, or pip install '.[study]' in a checkout of pwscont"
 
 @final
 class StudyResult:
-    """The rows of a study, read from its store at each access.
+    """The rows of a study, read from the store at each access.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class StudyResult:
     over : dict of str to tuple
         The values of each setting.
     measures : list of str
-        The names of what was measured.
+        The names of the measures.
     provenance : dict
-        The problem, the settings, the measures, and the versions of what computed them.
+        The problem, the settings, the measures, and the versions of the computing packages.
     interrupted : bool
         Whether Ctrl-C ended the study.
 
@@ -72,27 +72,27 @@ class StudyResult:
 
     @classmethod
     def open(cls, path: str | Path, graphs: str | Path | None = None) -> StudyResult:
-        """Read the store of a study, finished or not.
+        """Return the result in the store of a study, finished or not.
 
         Raises
         ------
         InvalidInputError
-            If there is none.
+            If there is no store.
         """
         if not Path(path).exists():
             raise InvalidInputError(f"there is no store {path}")
         return cls(Store(path), None if graphs is None else Path(graphs))
 
     def close(self) -> None:
-        """Close the store, so that other processes can use it."""
+        """Close the store, which unlocks the file for other processes."""
         self._store.close()
 
     def __len__(self) -> int:
-        """Return the number of rows, one for each finished case."""
+        """Return the number of rows, which is the number of finished cases."""
         return len(self._store)
 
     def __iter__(self) -> Iterator[StudyRow]:
-        """Yield the rows in the order of their cases, one at a time."""
+        """Yield the rows in the order of the cases, row by row from the store."""
         return iter(self._store)
 
     @property
@@ -132,8 +132,8 @@ class StudyResult:
         Returns
         -------
         numpy.ma.MaskedArray
-            One axis for each setting, in the order of :attr:`over`; masked where there is no row
-            or no value. An array of numbers, or of objects if some values are no numbers.
+            One axis for each setting, in the order of :attr:`over`; masked at cases without row or
+            value. An array of numbers, or of objects if some values are no numbers.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class StudyResult:
         InvalidInputError
             If graphs were not kept, or there is no such case.
         GraphFileError
-            If its file is missing or damaged.
+            If the file of the graph is missing or damaged.
         """
         if self._graphs is None:
             raise InvalidInputError("no graphs were kept: run(graphs=directory) does")
@@ -173,7 +173,8 @@ class StudyResult:
         name : str, optional
             Default the first measure.
         figure : matplotlib.figure.Figure, optional
-            Where to draw; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
+            The figure to draw into; default a new figure of pyplot, which notebooks and
+            ``plt.show()`` show.
 
         Returns
         -------
@@ -184,7 +185,7 @@ class StudyResult:
         UnknownNameError
             If there is no such measure.
         InvalidInputError
-            If its values are no numbers, or more than three settings vary.
+            If the values of the measure are no numbers, or more than three settings vary.
         """
         from pwscont.studies.pictures import draw_study  # noqa: PLC0415  only where asked for
 
@@ -193,7 +194,7 @@ class StudyResult:
     # -- for other programs --------------------------------------------------------------
 
     def to_dataframe(self) -> Any:
-        """Return a pandas data frame: one row a case, with settings, values and provenance.
+        """Return a pandas data frame: a row for each case, with settings, values and guarantee.
 
         Raises
         ------
@@ -206,7 +207,7 @@ class StudyResult:
     def to_xarray(self) -> Any:
         """Return an xarray Dataset over the settings.
 
-        Values that are missing are nan, as xarray has it; values that are no numbers are texts.
+        Missing values are nan, as is usual in xarray; values that are no numbers are texts.
 
         Raises
         ------
@@ -225,7 +226,7 @@ class StudyResult:
         self.to_xarray().to_netcdf(path, engine="scipy")
 
     def write_csv(self, path: str | Path) -> None:
-        """Write one line a case; the file is there as a whole or not at all.
+        """Write a CSV file with a line for each case, as a whole or not at all.
 
         Raises
         ------
@@ -242,7 +243,7 @@ class StudyResult:
             raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
 
     def _write_lines(self, path: Path) -> None:
-        # names of files that are no texts, as the command line takes them, stand as their escapes
+        # undecodable bytes of file names, which the command line accepts, are written as escapes
         with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
             writer = csv.DictWriter(file, self._columns())
             writer.writeheader()
@@ -265,7 +266,7 @@ def _cell(row: StudyRow, name: str) -> Any:
 
 
 def _typed(values: Any) -> Any:
-    """Return floats for numbers, all other values unchanged."""
+    """Return a masked array of bool, int or float if all values fit, else the objects unchanged."""
     kinds = {type(value) for value in values.compressed()}
     kind = next((k for k in (bool, int, float) if kinds <= {k}), None)
     if kind is None and kinds <= {int, float}:
@@ -278,7 +279,7 @@ def _typed(values: Any) -> Any:
 
 
 def _filled(values: Any) -> npt.NDArray[Any]:
-    """Return an array for xarray: nan where numbers are missing, all other values as texts."""
+    """Return an array for xarray: nan for missing numbers, objects as texts."""
     if values.dtype == object:
         texts = [str(_text(value)) for value in values.filled(None).ravel()]
         return np.array(texts).reshape(values.shape)

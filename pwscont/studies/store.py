@@ -1,17 +1,18 @@
-"""Where the rows of a study are kept: in memory, or in a file that survives whatever happens.
+"""The store of a study's rows: in memory, or in a file that survives crashes.
 
 The file is an SQLite database in the manner of :class:`pwscont.Journal`: each row is written in a
-transaction of its own, with a checksum over its number and content.
+separate transaction, with a checksum over number and content.
 
 Failure modes and answers
 -------------------------
-- The process is killed: all rows stay, the latest in the log of SQLite beside the file until it is
-  opened again and closed.
-- The power fails: the last rows may be missing, and their cases run again.
+- The process is killed: all rows stay, the latest rows in the log of SQLite beside the file until
+  the file is opened again and closed.
+- The power fails: the last rows may be missing, and the cases of these rows run again.
 - Bytes of the file change: the store is refused.
-- The disk is full: the study ends with an error; what was written stays.
+- The disk is full: the study ends with an error; all written rows stay.
 - Two processes work on one store: the first process locks the store until that process ends.
-- The store is of another study, or of other versions: the difference is named, before any work.
+- The store is of another study, or of different versions: an error names the difference before any
+  work.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from pwscont.basics.looks import counted, named, short
 from pwscont.studies.case import StudyRow
 
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"
-#: SQLite keeps this text: a store of another version has another text.
+#: SQLite keeps this text, which differs in a store of another version.
 TABLE = "CREATE TABLE study_1 (number INTEGER PRIMARY KEY, text, checksum)"
-#: With a log, a row does not wait for the disk.
+#: With a write-ahead log, writing a row does not wait for the disk.
 LOG = "PRAGMA journal_mode = WAL"
 READ = "SELECT number, text, checksum FROM study_1 WHERE number >= 0 ORDER BY number"
 WRITE = "REPLACE INTO study_1 (number, text, checksum) VALUES (?, ?, ?)"
@@ -52,12 +53,12 @@ MEANINGS = {
 
 @final
 class Store:
-    """The rows of a study, by the numbers of their cases.
+    """The rows of a study, by number of the case.
 
     Parameters
     ----------
     path : path or None
-        The file, which is made if there is none; None for memory.
+        The file, which is created if missing; None for memory.
 
     Raises
     ------
@@ -92,12 +93,12 @@ class Store:
         return int(self._value("SELECT count(*) FROM study_1 WHERE number >= 0"))
 
     def __contains__(self, number: int) -> bool:
-        """Tell whether there is the row of a case."""
+        """Tell whether the store has the row of a case."""
         found = self._data.execute("SELECT 1 FROM study_1 WHERE number = ?", [number])
         return found.fetchone() is not None
 
     def __iter__(self) -> Iterator[StudyRow]:
-        """Yield the rows in the order of their numbers, one at a time."""
+        """Yield the rows in the order of the numbers, row by row from the file."""
         for number, text, checksum in self._data.execute(READ):
             self._check(number, text, checksum)
             yield _row(text)
@@ -118,7 +119,7 @@ class Store:
 
     @property
     def about(self) -> Any:
-        """What the study is about, None for an empty store."""
+        """The description of the study, None for an empty store."""
         query = "SELECT text, checksum FROM study_1 WHERE number = ?"
         found = self._data.execute(query, [ABOUT]).fetchone()
         if found is None:
@@ -127,12 +128,12 @@ class Store:
         return json.loads(found[0])
 
     def check(self, about: Mapping[str, Any]) -> None:
-        """Refuse the store of another study; into an empty store, write what this study is about.
+        """Refuse the store of another study; describe this study in an empty store.
 
         Parameters
         ----------
         about : mapping
-            Plain lists, numbers and texts, which JSON can hold.
+            The description of this study, as lists, numbers and texts, which JSON can hold.
         """
         given, known = json.loads(json.dumps(about)), self.about
         if known is None:
@@ -151,7 +152,7 @@ class Store:
         return InvalidInputError(f"cannot use the store {self.path or 'in memory'}: {why}")
 
     def _open(self) -> None:
-        """Lock the file, begin a new file, and read an old file once from end to end."""
+        """Lock the file, set up a new file, and check the pages of an old file."""
         self._data.executescript(LOCK)
         table = self._value("SELECT group_concat(sql) FROM sqlite_master")
         if table not in {None, TABLE}:
@@ -186,7 +187,7 @@ def _checksum(number: int, text: str) -> str:
 
 
 def _differ(known: Any, now: Any) -> bool:
-    """Tell whether two values differ, or their parts in their order, which numbers the cases."""
+    """Tell whether two values differ, also in the order of parts, which numbers the cases."""
     return known != now or list(known) != list(now)
 
 
@@ -195,7 +196,7 @@ def _short(value: Any) -> str:
 
 
 def _parts(row: StudyRow) -> list[Any]:
-    """Return a row as JSON holds it; floats keep all their bits."""
+    """Return a row as lists for JSON, which keeps all bits of floats."""
     told = [row.proven, row.guarantee, row.seconds, row.failure]
     return [row.case, dict(row.settings), dict(row.values), *told]
 
@@ -206,5 +207,5 @@ def _row(text: str) -> StudyRow:
 
 
 def _tuples(value: Any) -> Any:
-    """Return tuples for the lists of JSON."""
+    """Return a value of JSON with tuples in place of lists."""
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -1,11 +1,11 @@
-"""A study: the same questions to a problem under many settings.
+"""A study: the same measures of a problem under many settings.
 
 Failure modes and answers
 -------------------------
 - Ctrl-C: the study ends with the finished rows, and says that the study is not finished.
 - The program is killed: with a store, a study that resumes runs the cases that are missing.
-- The functions have changed since the store was begun: a finished case is run again before the
-  study resumes, and compared.
+- The functions have changed since the store was begun: before the study resumes, a finished case is
+  run again, and the rows are compared.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pwscont.studies.result import StudyResult
 from pwscont.studies.store import Store
 from pwscont.studies.workers import on_workers
 
-#: Called with the number of cases that are finished, and the number of all.
+#: Called with the number of finished cases and the number of all cases.
 CasesDone: TypeAlias = Callable[[int, int], None]
 
 
@@ -36,26 +36,25 @@ def silent_cases(done: int, total: int) -> None:
 
 @final
 class Study:
-    """The same questions to a problem under many settings.
+    """The same measures of a problem under many settings.
 
     Parameters
     ----------
     problem : callable or str
-        A function that takes settings by keyword and returns a :class:`pwscont.Scene`, a system
-        with its interval, ``(system, (lo, hi))``, or a graph. Or the name of a scene that a package
-        offers.
+        A function that takes settings by keyword and returns a :class:`pwscont.Scene`, a pair
+        ``(system, (lo, hi))``, or a graph; or the name of a scene that a package offers.
     over : mapping of str to iterable
         The values of each setting; every combination is a case, numbered from 0, and the last
         setting changes fastest.
     measure : mapping of str to Measure, callable or str, or iterable of str
-        What to measure, by name: a measure, a function of the graph that returns a number, a text,
-        several of them or None, or the name of a measure, such as ``"max-count"``.
+        Name of the column -> a measure, a function of the graph that returns a number, a text,
+        several numbers or texts, or None, or the name of a measure, such as ``"max-count"``.
 
     Raises
     ------
     InvalidInputError, UnknownNameError, SceneNotFoundError
-        If something does not fit: a setting the problem does not take, a measure that is not
-        known, no values, or a name twice.
+        If the problem does not take a setting, a measure is not known, a setting has no values, or
+        a name occurs twice.
 
     Examples
     --------
@@ -110,20 +109,20 @@ class Study:
         scheduler : str, optional
             Address of a Dask scheduler, whose workers run the cases instead.
         store : path, optional
-            The file in which every finished row is kept at once; default memory.
+            The file in which every finished row is stored at once; default memory.
         resume : bool
-            Whether to go on with the study that the store holds. Rows that are there are kept,
-            failed ones, too.
+            Whether to go on with the study that the store holds. Rows in the store stay, including
+            failed rows.
         graphs : path, optional
-            A directory that takes the graph of each case. Workers of a cluster write there
-            themselves.
+            A directory that takes the graph of each case. Workers of a cluster write into the
+            directory, too, and must share the file system.
         report : callable
-            Called with the numbers of finished and of all cases.
+            Called with the number of finished cases and the number of all cases.
 
         Returns
         -------
         StudyResult
-            After Ctrl-C with the rows that are finished.
+            The result, after Ctrl-C with the finished rows only.
 
         Raises
         ------
@@ -154,7 +153,7 @@ class Study:
         }
 
     def _check_store(self, kept: Store, run: CaseRunner, resume: bool) -> None:
-        """Refuse a store whose rows may be lost, or are not those that the cases would give."""
+        """Refuse a store whose rows may be lost, or differ from what the cases give now."""
         if len(kept) and not resume:
             raise kept.refusal(
                 f"it holds {counted(len(kept), 'row')}: resume goes on with them; remove it to "
@@ -166,7 +165,7 @@ class Study:
 
 
 def _check_quickest(kept: Store, run: CaseRunner) -> None:
-    """Run the quickest stored case again; refuse a store with another row for that case."""
+    """Run the quickest stored case again, and refuse a store whose row differs."""
     finished = (row for row in kept if not row.failure)
     row = min(finished, key=lambda row: row.seconds, default=None)
     if row is not None and next(in_process(run, [row.case])).numbers != row.numbers:
@@ -179,7 +178,7 @@ def _check_quickest(kept: Store, run: CaseRunner) -> None:
 def _rows(
     run: CaseRunner, kept: Store, workers: int, scheduler: str | None
 ) -> Generator[StudyRow, None, None]:
-    """Yield the missing rows in the order in which the cases finish."""
+    """Yield the missing rows as the cases finish, on a cluster, on workers or in this process."""
     left = len(run.grid) - len(kept)
     missing = (number for number in range(len(run.grid)) if number not in kept)
     if not left:
@@ -195,7 +194,7 @@ def _rows(
 def _keep(
     rows: Generator[StudyRow, None, None], kept: Store, total: int, report: CasesDone
 ) -> bool:
-    """Store every finished row at once; returns whether Ctrl-C ended the study."""
+    """Store every finished row at once, and return whether Ctrl-C ended the study."""
     try:
         with closing(rows):
             before = len(kept)

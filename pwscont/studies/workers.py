@@ -1,16 +1,16 @@
-"""Cases on the cores of this machine: processes that each run one case at a time.
+"""Cases on the cores of this machine: processes that each run case after case.
 
-Each process has a pipe of its own. Therefore the case that ends a process is known, no other case
-has to be run again, and the other processes go on.
+Each process has a separate pipe. Therefore the case that ends a process is known, only that case
+has to be run again, and the remaining processes go on.
 
 Failure modes and answers
 -------------------------
-- A process dies, killed for its memory, say: another process takes its place and runs its case. A
-  case that ends three processes becomes a failed row.
-- Processes die before their first case, as those of a script without ``__main__`` guard do, or
-  cannot import what they are to run: the study is refused with what to do.
+- A process dies, for example killed for lack of memory: a new process takes over the case. A case
+  that ends three processes becomes a failed row.
+- Processes die before the first case, as in a script without ``__main__`` guard, or cannot import
+  the study's functions: the study is refused with advice.
 - Ctrl-C reaches all processes of a terminal: workers ignore Ctrl-C, this process ends the workers.
-- This process is killed: the pipes close, and the workers end after the cases they are at.
+- This process is killed: the pipes close, and the workers end after the current cases.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.linear.threads import one_thread_in_children
 from pwscont.studies.case import CaseRunner, StudyRow
 
-#: A case that ends this number of processes fails.
+#: Number of processes that a case may end before the case fails.
 MOST_DEATHS = 3
-#: Processes begin as new interpreters, which is safe with threads and the same on all systems.
+#: Processes begin as new interpreters, which is safe with threads and equal on all systems.
 SPAWN = get_context("spawn")
 GUARD = "in a script, the lines that run the study must stand under if __name__ == '__main__':"
 
 
 def serve(pipe: Connection) -> None:
-    """Do the work of a process: run the cases whose numbers come, until the pipe closes."""
+    """Run in a worker process the cases whose numbers the pipe brings, until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         run = pickle.loads(pipe.recv_bytes())
@@ -53,7 +53,7 @@ def serve(pipe: Connection) -> None:
 
 @contextmanager
 def _no_interrupts() -> Iterator[None]:
-    """Let processes that begin here not be interrupted before they can ignore it."""
+    """Block Ctrl-C for processes that begin within, until these processes ignore Ctrl-C."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -90,11 +90,11 @@ class Worker:
 
     @property
     def signs(self) -> tuple[Any, Any]:
-        """What :func:`multiprocessing.connection.wait` sees when it answers or ends."""
+        """Objects that :func:`multiprocessing.connection.wait` waits for: pipe and end."""
         return self._pipe, self._process.sentinel
 
     def begin(self, case: int) -> None:
-        """Send a case."""
+        """Send the number of a case to the process."""
         self.case = case
         self._say(self._pipe.send, case)
 
@@ -103,7 +103,7 @@ class Worker:
             send(what)
 
     def answer(self) -> StudyRow | str | None:
-        """Return the answer of the process; None before it has answered.
+        """Return the answer of the process; None before the answer.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class Worker:
         raise EOFError
 
     def end(self) -> int | None:
-        """End the process; returns its exit code, negative for a signal."""
+        """End the process, and return the exit code, negative for a signal."""
         self._process.terminate()
         self._process.join()
         self._pipe.close()
@@ -128,7 +128,7 @@ class Worker:
 
 
 def on_workers(run: CaseRunner, numbers: Iterable[int], count: int) -> Iterator[StudyRow]:
-    """Yield the rows of some cases in the order in which the cases finish.
+    """Yield the rows of cases as the cases finish in worker processes.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class Crew:
                 yield from self._heard(place, worker)
 
     def _heard(self, place: int, worker: Worker) -> Iterator[StudyRow]:
-        """Take the answer of a worker, and give it the next case."""
+        """Yield the row that a worker answers, and send the next case to the worker."""
         try:
             answer = worker.answer()
         except EOFError:
@@ -195,7 +195,7 @@ class Crew:
             worker.begin(case)
 
     def _replaced(self, place: int, worker: Worker) -> Iterator[StudyRow]:
-        """Put a new worker in the place of one that has ended; its case runs again."""
+        """Replace a worker that has ended; the case runs again, or yields a failed row."""
         code, case = worker.end(), worker.case
         self._deaths[case] += 1
         if self._deaths[case] < MOST_DEATHS:
@@ -215,12 +215,12 @@ IMPORTABLE = "functions must stand at the top of a module that can be imported, 
 
 
 def sendable(run: CaseRunner) -> bytes:
-    """Return a study as bytes for other processes.
+    """Return the runner of a study as bytes for worker processes.
 
     Raises
     ------
     InvalidInputError
-        If there is something in it that cannot be sent, such as a lambda.
+        If a part of the study cannot be sent, such as a lambda.
     """
     try:
         return pickle.dumps(run)

@@ -1,18 +1,18 @@
-"""A family that is affine in z, alpha and mu together, in a window of both parameters.
+"""Families that are affine in z, alpha and mu together, in a window of the two parameters.
 
-In every cell H = A z + b s + c t + d, with (s, t) the point of the window's square; tests alike.
-Rows depend on the mode of their own block only, so one matrix for each k says all: H where every
-block is in its k-th mode.
+In every cell H = A z + b s + c t + d, with (s, t) the point of the window's square; test functions
+have the same form. A row depends only on the mode of the row's block, so a matrix for each k
+suffices: the matrix of H with every block in mode k.
 
 Failure modes and answers
 -------------------------
-- The family is not affine in mu, as with a coefficient of friction: H, its Jacobian and the tests
-  are compared with the affine model at a third value of mu, which is no middle.
-- A small window: terms of s and t are small, and where those of z cancel, as in a singular cell,
-  they are hardly more than rounding. So the unknowns are scaled as in a window in which s and t
-  weigh as much as z.
-- Inequalities that every solution satisfies, but whose matrix varies: they are left out. They only
-  make the search shorter.
+- The family is not affine in mu, as with a coefficient of friction: H, the Jacobian and the tests
+  are compared with the affine model at a third value of mu, which is not the middle.
+- The window is small: terms of s and t are small, and hardly more than rounding where terms of z
+  cancel, as in a singular cell. So the unknowns are scaled as in a window in which s and t weigh as
+  much as z.
+- The matrix of the inequalities that every solution satisfies varies: these inequalities, which
+  only make the search shorter, are left out.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Window:
     Attributes
     ----------
     centre, half : ndarray, shape (2,)
-        The middle (alpha, mu) and half of both widths.
+        The middle (alpha, mu), and half the width of each range.
     """
 
     centre: Array
@@ -62,7 +62,7 @@ class Window:
         Raises
         ------
         InvalidInputError
-            If one of the ranges is no pair of finite numbers lo < hi.
+            If a range is no pair of finite numbers lo < hi.
         """
         ends = np.array([finite_array(n, r, (2,)) for n, r in (("alphas", alphas), ("mus", mus))])
         for name, (lo, hi) in zip(("alphas", "mus"), ends.tolist(), strict=True):
@@ -81,34 +81,34 @@ class Window:
         return float(self.centre[1] - self.half[1]), float(self.centre[1] + self.half[1])
 
     def inside(self, squared: Array) -> Array:
-        """Return points (alpha, mu) from points of the square, shape (..., 2)."""
+        """Return points (alpha, mu), shape (..., 2), from points (s, t) of the square."""
         points: Array = self.centre + self.half * squared
         return points
 
     def squared(self, points: Array) -> Array:
-        """Return points of the square from points (alpha, mu), shape (..., 2)."""
+        """Return points (s, t) of the square, shape (..., 2), from points (alpha, mu)."""
         square: Array = (points - self.centre) / self.half
         return square
 
 
 #: Matrix and constant of affine forms of (z, s, t).
 Form: TypeAlias = tuple[Array, Array]
-#: A third value of mu between both ends: the part of the way from the lower one.
+#: The third value of mu, as a part of the way from the lower to the upper end.
 THIRD = 0.37
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class AffineFamily:
-    """The systems of a window of the plane, all at once.
+    """The systems of all points of a window of the plane, as one problem.
 
     Attributes
     ----------
     system : PiecewiseLinearSystem
-        That in the middle of the window: its blocks, labels and names are those of all.
+        The system in the middle of the window, with the blocks, labels and names of all systems.
     window : Window
     problem : Problem or None
-        Blocks, options and what bounds them, with unknowns (z, s, t); None if nothing solves it.
+        Blocks, options and bounds of options, with unknowns (z, s, t); None if no solution exists.
     scale : ndarray, shape (n,)
         Typical magnitudes of z.
     typical : ndarray, shape (2,)
@@ -123,15 +123,16 @@ class AffineFamily:
 
     @classmethod
     def of(cls, make: MakeSystem, window: Window) -> AffineFamily:
-        """Return a family as matrices.
+        """Return the matrices of a family over a window.
 
         Raises
         ------
         InvalidInputError
             If the systems are not piecewise linear, have bounds, or are not affine in mu, or the
-            window is so narrow that rounding hides by how much its parameters differ.
+            window is so narrow that rounding hides the differences of a parameter.
         InvalidSystemError
-            If the family returns no systems, or one breaks its promise to be affine in (z, alpha).
+            If the family returns no systems, or a system breaks the promise to be affine in (z,
+            alpha).
         """
         _check_widths(window)
         family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
@@ -149,10 +150,10 @@ class AffineFamily:
 
 
 def _typical(forms: Iterable[Form], scale: Array) -> Array:
-    """Return magnitudes of (s, t) at which they weigh as much as z in some row, at least one.
+    """Return magnitudes of (s, t), at least 1, at which s and t weigh as much as z in some row.
 
-    They are that of the square or larger: a small window is a small part of the plane, and what is
-    singular does not depend on it.
+    The magnitude 1 is half the width of the window; larger magnitudes make singularity independent
+    of the size of a small window.
     """
     most = np.zeros(2)
     for matrix, _ in forms:
@@ -160,13 +161,13 @@ def _typical(forms: Iterable[Form], scale: Array) -> Array:
         some = terms > 0.0
         weights = np.abs(matrix[some, -2:]) / terms[some, np.newaxis]
         most = np.maximum(most, weights.max(axis=0, initial=0.0))
-    most[most <= EPS] = 1.0  # as good as none
+    most[most <= EPS] = 1.0  # rounding: no row depends on s or t
     typical: Array = np.maximum(1.0, 1.0 / most)
     return typical
 
 
 def is_affine(make: MakeSystem, window: Window) -> bool:
-    """Tell whether both parameters enter a family affinely, so that its cells have polygons."""
+    """Tell whether alpha and mu enter a family affinely, so that cells have polygons."""
     try:
         AffineFamily.of(make, window)
     except InvalidInputError:
@@ -191,18 +192,18 @@ def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
 
 
 def _check_widths(window: Window) -> None:
-    """Refuse a window in which half of the digits of a parameter are the same everywhere."""
+    """Refuse a window in which half of a parameter's digits are equal everywhere."""
     for name, ends in (("alphas", window.alphas), ("mus", window.mus)):
         if ends[1] - ends[0] < AFFINE_DEFECT * max(map(abs, ends)):
             raise InvalidInputError(
-                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, of which "
-                "rounding leaves too few digits: take a wider window, or count the parameter from "
-                "its middle"
+                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, so "
+                "rounding leaves too few digits of the difference: take a wider window, or count "
+                "the parameter from the middle"
             )
 
 
 def _check_sizes(family: Family, window: Window) -> None:
-    """Refuse a family whose systems have other numbers of unknowns or of tests at the ends."""
+    """Refuse a family whose numbers of unknowns or tests change between the ends of mu."""
     alpha, (lo, hi) = float(window.centre[0]), window.mus
     known = _sizes(family.sample, alpha)
     for mu in (lo, hi):
@@ -220,7 +221,7 @@ def _sizes(system: PiecewiseSystem, alpha: float) -> tuple[int, int]:
 
 @final
 class _Coefficients:
-    """Affine forms of (z, s, t), read off at both ends of mu and checked at a third value."""
+    """Affine forms of (z, s, t), computed at the ends of mu and checked at a third value."""
 
     def __init__(
         self, family: Family, system: PiecewiseLinearSystem, window: Window, scale: Array
@@ -232,7 +233,7 @@ class _Coefficients:
         self.dx[-1] = THIRD * window.half[0]
 
     def form(self, at: Callable[[float], Form], what: str) -> Form:
-        """Return the form of what returns Jacobian, shape (k, n + 1), and value at one mu."""
+        """Return the affine form of ``at``, mu -> Jacobian, shape (k, n + 1), and value."""
         lo, hi = self._window.mus
         (J, low), (K, high), (L, third) = map(at, (lo, hi, lo + THIRD * (hi - lo)))
         along, rate = (hi - lo) * THIRD, (high - low)[:, np.newaxis] / (hi - lo)
@@ -246,7 +247,7 @@ class _Coefficients:
         return np.hstack(columns), 0.5 * (low + high)
 
     def tests(self, mu: float) -> Form:
-        """Return gradients and values of the tests in the middle of alpha."""
+        """Return gradients and values of the tests at mu, in the middle of alpha."""
         system, z = self.family.at(mu), self.x[:-1]
         values = np.array(system.test_functions(z, self._alpha), dtype=float)
         gradients = dense(system.test_jacobian(z, self._alpha))
@@ -254,7 +255,7 @@ class _Coefficients:
         return gradients, values
 
     def necessary(self) -> Form:
-        """Return what is never negative, with the sides of the square."""
+        """Return the forms that are not negative at solutions, then the sides of the square."""
         square = np.hstack([np.zeros((4, self.system.size)), np.kron([[1.0], [-1.0]], np.eye(2))])
         known = self._necessary()
         if known is None:
@@ -262,7 +263,7 @@ class _Coefficients:
         return np.vstack([known[0], square]), np.append(known[1], np.ones(4))
 
     def _necessary(self) -> Form | None:
-        """Return what the systems say, from three corners; None where it is not affine."""
+        """Return the systems' own inequalities, from three corners; None if not affine."""
         corners = self._window.inside(
             np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
         )
@@ -278,7 +279,7 @@ class _Coefficients:
 
 
 def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
-    """Return the function from mu to Jacobian and value of H, every block in its k-th mode."""
+    """Return the function from mu to Jacobian and value of H with every block in mode k."""
     system, x = coefficients.system, coefficients.x
     signs = [True] * len(system.test_functions(x[:-1], float(x[-1])))
     for block in system.blocks():
@@ -302,7 +303,7 @@ def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
 
 
 def _differ(one: Array, other: Array, dx: Array) -> bool:
-    """Tell whether matrices differ by more than rounding of the terms of their rows."""
+    """Tell whether matrices differ by more than the rounding of the terms of a row."""
     if one.shape != other.shape:
         return True
     sizes = np.abs(dx[: one.shape[1]])

@@ -2,12 +2,13 @@
 
 Failure modes and answers
 -------------------------
-- Two polygons share a side, whose line each of them knows but for rounding: corners closer than
-  the tolerance are one, and a side that passes a corner within the tolerance goes through it. Then
-  sides of several polygons along one line are the same segments, of which one is kept.
-- Patches narrower than the tolerance, as between three lines through one point: they are left out,
-  and counted.
-- A patch around another one has a hole: it is cut in two, because a region has one outline.
+- Two polygons share a side, whose line differs by rounding: corners closer than the tolerance
+  become one corner, and a side that passes a corner within the tolerance is led through the corner.
+  Then sides of several polygons along a line are equal segments, and each segment is kept once.
+- Patches are narrower than the tolerance, as between three lines through a point: such patches are
+  left out and counted.
+- A patch around another patch has a hole: the outer patch is cut in two, because a region has a
+  single outline.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.errors import MissingPackageError
 from pwscont.two_parameters.half_planes import SQUARE
 
-#: Corners this close to a side of the square, in tolerances, lie on it.
+#: Distance of a corner from a side of the square, in tolerances, up to which the corner is put onto
+#: the side: the merging of corners moves a corner by a few tolerances.
 ON_A_SIDE = 4.0
 
 
@@ -40,11 +42,11 @@ class Patch:
     ----------
     outlines : tuple of (ndarray, ndarray), shapes (k, 2) and (2,)
         The corners of a polygon, counter-clockwise, and the middle of the largest circle inside;
-        of several polygons where the patch has a hole.
+        for a patch with a hole several polygons that fill the patch.
     inside : ndarray, shape (2,)
         The middle of the largest circle inside the patch.
     radius, area : float
-        Of this circle, and of the patch.
+        The radius of this circle, and the area of the patch.
     """
 
     outlines: tuple[tuple[Array, Array], ...]
@@ -56,7 +58,7 @@ class Patch:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """A segment, with the patches on its left and on its right, by number."""
+    """A segment, with the numbers of the patches on the left and on the right."""
 
     ends: Array
     left: int
@@ -73,7 +75,7 @@ class Arrangement:
     patches : tuple of Patch
     sides : tuple of Side
     narrow : int
-        Number of patches left out because they are narrower than the tolerance.
+        Number of patches that are left out, being narrower than the tolerance.
     """
 
     patches: tuple[Patch, ...]
@@ -87,7 +89,7 @@ def shapely() -> Any:
     Raises
     ------
     MissingPackageError
-        If it is not installed.
+        If Shapely is not installed.
     """
     try:
         return import_module("shapely")
@@ -99,14 +101,14 @@ def shapely() -> Any:
 
 
 def arrange(segments: Array, tolerance: float) -> Arrangement:
-    """Cut the square along segments.
+    """Return the patches into which segments cut the square, and the sides between patches.
 
     Parameters
     ----------
     segments : ndarray, shape (k, 2, 2)
-        Both ends of each.
+        The ends of each segment.
     tolerance : float
-        Points closer than this are one.
+        Points closer than this count as one point.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def arrange(segments: Array, tolerance: float) -> Arrangement:
 
 
 def _meeting(segments: Array, tolerance: float) -> Array:
-    """Return segments that share corners, cut where they pass one, each once."""
+    """Return the segments between merged corners, cut at every corner on the way, each once."""
     corners, names = _corners(segments.reshape(-1, 2), tolerance)
     pieces: set[tuple[int, int]] = set()
     for first, last in names.reshape(-1, 2).tolist():
@@ -138,7 +140,7 @@ def _meeting(segments: Array, tolerance: float) -> Array:
 
 
 def _corners(points: Array, tolerance: float) -> tuple[Array, Indices]:
-    """Return one point for all that are close to each other, and the number of each point's."""
+    """Return merged corners for close points, and the number of each point's corner."""
     close = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
     links = sp.coo_array((np.ones(len(close)), close.T), shape=(len(points), len(points)))
     count, names = connected_components(links, directed=False)
@@ -151,7 +153,7 @@ def _corners(points: Array, tolerance: float) -> tuple[Array, Indices]:
 
 
 def _stops(corners: Array, first: int, last: int, tolerance: float) -> list[int]:
-    """Return the corners that a segment passes, from its first to its last."""
+    """Return the corners on a segment, from the first to the last."""
     way = corners[last] - corners[first]
     length = float(np.hypot(*way))
     if length <= tolerance:

@@ -1,4 +1,4 @@
-"""The parts of a scene with two parameters that its answer shows."""
+"""The parts of a two-parameter scene that tables and pictures use."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pwscont.two_parameters.plane import Sector
 @final
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """How the plane of alpha and mu is drawn.
+    """Names and directions of the axes of the plane of alpha and mu.
 
     Attributes
     ----------
     alpha, mu : str
-        Names of both parameters; alpha is drawn to the right, mu upwards.
+        Names of the parameters; alpha is drawn to the right, mu upwards.
     to_the_left : bool
         Whether alpha grows to the left, as in Figs. 4 to 6 of the paper.
     equal : bool
@@ -62,15 +62,15 @@ class PlaneShown(Protocol):
 
     @property
     def axes(self) -> Axes:
-        """How the plane is drawn."""
+        """Names and directions of the axes."""
 
     @property
     def sectors(self) -> Callable[[tuple[str, ...]], str] | None:
-        """The names of the regions."""
+        """The function from labels to the name of a region; None without names."""
 
     @property
     def lowest_fold(self) -> str:
         """The name of the smallest mu on all folds."""
 
     def sector_name(self, sector: Sector) -> str:
-        """Return the name of a sector, empty where it has none."""
+        """Return the name of a sector, empty without a name."""

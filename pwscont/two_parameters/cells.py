@@ -1,19 +1,19 @@
-"""The cells of an affine family, and its singular cells.
+"""The regular and singular cells of an affine family.
 
-The points (z, s, t) of such a cell are a polyhedron, whose shadow on the square is a point, a
-segment or a polygon. It is found by linear programs: the farthest points in four directions, and
-then beyond every edge of what is known, until nothing is farther.
+The points (z, s, t) of a singular cell are a polyhedron, whose shadow on the square is a point, a
+segment or a polygon. Linear programs find the shadow: the farthest points in four directions, and
+then the farthest points beyond every known edge, until no point is farther.
 
-In a regular cell z is an affine function of the point (s, t) of the square, and so are the tests
-that bound it: its solutions are over a convex polygon. A singular cell has infinitely many
-solutions over each point of a segment, or of a polygon (:mod:`pwscont.two_parameters.cells`).
+In a regular cell z and the tests that bound the cell are affine functions of the point (s, t) of
+the square: the solutions lie over a convex polygon. A singular cell has infinitely many solutions
+over each point of a segment or polygon.
 
 Failure modes and answers
 -------------------------
-- A test that does not depend on (s, t) in a cell, as one that is zero all over it: its gradient is
-  rounding, and no side. The test holds all over the cell, or nowhere.
-- Lines of a nearly singular cell are off by more than others: by how much is kept (``blur``), and
-  lines closer than that are one.
+- A test does not depend on (s, t) in a cell, for example a test that is zero all over the cell: the
+  gradient is rounding, and gives no side. The test holds all over the cell, or nowhere.
+- Lines of a nearly singular cell have larger errors: the field ``blur`` has the error, and lines
+  closer than the largest blur count as one line.
 """
 
 from __future__ import annotations
@@ -39,9 +39,11 @@ from pwscont.enumeration.tree import Prices, leaves
 from pwscont.two_parameters.affine import AffineFamily
 from pwscont.two_parameters.half_planes import clipped
 
-#: With less accurate inequalities than this the map is not certain.
+#: Largest error of inequalities, as a part of the square, with which the map is certain: half of
+#: the digits.
 COARSE = EPS**0.5
-#: A point counts as farther if it is by this part of the square: linear programs know no more.
+#: Least distance, in units of the square, by which a point counts as farther: the accuracy of the
+#: linear programs.
 FARTHER = 1e-9
 
 
@@ -54,14 +56,14 @@ class Strip:
     ----------
     character : Character
     shadow : ndarray, shape (k, 2)
-        The point, the ends of the segment or the corners of the polygon, counter-clockwise, of the
-        square over which there are infinitely many solutions.
+        The part of the square over which there are infinitely many solutions: a point, the ends of
+        a segment, or the corners of a polygon, counter-clockwise.
     is_unbounded : bool
-        Whether solutions over one point are as large as one likes.
+        Whether solutions over a point are unbounded.
     blur : float
-        Estimate of how far rounding moves the shadow.
+        Estimate of the distance by which rounding moves the shadow.
     is_certain : bool
-        Whether the cell is singular, and not only so close to it that rounding does not tell.
+        Whether the cell is singular, not only singular within rounding.
     """
 
     character: Character
@@ -72,14 +74,14 @@ class Strip:
 
 
 def strip_of(problem: Problem, typical: Array, one: Choices) -> Strip | None:
-    """Return the shadow of a singular cell, if it has infinitely many solutions over a point.
+    """Return the strip of a singular cell, None without infinitely many solutions over a point.
 
     Parameters
     ----------
     problem : Problem
-        With unknowns (z, s, t), and the sides of the square as its last inequalities.
+        The problem in the unknowns (z, s, t), with the sides of the square as last inequalities.
     typical : ndarray, shape (2,)
-        Magnitudes of s and t by which its unknowns are scaled.
+        Magnitudes of s and t by which the unknowns of the problem are scaled.
     one : Choices
         The cell.
     """
@@ -101,7 +103,7 @@ def strip_of(problem: Problem, typical: Array, one: Choices) -> Strip | None:
 
 
 def _is_infinite(onto: Array, typical: Array) -> bool:
-    """Tell whether several of the points inside a cell lie over one point of the square."""
+    """Tell whether several points of a cell lie over a single point of the square."""
     rank = np.linalg.matrix_rank(onto / typical[:, np.newaxis], tol=GUARD * EPS)
     return bool(onto.shape[1] > rank)
 
@@ -109,10 +111,10 @@ def _is_infinite(onto: Array, typical: Array) -> bool:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Above:
-    """The points start + directions @ w of a cell, which lie over origin + onto @ w.
+    """The points start + directions @ w of a cell, which lie over the points origin + onto @ w.
 
-    Directions that stay over one point do so exactly, whatever rounding says: solutions may be as
-    far along them as one likes.
+    Columns of ``onto`` that are zero within rounding are exactly zero: along such directions
+    solutions may be unbounded, and rounding would grow.
     """
 
     problem: Problem
@@ -141,7 +143,7 @@ class _Above:
         return point
 
     def polyhedron(self, chosen: Sequence[Option], rounding: float) -> Polyhedron | None:
-        """Return the inequalities of the cell and of the square; None if they contradict."""
+        """Return the inequalities of cell and square; None if no point satisfies all."""
         G = np.vstack([*(option.G for option in chosen), self.problem.A[:-4]])
         g = np.concatenate([*(option.g for option in chosen), self.problem.b[:-4]])
         square = np.vstack([self.onto, -self.onto]) / np.tile(self.typical, 2)[:, np.newaxis]
@@ -152,13 +154,13 @@ class _Above:
 
 @final
 class _Shadow:
-    """The shadow of a polyhedron under w -> onto w; w = 0 lies inside."""
+    """The shadow of a polyhedron under w -> onto w; w = 0 is a point of the polyhedron."""
 
     def __init__(self, polyhedron: Polyhedron, onto: Array) -> None:
         self._polyhedron, self._onto = polyhedron, onto
 
     def hull(self) -> Array:
-        """Return its corners counter-clockwise."""
+        """Return the corners of the shadow, counter-clockwise."""
         ways = np.array([[-1.0, -0.3], [0.3, -1.0], [1.0, 0.3], [-0.3, 1.0]])
         first = _apart([self._farthest(way) for way in ways])
         if len(first) == 1:
@@ -168,12 +170,12 @@ class _Shadow:
         return np.array(_apart(corners))
 
     def has_no_bound(self) -> bool:
-        """Tell whether the polyhedron goes on for ever: the shadow does not, so over one point."""
+        """Tell whether the polyhedron is unbounded: over a point, for the shadow is bounded."""
         ways = np.eye(self._onto.shape[1])
         return any(self._polyhedron.is_unbounded(way) for way in (*ways, *-ways))
 
     def _beyond(self, a: Array, b: Array) -> Iterator[Array]:
-        """Yield the corners between two neighbouring ones, on the outer side."""
+        """Yield the corners between a and b, neighbours so far, beyond the edge from a to b."""
         way = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
         point = self._farthest(way)
         if way @ (point - a) > FARTHER and not _same(point, a) and not _same(point, b):
@@ -197,7 +199,7 @@ def _same(a: Array, b: Array) -> bool:
 
 
 def _apart(points: list[Array]) -> list[Array]:
-    """Return points without those that repeat one before."""
+    """Return points without repetitions of earlier points."""
     kept: list[Array] = []
     for point in points:
         if not any(_same(point, other) for other in kept):
@@ -205,7 +207,8 @@ def _apart(points: list[Array]) -> list[Array]:
     return kept
 
 
-#: A cell that is left has its polygon cut, which takes longer than a point.
+#: Prices of linear programs against batches: a cell that a batch leaves over has a polygon cut,
+#: which takes longer than computing a point.
 PRICES = Prices(1024, 1)
 
 
@@ -227,12 +230,12 @@ class Cell:
     tests : ndarray of int, shape (k,)
         The test function that vanishes on each side.
     polygon : ndarray, shape (v, 2)
-        The part of the square over which the cell has a solution, counter-clockwise; a little
-        wider where that is a point or a segment.
+        The part of the square over which the cell has a solution, counter-clockwise; a little wider
+        if that part is a point or a segment.
     blur : float
-        Estimate of how far rounding moves its sides.
+        Estimate of the distance by which rounding moves the sides.
     rounding : float
-        Estimate of the rounding error of z, in parts of its typical magnitudes.
+        Estimate of the rounding error of z, as a part of the typical magnitudes of z.
     """
 
     character: Character
@@ -260,7 +263,7 @@ class Cell:
 
 
 def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
-    """Return the regular cells with solutions over a polygon, and the singular ones with any."""
+    """Return the regular cells with solutions over a polygon, and the strips of singular cells."""
     cells: list[Cell] = []
     strips: list[Strip] = []
     if family.problem is None:
@@ -280,9 +283,10 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
 
 
 def _inverses(family: AffineFamily, choices: Choices) -> tuple[Signs, Array]:
-    """Tell which choices are decided by (s, t), and return the coordinates that (s, t) have there.
+    """Return which choices are regular, and the inverses of d(s, t) / d(free directions).
 
-    The second is of shape (N, 2, 2): the inverse of d(s, t) / d(free directions).
+    A choice is regular if the point (s, t) determines the solution. The inverses have shape (N, 2,
+    2).
     """
     problem, number, free = family.problem, len(choices), choices.directions.shape[-1]
     if problem is None or free != 2:
@@ -297,7 +301,7 @@ def _inverses(family: AffineFamily, choices: Choices) -> tuple[Signs, Array]:
 def _cells(
     family: AffineFamily, metric: Metric, choices: Choices, inverses: Array
 ) -> Iterator[Cell]:
-    """Yield the cells among regular choices that have solutions over a polygon."""
+    """Yield the cells of regular choices that have solutions over a polygon."""
     problem = family.problem
     assert problem is not None
     points = _over_the_square(problem, choices, inverses)
@@ -319,7 +323,7 @@ def _cells(
 
 
 def _polygon(sides: Array, blur: Array) -> Array:
-    """Return what sides leave of the square, in outline where it is a point or a segment."""
+    """Return the part of the square within sides; a point or segment is widened by the blur."""
     polygon = clipped(sides)
     return polygon if len(polygon) > 2 else clipped(sides + np.outer(blur, [0.0, 0.0, 1.0]))
 
@@ -327,7 +331,7 @@ def _polygon(sides: Array, blur: Array) -> Array:
 def _det_sign(
     family: AffineFamily, metric: Metric, character: Character, z: Array, polygon: Array
 ) -> int:
-    """Return the sign of det(dH/dz), which is the same all over a cell."""
+    """Return the sign of det(dH/dz), which is constant in a cell."""
     point = polygon.mean(axis=0)
     x = np.append(z @ np.append(point, 1.0), family.window.inside(point)[0])
     return det_sign(family.system, metric, x, character)
@@ -342,9 +346,9 @@ def _over_the_square(problem: Problem, choices: Choices, inverses: Array) -> Arr
 
 
 def _sides(problem: Problem, choices: Choices, points: Array) -> tuple[Array, Indices]:
-    """Return the inequalities of each choice in (s, t, 1), shape (N, k, 3), and their tests.
+    """Return the inequalities of each choice in (s, t, 1), shape (N, k, 3), and the tests' numbers.
 
-    Blocks with fewer inequalities than others are filled with 1 >= 0.
+    A block with fewer than the most inequalities is filled up with 1 >= 0.
     """
     sides, tests = [], []
     for options, picks in zip(problem.blocks, choices.picks, strict=True):
@@ -364,7 +368,7 @@ def _sides(problem: Problem, choices: Choices, points: Array) -> tuple[Array, In
 
 
 def _may_hold(sides: Array, rounding: Array) -> Signs:
-    """Tell which choices have no inequality that is negative all over the square."""
+    """Tell for which choices no inequality fails all over the square."""
     most = np.abs(sides[..., :2]).sum(axis=-1) + sides[..., 2]
     holds: Signs = (most >= -GUARD * rounding[:, np.newaxis]).all(axis=1)
     return holds

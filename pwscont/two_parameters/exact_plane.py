@@ -1,8 +1,8 @@
 """Exact maps of two parameters that enter affinely.
 
-Each cell's solutions lie over a convex polygon. The sides of all polygons cut the window into
-regions; one point of a region tells which polygons contain it. No locus is followed and no point is
-sampled, so nothing can be missing that is wider than rounding.
+The solutions of each cell lie over a convex polygon. The sides of all polygons cut the window into
+regions; a point of a region tells which polygons contain the region. No locus is followed and no
+point is sampled, so no region wider than rounding can be missing.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ from pwscont.two_parameters.joints import Joints, Solved, edges, joints
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Found, Group, Meeting, Plane, Region, Sector, gathered
 
-#: Points of the window's square closer than this are one, or more where cells are ill-conditioned.
+#: Points of the window's square closer than this count as one point: 1.5e-11 leaves room for
+#: rounding; ill-conditioned cells raise the tolerance to the largest blur.
 TOLERANCE = 2.0**-36
-#: Narrow regions may be missing from the area by this many tolerances.
+#: Area of narrow regions, in tolerances, that the sum of all areas may lack.
 SLIVERS = 1e4
 HEADINGS = {
     Passing.FOLD: "Edges that are folds",
@@ -43,16 +44,16 @@ HEADINGS = {
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactPlane(Plane):
-    """All solutions of all points of a window of the plane; see :func:`pwscont.plane`.
+    """The solutions at all points of a window of the plane; see :func:`pwscont.plane`.
 
     Attributes
     ----------
     alphas, mus : tuple of float
         The window.
     parts : tuple of tuple of LocusPart
-        The edges, segments on which the same cells meet: folds, transitions and vertical ones.
+        The edges, segments on which the same cells meet: folds, transitions and vertical edges.
     sectors : tuple of Sector
-        The regions, those with solutions in the same cells together.
+        The regions, grouped by the cells of the solutions.
     """
 
     _family: AffineFamily | None = None
@@ -62,7 +63,7 @@ class ExactPlane(Plane):
 
     @classmethod
     def of(cls, make: MakeSystem, window: Window) -> ExactPlane:
-        """Cut a window of the plane of a family; parameters and errors as :func:`pwscont.plane`."""
+        """Return the map of a family over a window; errors as of :func:`pwscont.plane`."""
         family = AffineFamily.of(make, window)
         cells, strips = cells_of(family)
         tolerance = max([TOLERANCE, *(c.blur for c in cells), *(s.blur for s in strips)])
@@ -74,17 +75,17 @@ class ExactPlane(Plane):
 
     @property
     def resolution(self) -> float:
-        """Points closer than this part of the window are one; narrower regions are left out."""
+        """Part of the window; closer points count as one, narrower regions are left out."""
         return 0.5 * self._known[1].tolerance
 
     @property
     def folds(self) -> tuple[LocusPart, ...]:
-        """The edges at which two solutions meet and end."""
+        """The edges on which two solutions meet and end."""
         return self._of(Passing.FOLD)
 
     @property
     def transitions(self) -> tuple[LocusPart, ...]:
-        """The edges at which a solution goes over into another cell."""
+        """The edges on which a solution passes into another cell."""
         return self._of(Passing.TRANSITION)
 
     @property
@@ -97,7 +98,7 @@ class ExactPlane(Plane):
 
     @property
     def searched(self) -> str:
-        """What was searched, in words."""
+        """The extent of the search, in words."""
         solved = self._known[1]
         over = counted(len(solved.cells), "polygon")
         if solved.thin:
@@ -109,26 +110,26 @@ class ExactPlane(Plane):
 
     @property
     def guarantee(self) -> str:
-        """What is known about the completeness of the map, in words."""
+        """The guarantee of completeness of the map, in words."""
         if self._doubts:
             return f"not certain: {'; '.join(self._doubts)}"
         if self._narrow:
-            return f"complete, but for {counted(self._narrow, 'region')} narrower than rounding"
+            return f"complete, except for {counted(self._narrow, 'region')} narrower than rounding"
         return "complete"
 
     def proof(self, region: Region) -> str:
-        """Return that all solutions are known, unless the map is not certain."""
+        """Return "proven", or "not certain" if the map is not certain."""
         return "not certain" if self._doubts else "proven"
 
     def groups(self) -> Iterator[Group]:
-        """Yield folds, transitions and vertical edges."""
+        """Yield the groups of folds, transitions and vertical edges."""
         for some in self.parts:
             yield Group(HEADINGS[some[0].crossing], some)
 
     def count(self, alpha: float, mu: float) -> int | float:
         """Return the number of solutions at a point of the window; infinite on vertical edges.
 
-        On an edge solutions that meet there are counted once.
+        On an edge solutions that meet are counted once.
 
         Raises
         ------
@@ -173,7 +174,7 @@ class ExactPlane(Plane):
         return self._family, self._solved
 
     def _squared(self, alpha: float, mu: float) -> Array:
-        """Return a point of the square from one of the window."""
+        """Return the point (s, t) of the square for a point of the window."""
         window = self._known[0].window
         point = window.squared(finite_array("(alpha, mu)", [alpha, mu], (2,)))
         if np.abs(point).max() > 1.0 + GUARD * EPS:
@@ -197,7 +198,7 @@ def _segments(solved: Solved) -> Array:
 
 
 def _drawn(family: AffineFamily, solved: Solved, arrangement: Arrangement) -> ExactPlane:
-    """Return the plane from the patches between all sides."""
+    """Return the map from cells and the patches between all sides."""
     patches, window = arrangement.patches, family.window
     members = [solved.around(patch.inside) for patch in patches]
     pairs = zip(members, patches, strict=True)
@@ -221,7 +222,7 @@ def _drawn(family: AffineFamily, solved: Solved, arrangement: Arrangement) -> Ex
 def _sectors(
     family: AffineFamily, solved: Solved, patch: Patch, cells: Sequence[int]
 ) -> Iterator[Sector]:
-    """Yield the regions of a patch with the solutions in their middle."""
+    """Yield a sector for each outline of a patch, with the solutions in the middle."""
     nothing, window = np.zeros((0, 2)), family.window
     for corners, inside in patch.outlines:
         solutions = _found(family, solved, cells, inside)
@@ -233,7 +234,7 @@ def _sectors(
 def _found(
     family: AffineFamily, solved: Solved, cells: Sequence[int], point: Array
 ) -> tuple[Found, ...]:
-    """Return the solutions of some cells at a point of the square, those of several cells once."""
+    """Return the solutions of cells at a point of the square; a shared solution occurs once."""
     size = shown_size(family.system)
     groups = [[solved.cell(i) for i in group] for group in solved.groups(cells, point)]
     return tuple(
@@ -253,14 +254,14 @@ def _doubts(
     joined: Joints,
     sectors: Sequence[Sector],
 ) -> Iterator[str]:
-    """Yield what contradicts a complete map."""
+    """Yield in words each finding that contradicts a complete map."""
     area = sum(patch.area for patch in arrangement.patches)
     if abs(area - 4.0) > SLIVERS * solved.tolerance:
         yield f"the regions fill {area / 4.0:.6g} of the window"
     if solved.tolerance > COARSE:
         yield f"rounding moves edges by up to {0.5 * solved.tolerance:.1g} of the window"
     if singular := sum(cell.det_sign == 0 for cell in solved.cells):
-        yield f"{counted(singular, 'cell')} with solutions are singular but for rounding"
+        yield f"{counted(singular, 'cell')} with solutions are singular within rounding"
     if undecided := sum(not strip.is_certain for strip in solved.strips):
         yield f"{counted(undecided, 'cell')} with solutions are singular by rounding or not at all"
     if joined.doubtful:
@@ -281,15 +282,15 @@ def _balance(sector: Sector) -> int:
 def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, float]) -> ExactPlane:
     """Return the map of all solutions over a window of the plane of two parameters.
 
-    Both parameters must enter affinely: in every cell H and the tests are affine in z, alpha and mu
+    Alpha and mu must enter affinely: in every cell H and the tests are affine in z, alpha and mu
     together, as with two components of a load. Then the solutions of a regular cell lie over a
-    convex polygon of the plane. All of them are cut with each other; nothing is sampled.
+    convex polygon of the plane. All polygons are intersected; no point is sampled.
 
     Parameters
     ----------
     family : callable
-        mu -> :class:`~pwscont.PiecewiseLinearSystem`, all of one size and with the same tests; its
-        parameter is alpha.
+        mu -> :class:`~pwscont.PiecewiseLinearSystem` with the parameter alpha; all systems have
+        equal sizes and the same tests.
     alphas, mus : tuple of float
         The window, (lo, hi) for each parameter.
 
@@ -300,10 +301,10 @@ def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, flo
     Raises
     ------
     InvalidInputError
-        If a range is none or has too few digits, or a parameter does not enter affinely.
+        If a range is empty or too narrow for rounding, or a parameter does not enter affinely.
     InvalidSystemError
-        If the family does not return systems, one of them is not what its class promises, or a
-        singular cell has solutions by rounding only.
+        If the family does not return systems, a system breaks a promise of the class, or a singular
+        cell has solutions by rounding only.
     MissingPackageError
         If Shapely is not installed.
 

@@ -1,4 +1,4 @@
-"""Families of systems, which depend on a second parameter mu."""
+"""Families of systems that depend on a second parameter mu."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.system.system import PiecewiseSystem
 
-#: No limits.
+#: The range of alpha without limits.
 ALL = (-np.inf, np.inf)
 
 
 @final
 class AlphaRange:
-    """The tests alpha - lo and hi - alpha, each only where its limit is finite.
+    """The tests alpha - lo and hi - alpha; an infinite limit has no test.
 
     Parameters
     ----------
     alphas : tuple of float
-        (lo, hi), either of which may be infinite.
+        (lo, hi); a limit may be infinite.
 
     Raises
     ------
     InvalidInputError
-        If the range is empty or no pair of numbers.
+        If the range is empty, or no pair of numbers.
     """
 
     def __init__(self, alphas: tuple[float, float]) -> None:
@@ -45,12 +45,12 @@ class AlphaRange:
 
     @property
     def are_finite(self) -> bool:
-        """Whether alpha is limited on both sides."""
+        """Whether alpha is limited below and above."""
         return bool(self._finite.all())
 
     @property
     def width(self) -> float:
-        """The length of the range, one where it is infinite."""
+        """The length of the range, 1 if infinite."""
         return self.hi - self.lo if self.are_finite else 1.0
 
     def tests(self, alpha: float) -> Array:
@@ -67,17 +67,17 @@ class AlphaRange:
         return f"the first parameter leaves [{self.lo:g}, {self.hi:g}]"
 
 
-#: mu -> a system; all of one size, with the same tests in the same order.
+#: mu -> a system; all systems have equal sizes and the same tests in the same order.
 MakeSystem: TypeAlias = Callable[[float], PiecewiseSystem]
 
-#: Number of systems that are remembered: a Newton step needs one mu several times, and both its
-#: neighbours for differences.
+#: Number of systems that are remembered: a Newton step needs the system at a value of mu several
+#: times, and systems at two neighbouring values for differences.
 REMEMBERED = 8
 
 
 @final
 class Family:
-    """The systems of a family, each built when it is needed.
+    """The systems of a family, each built when needed.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ class Family:
     sample : float
         A value of mu for which there is a system.
     limits : AlphaRange
-        Limits of alpha: beyond finite ones nothing is evaluated.
+        Limits of alpha; no system is evaluated beyond finite limits.
 
     Attributes
     ----------
     sample : PiecewiseSystem
-        The system from which sizes and names are read off.
+        The system that gives sizes and names.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Family:
         self.sample = self.at(self._sampled_at)
 
     def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange]]:
-        """Pickle the arguments: a copy remembers systems of its own."""
+        """Return the arguments for a pickle; a copy builds the systems anew."""
         return Family, (self._make, self._sampled_at, self._limits)
 
     def _checked(self, mu: float) -> PiecewiseSystem:
@@ -119,7 +119,7 @@ class Family:
         return system.within(limits.lo, limits.hi) if limits.are_finite else system
 
     def scale(self, mus: tuple[float, float]) -> Array:
-        """Return typical magnitudes of z over ranges of mu and alpha, shape (n,)."""
+        """Return typical magnitudes of z, shape (n,), over ``mus`` and the limits of alpha."""
         limits = self._limits
         lo, hi = (limits.lo, limits.hi) if limits.are_finite else (-1.0, 1.0)
         scales = [finite_array("scale()", self.at(mu).scale(lo, hi)) for mu in mus]

@@ -1,4 +1,4 @@
-"""Polygons of the square [-1, 1]^2 that half-planes leave."""
+"""Intersections of the square [-1, 1]^2 with half-planes."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 def clipped(sides: Iterable[Array]) -> Array:
     """Return the part of the square in which a s + b t + c >= 0 for all (a, b, c).
 
-    By Sutherland and Hodgman (1974), one side after the other.
+    The algorithm of Sutherland and Hodgman (1974) cuts side by side.
 
     Returns
     -------
     ndarray, shape (k, 2)
-        Its corners counter-clockwise; none where nothing is left.
+        The corners of that part, counter-clockwise; none for an empty part.
     """
     polygon = SQUARE
     for side in sides:
@@ -33,7 +33,7 @@ def clipped(sides: Iterable[Array]) -> Array:
 
 
 def _cut(polygon: Array, values: Array) -> Array:
-    """Return the part of a polygon where values, given at its corners, are not negative."""
+    """Return the part of a polygon where an affine function, given at the corners, is >= 0."""
     kept: list[Array] = []
     for i, value in enumerate(values):
         before = values[i - 1]
@@ -46,7 +46,7 @@ def _cut(polygon: Array, values: Array) -> Array:
 
 
 def width_of(polygon: Array) -> float:
-    """Return twice the area by the perimeter: not below the radius of any circle inside."""
+    """Return twice the area divided by the perimeter, a bound for the radius of circles inside."""
     if len(polygon) < 3:
         return 0.0
     ahead = np.roll(polygon, -1, axis=0)

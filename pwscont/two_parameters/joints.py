@@ -1,11 +1,12 @@
-"""What happens to the solutions where patches meet.
+"""Joints: transitions, folds and vertical edges on the segments between patches.
 
-On a segment some cells' polygons end. Their solutions there lie on the interfaces to other cells,
-which share them (F1). So the cells that end on either side fall into groups with one solution each:
-two cells on opposite sides are a transition, two on the same side a fold. In every group the signs
-of det(dH/dz) on both sides have one sum, because no solution comes from nowhere; where a singular
-cell joins several groups, they have it together, unless it leads to infinity. A group that breaks
-this shows a mistake: it is returned as doubtful.
+On a segment the polygons of some cells end. The solutions of such a cell on the segment lie on the
+interface to another cell, and are solutions in the other cell, too (F1). So the cells that end on
+the segment fall into groups that share a solution: two cells on opposite sides are a transition,
+two cells on the same side a fold. In every group the signs of det(dH/dz) have equal sums on the
+left and on the right, because no solution comes from nowhere. If a singular cell joins several
+groups, only the sums over all these groups are equal; if the singular cell is unbounded, no sums
+need be equal. A segment with unequal sums shows a mistake, and is returned as doubtful.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from pwscont.two_parameters.cells import Cell, Strip
 from pwscont.two_parameters.half_planes import width_of
 from pwscont.two_parameters.loci import LocusPart, Passing
 
-#: Segments shorter than this, in tolerances, lie where several lines meet: they tell nothing.
+#: Segments shorter than this, in tolerances, lie where several lines meet, and are skipped:
+#: rounding decides which cells end on such a segment.
 SHORT = 100.0
 
 
@@ -37,11 +39,11 @@ class Joint:
     ----------
     kind : Passing
     label : str
-        The cells that meet.
+        The labels of the cells that meet.
     cell : Cell or None
-        One of them, which tells z; None where only a singular cell is known.
+        A cell that meets the segment, to compute z; None if only a singular cell does.
     ends : ndarray, shape (2, 2)
-        Points of the square.
+        The ends of the segment, as points of the square.
     """
 
     kind: Passing
@@ -53,7 +55,7 @@ class Joint:
 @final
 @dataclass(slots=True, eq=False)
 class Joints:
-    """All joints, and the middles of segments that are doubtful."""
+    """All joints, and the middles of doubtful segments."""
 
     found: list[Joint] = field(default_factory=list)
     doubtful: list[Array] = field(default_factory=list)
@@ -62,21 +64,21 @@ class Joints:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """The cells of a plane, and when solutions of two of them are one.
+    """The cells of a plane, with the rule by which solutions of two cells are the same solution.
 
     Attributes
     ----------
     cells : sequence of Cell
-        Those over a polygon.
+        The cells with solutions over a polygon.
     thin : sequence of Cell
-        Those that have solutions over a point or a segment only. They count as what follows the
-        cells: number ``len(cells)`` is the first of them.
+        The cells with solutions over a point or a segment only; the numbers of thin cells follow
+        the numbers of ``cells``.
     strips : sequence of Strip
     strip_labels : sequence of str
     scale : ndarray, shape (n,)
         Typical magnitudes of z.
     tolerance : float
-        Points of the square closer than this are one.
+        Points of the square closer than this count as one point.
     """
 
     cells: Sequence[Cell]
@@ -87,7 +89,7 @@ class Solved:
     tolerance: float
 
     def groups(self, cells: Iterable[int], point: Array) -> list[list[int]]:
-        """Return cells, by number, those with one solution at a point of the square together."""
+        """Return groups of cells, by number, that share a solution at a point of the square."""
         groups: list[list[int]] = []
         for i in cells:
             one = next((g for g in groups if self._share(g[0], i, point)), None)
@@ -104,21 +106,21 @@ class Solved:
         return bool((np.abs(one.at(point) - other.at(point)) <= limit).all())
 
     def cell(self, i: int) -> Cell:
-        """Return a cell by its number, a thin one too."""
+        """Return the cell with a number, also a thin cell."""
         return self.cells[i] if i < len(self.cells) else self.thin[i - len(self.cells)]
 
     def around(self, point: Array) -> list[int]:
-        """Return the cells, by number, around a point inside of a patch."""
+        """Return the numbers of the cells with solutions over a point inside a patch."""
         return [i for i, cell in enumerate(self.cells) if cell.margin(point) >= 0.0]
 
     def touching(self, point: Array) -> list[int]:
-        """Return the cells, by number, that have a solution over a point, but for rounding."""
+        """Return the numbers of the cells with a solution over a point, within rounding."""
         blur = GUARD * EPS + max((cell.blur for cell in self.cells), default=0.0)
         every = enumerate([*self.cells, *self.thin])
         return [i for i, cell in every if cell.margin(point) >= -max(blur, cell.blur)]
 
     def strips_at(self, point: Array) -> list[int]:
-        """Return the singular cells, by number, with infinitely many solutions over a point."""
+        """Return the numbers of the strips with infinitely many solutions over a point."""
         limit = 2.0 * self.tolerance
         return [i for i, s in enumerate(self.strips) if _distance(s.shadow, point) <= limit]
 
@@ -126,14 +128,15 @@ class Solved:
 def joints(
     solved: Solved, arrangement: Arrangement, solutions: Sequence[Sequence[list[int]]]
 ) -> Joints:
-    """Return what happens on all segments between patches.
+    """Return the joints of all segments between patches.
 
     Parameters
     ----------
     solved : Solved
     arrangement : Arrangement
     solutions : sequence of sequence of list of int
-        For each patch its solutions, each as the numbers of the cells that have it.
+        The solutions of each patch; a solution is the list of the numbers of all cells that have
+        the solution.
     """
     answer = Joints()
     for side in arrangement.sides:
@@ -149,7 +152,7 @@ def _cross(
     solutions: tuple[Sequence[list[int]], Sequence[list[int]]],
     answer: Joints,
 ) -> None:
-    """Add what happens on one segment, from the solutions on its left and right."""
+    """Add the joints of a segment to ``answer``, from the solutions on the left and right."""
     left, right = _ending(*solutions), _ending(*solutions[::-1])
     middle = side.ends.mean(axis=0)
     strips, unbalanced = solved.strips_at(middle), list[list[int]]()
@@ -167,13 +170,13 @@ def _cross(
 
 
 def _ending(here: Sequence[list[int]], there: Sequence[list[int]]) -> set[int]:
-    """Return one cell of each solution here that has no cell of a solution there."""
+    """Return a cell of each solution here that shares no cell with a solution there."""
     others = {cell for cells in there for cell in cells}
     return {cells[0] for cells in here if not others & set(cells)}
 
 
 def _excused(solved: Solved, strips: Sequence[int], left: set[int], right: set[int]) -> bool:
-    """Tell whether singular cells join solutions that have no partner, or lead to infinity."""
+    """Tell whether singular cells on a segment explain unequal sums of signs."""
     if any(solved.strips[i].is_unbounded for i in strips):
         return True
     return bool(strips) and _sum(solved, left) == _sum(solved, right)
@@ -198,12 +201,12 @@ def _vertical(solved: Solved, number: int, labels: Sequence[str], side: Side) ->
 
 
 def _is_above(cell: Cell, point: Array) -> bool:
-    """Tell whether the test that vanishes at a point is positive in a cell."""
+    """Tell whether the test of a cell that vanishes at a point is positive in the cell."""
     return cell.character.signs[cell.test_at(point)]
 
 
 def _alone(solved: Solved, known: Sequence[Joint]) -> Iterator[Joint]:
-    """Yield the singular cells over points and segments where no other cell ends."""
+    """Yield joints for the strips over points and segments where no regular cell ends."""
     middles = [c.ends.mean(axis=0) for c in known if c.kind is Passing.VERTICAL]
     limit = 2.0 * solved.tolerance
     for strip, label in zip(solved.strips, solved.strip_labels, strict=True):
@@ -213,7 +216,7 @@ def _alone(solved: Solved, known: Sequence[Joint]) -> Iterator[Joint]:
 
 
 def _distance(shadow: Array, point: Array) -> float:
-    """Return how far a point is from a point, a segment or a convex polygon."""
+    """Return the distance of a point from a shadow: point, segment or convex polygon."""
     ahead = np.roll(shadow, -1, axis=0)
     if width_of(shadow) > 0.0 and _is_within(shadow, ahead, point):
         return 0.0
@@ -239,9 +242,9 @@ def edges(
     joints : sequence of Joint
     window : Window
     size : int
-        How many unknowns a user knows of.
+        The number of unknowns that a user knows of.
     tolerance : float
-        Segments of one line that are closer than this belong together.
+        Segments of a line that are closer than this belong together.
     """
     together: dict[tuple[Passing, str], list[Joint]] = {}
     for joint in joints:
@@ -256,7 +259,7 @@ def edges(
 
 
 def _joined(segments: list[Array], tolerance: float) -> Iterator[Array]:
-    """Yield the longest segments that segments make."""
+    """Yield segments joined, line by line, into segments as long as possible."""
     while segments:
         line = max(segments, key=_length)
         on_it = [s for s in segments if _is_on(line, s, tolerance)]
@@ -269,7 +272,7 @@ def _length(segment: Array) -> float:
 
 
 def _is_on(line: Array, segment: Array, tolerance: float) -> bool:
-    """Tell whether a segment lies on the line of another, which is not shorter."""
+    """Tell whether a segment lies on a line, given by a segment that is not shorter."""
     if segment is line:
         return True
     way = (line[1] - line[0]) / (_length(line) or 1.0)
@@ -279,7 +282,7 @@ def _is_on(line: Array, segment: Array, tolerance: float) -> bool:
 
 
 def _merged(line: Array, segments: Iterable[Array], tolerance: float) -> Iterator[Array]:
-    """Yield segments of one line, those that touch as one."""
+    """Yield the segments of a line, touching segments merged."""
     way = line[1] - line[0]
     ordered = sorted(
         (s if (s[1] - s[0]) @ way >= 0.0 else s[::-1] for s in segments),
@@ -297,9 +300,9 @@ def _merged(line: Array, segments: Iterable[Array], tolerance: float) -> Iterato
 def _points(
     joint: Joint, ends: Array, window: Window, size: int, tolerance: float
 ) -> tuple[Array, Array]:
-    """Return both ends (z, alpha, mu), mu increasing, and their errors.
+    """Return the ends (z, alpha, mu) of an edge, mu increasing, and the errors of the ends.
 
-    z is nan where only a singular cell is. The ends of the square are off by the tolerance.
+    z is nan for a joint without regular cell. The error of (s, t) is the tolerance.
     """
     plane = window.inside(ends)
     z, spread = np.full((2, size), np.nan), np.full(size, np.nan)

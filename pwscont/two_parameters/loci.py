@@ -1,7 +1,7 @@
-"""All transitions of a family of systems, followed while the second parameter moves.
+"""The loci of all transitions of a family of systems, along the second parameter.
 
-In the plane of alpha and mu the loci of transitions are curves. Between them solutions keep their
-cells; the number of solutions changes only at loci of folds.
+In the plane of alpha and mu the loci of transitions are curves. Between the loci solutions stay in
+the same cells; the number of solutions changes only at loci of folds.
 """
 
 from __future__ import annotations
@@ -34,16 +34,17 @@ from pwscont.transitions.rays import Ray, inward_ray
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.locus import TransitionLocus
 
-#: Loci that come closer than this (relative) at one mu are one.
+#: Distance at a value of mu, in typical magnitudes of (z, alpha), up to which two loci count as one
+#: locus: half of the digits.
 SAME_LOCUS = EPS**0.5
-#: Points of a part are so dense that the part leaves its chords by less than this part of the
-#: range of alpha.
+#: Largest distance of a locus from the chords between points, as a part of the range of alpha: less
+#: than ``BESIDE`` of :mod:`plane`, so that points beside an edge lie on the right side.
 FLAT = 1e-4
 
 
 @final
 class Passing(StrEnum):
-    """How alpha passes a transition along a curve."""
+    """The kinds of transitions, by the way of alpha along the curve."""
 
     FOLD = "fold"
     TRANSITION = "transition"
@@ -53,13 +54,13 @@ class Passing(StrEnum):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Locus:
-    """One transition while mu moves.
+    """The locus of a transition, followed along mu.
 
     Attributes
     ----------
     system : TransitionLocus
     graph : BranchGraph
-        The curve of the locus: unknowns (z, alpha), parameter mu.
+        The branch graph of the locus: unknowns (z, alpha), parameter mu.
     """
 
     system: TransitionLocus
@@ -69,19 +70,19 @@ class Locus:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class LocusPart:
-    """A part of a locus whose transitions are of one kind: all folds, or none.
+    """A part of a locus on which all transitions are of the same kind.
 
     Attributes
     ----------
     crossing : Passing
-        A fold; a transition that alpha passes; or a transition with a vertical piece on one side,
-        where one alpha has infinitely many solutions.
+        A fold; a transition at which alpha goes on; or a transition with a vertical piece on a
+        side, with infinitely many solutions at one alpha.
     label : str
-        The cells on both sides.
+        The labels of the cells on the two sides.
     points : ndarray, shape (k, n + 2)
         Points (z, alpha, mu), mu monotone.
     error : ndarray, shape (2, n + 2)
-        Estimates of the errors of the first point and of the last.
+        Error estimates of the first and the last point.
     """
 
     crossing: Passing
@@ -106,12 +107,12 @@ class LocusPart:
 
 
 def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -> float:
-    """Tell whether a transition is a fold: positive where alpha turns, negative where not.
+    """Return a number that is positive if a transition is a fold, negative if alpha goes on.
 
-    The value is the product of the slopes of alpha along the curves that leave to both sides, with
-    tangents of length one. The slopes are proportional to det(dH/dz) (docs/theory, F3), with one
-    sign for both sides (F2), so the value vanishes where one of the determinants does: there the
-    transition stops being a fold.
+    The value is the product of the slopes of alpha along the curves that leave to the two sides,
+    with unit tangents. The slopes are proportional to det(dH/dz) (docs/theory, F3), by factors of
+    equal sign on the two sides (F2), so the value vanishes if a determinant vanishes: there the
+    transition begins or stops being a fold.
 
     Parameters
     ----------
@@ -120,21 +121,21 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
         A point (z, alpha) of the locus.
     mu : float
     character : Character
-        Its character as a point of the locus.
+        The character of the point as a point of the locus.
     """
     return float(_slopes(locus, y, mu, character).prod())
 
 
 def _slopes(locus: TransitionLocus, y: Array, mu: float, character: Character) -> Array:
-    """Return the slopes of alpha along the curves to both sides, exactly zero within rounding."""
+    """Return the slopes of alpha along the curves to the two sides; rounding counts as zero."""
     one, other = (_ray(locus, y, mu, side) for side in locus.sides(character))
-    if one is None or other is None:  # the locus itself turns here, tangent to alpha
+    if one is None or other is None:  # the locus turns here, tangent to alpha
         return np.zeros(2)
     return np.array([ray.curve.slope(ray.state) for ray in (one, other)])
 
 
 def _ray(locus: TransitionLocus, y: Array, mu: float, side: Character) -> Ray | None:
-    """Return the ray from the transition into the cell of one side."""
+    """Return the ray from the transition into the cell of a side."""
     scale = np.append(locus.family.scale((mu, mu)), locus.limits.width)
     curve = Curve(Selection(locus.at(mu), side), Metric(scale))
     return inward_ray(curve, y, np.zeros((1, len(y))), locus.test)
@@ -150,17 +151,17 @@ def follow_transitions(
     parameter: str = "mu",
     report: Report = silent,
 ) -> list[Locus]:
-    """Follow every transition found at some values of mu.
+    """Return the loci of every transition found at given values of mu.
 
     Parameters
     ----------
     family : callable
         mu -> :class:`~pwscont.PiecewiseSystem`.
     alphas, mus : tuple of float
-        The ranges to stay in.
+        The ranges within which loci are followed.
     levels : sequence of float
-        Values of mu. At each, all transitions between ``alphas`` are found by
-        :func:`pwscont.explore`; a locus that meets none of the levels is not found.
+        Values of mu at which :func:`pwscont.explore` finds the transitions between ``alphas``; a
+        locus that meets none of the levels is not found.
     known : sequence of Locus, optional
         Loci that need not be followed again.
     parameter : str, optional
@@ -171,12 +172,12 @@ def follow_transitions(
     Returns
     -------
     list of Locus
-        Loci known and loci found, each once, however many levels it meets.
+        Known and found loci, each once, even if a locus meets several levels.
 
     Raises
     ------
     InvalidInputError
-        If there is a smooth fold at a level, or several loci meet there.
+        If there is a smooth fold at a level, or several loci meet at a level.
     InvalidInputError, InvalidSystemError
         As for :func:`pwscont.explore`.
     """
@@ -196,7 +197,7 @@ def follow_transitions(
 def _transitions(
     family: MakeSystem, alphas: tuple[float, float], mu: float
 ) -> Iterator[tuple[SpecialPoint, int]]:
-    """Yield the transitions at one mu, each with the test that vanishes there."""
+    """Yield the transitions at a value of mu, each with the number of the vanishing test."""
     system = family(mu)
     scale = Metric.of(system, alphas).scale
     for point in uninterrupted(explore(system, alphas)).special_points():
@@ -218,7 +219,7 @@ def _transitions(
 
 
 def _vanishing(system: PiecewiseSystem, point: SpecialPoint, scale: Array) -> Indices:
-    """Return the tests that are zero at a special point."""
+    """Return the numbers of the tests that vanish at a special point."""
     z = completed(system, point.z, point.alpha)
     gradients = abs(system.test_jacobian(z, point.alpha))
     tests = system.test_functions(z, point.alpha)
@@ -236,7 +237,7 @@ def _passes(known: Locus, locus: TransitionLocus, y: Array, mu: float) -> bool:
 
 
 def parts_of(locus: Locus) -> list[LocusPart]:
-    """Cut a locus where it starts or stops being a fold.
+    """Return the parts of a locus, cut where the transition begins or stops being a fold.
 
     Parameters
     ----------
@@ -245,16 +246,16 @@ def parts_of(locus: Locus) -> list[LocusPart]:
     Returns
     -------
     list of LocusPart
-        In the order of its pieces.
+        The parts in the order of the pieces of the locus.
     """
     return [part for piece in locus.graph.pieces for part in _parts(locus, piece)]
 
 
 def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
-    """Yield the parts of one piece."""
+    """Yield the parts of a piece of a locus."""
     inside = _inner(locus, piece)
     values = [_slopes(locus.system, x[:-1], float(x[-1]), piece.character) for x in inside]
-    # a slope that is zero at single points is next to a change of its sign, or touches zero
+    # a slope that is zero at single points changes sign nearby, or touches zero
     known = [(x, v) for x, v in zip(inside, values, strict=True) if v.all()] or [
         (x, np.zeros(2)) for x in inside
     ]
@@ -271,7 +272,7 @@ def _parts(locus: Locus, piece: Piece) -> Iterator[LocusPart]:
 
 
 def _inner(locus: Locus, piece: Piece) -> list[Array]:
-    """Return points within a piece, dense where it bends.
+    """Return points within a piece, denser where the piece bends.
 
     The ends of the piece, where several transitions may meet, are left out.
     """
@@ -285,7 +286,7 @@ def _inner(locus: Locus, piece: Piece) -> list[Array]:
 def _between(
     graph: BranchGraph, piece: Piece, ends: tuple[Array, Array], flat: float
 ) -> list[Array]:
-    """Return points of a piece between two of its points, so dense that chords are flat."""
+    """Return points of a piece between the points ``ends``, so dense that chords are flat."""
     a, b = ends
     middle, _ = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
     if abs(middle[-2] - 0.5 * (a[-2] + b[-2])) <= flat:
@@ -295,7 +296,7 @@ def _between(
 
 
 def _on(graph: BranchGraph, piece: Piece, mu: float) -> tuple[Array, Array]:
-    """Return the point (z, alpha, mu) of a piece at one mu, and its error."""
+    """Return the point (z, alpha, mu) of a piece at a value of mu, and the error of the point."""
     (found,) = (s for s in graph.solutions(mu) if s.piece == piece.id)
     return np.append(found.z, mu), found.error
 
@@ -309,7 +310,7 @@ def _crossing(value: float) -> Passing:
 def _cuts(
     locus: Locus, piece: Piece, ends: tuple[Array, Array], sides: Indices
 ) -> list[tuple[Array, Array]]:
-    """Return where the slope of exactly one side changes sign, with errors."""
+    """Return the points where the slope of exactly one side changes sign, with errors."""
     found = [_cut(locus, piece, (float(ends[0][-1]), float(ends[1][-1])), side) for side in sides]
     found.sort(key=lambda cut: abs(cut[0][-1] - ends[0][-1]))
     if len(found) == 2 and abs(np.diff([x[-1] for x, _ in found])) <= sum(e[-1] for _, e in found):
@@ -320,11 +321,11 @@ def _cuts(
 def _cut(
     locus: Locus, piece: Piece, bracket: tuple[float, float], side: int
 ) -> tuple[Array, Array]:
-    """Return the point of a piece where the slope of one side changes its sign, and its error.
+    """Return the point of a piece where the slope of a side changes sign, and the error.
 
-    In general the slope of one side alone has a simple zero, while the product of both slopes may
-    be so flat that the product is rounding far around. The error is the distance within which the
-    sign is unknown.
+    In general the slope of a single side has a simple zero, while the product of the two slopes may
+    be so flat that the product is rounding far around the zero. The error is the distance within
+    which the sign is unknown.
     """
 
     def slope(mu: float) -> float:

@@ -28,7 +28,7 @@ from pwscont.two_parameters.plane import (
     regions,
 )
 
-#: mu -> a system whose solutions at one alpha can be enumerated.
+#: mu -> a system whose solutions at a value of alpha can be enumerated.
 MakeLinear: TypeAlias = Callable[[float], SlicewiseLinearSystem]
 #: Kinds of special points of loci that get no mark.
 UNMARKED = (Kind.START,)
@@ -46,16 +46,16 @@ class LociPlane(Plane):
         The parts of each locus.
     sectors : tuple of Sector
     mixed : tuple of ndarray, shape (2,)
-        Points (alpha, mu) whose solutions lie in other cells than those of the region around them:
-        a locus that was not found passes there. Without such points the loci need not be complete:
-        a few points of each region are tried.
+        Tried points (alpha, mu) whose solutions lie in different cells than the solutions of the
+        region: near such a point passes a locus that was not found. Without mixed points the loci
+        may still be incomplete, for only a few points of each region are tried.
     levels : tuple of float
         Values of mu at which loci were looked for.
     proven : tuple of int
-        For each region, in the order of the sectors, at how many points enumeration proves its
-        number of solutions: in its middle, its lowest and highest part, and beside its left and
-        right edges. 0 where it does not at each of them. It proves the number at these points; a
-        region can still be crossed by a locus that passes between them and meets no level.
+        For each region, in the order of the sectors, the number of points at which enumeration
+        proves the number of solutions, 0 if enumeration proves nothing at a point. The points lie
+        in the middle, in the lowest and highest part, and beside the left and right edges of the
+        region. A locus can still cross the region between these points if the locus meets no level.
     """
 
     levels: tuple[float, ...] = ()
@@ -69,7 +69,7 @@ class LociPlane(Plane):
 
     @property
     def guarantee(self) -> str:
-        """What is known about the completeness of the loci, in words; nothing proves it."""
+        """The guarantee of completeness of the loci, in words; completeness is never proven."""
         if self.mixed:
             return f"a locus is missing near {len(self.mixed)} of the points tried"
         if len(set(self.balances())) > 1:
@@ -81,13 +81,13 @@ class LociPlane(Plane):
         )
 
     def proof(self, region: Region) -> str:
-        """Return what enumeration proves about a region, in words."""
+        """Return in words whether enumeration proves the number of solutions of a region."""
         regions = [known for sector in self.sectors for known in sector.regions]
         points = next(n for known, n in zip(regions, self.proven, strict=True) if known is region)
         return f"proven at {points} points" if points else "not proven"
 
     def groups(self) -> Iterator[Group]:
-        """Yield the parts of each locus, and why it ends where it does."""
+        """Yield the parts of each locus, with the reasons for ends inside the window."""
         for i, (locus, some) in enumerate(zip(self.loci, self.parts, strict=True), start=1):
             ends = tuple(
                 (np.array([end.z[-1], end.alpha]), end.message)
@@ -116,10 +116,10 @@ class LociPlane(Plane):
         parameter: str = "mu",
         report: Report = silent,
     ) -> LociPlane:
-        """Follow all loci that meet some levels, and list the solutions between them.
+        """Return the plane of all loci that meet given levels, with the solutions in between.
 
-        A region with different solutions is crossed by a locus that meets no level:
-        the values of mu at such points become levels, too.
+        A region with mixed points is crossed by a locus that meets no level: the values of mu at
+        mixed points become levels, too.
 
         Parameters and errors as for :func:`pwscont.two_parameters.loci.follow_transitions`.
         """
@@ -145,7 +145,7 @@ class LociPlane(Plane):
         loci: Sequence[Locus],
         parts: Sequence[tuple[LocusPart, ...]],
     ) -> LociPlane:
-        """Return the sectors between loci."""
+        """Return the plane that loci cut into sectors."""
         curves = [part.plane for some in parts for part in some]
         found = regions(curves, *window)
         tried = [_Tried.of(family, region) for region in found]
@@ -159,16 +159,16 @@ class LociPlane(Plane):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tried:
-    """A region with what enumeration found at its points.
+    """The result of enumeration at the points of a region.
 
     Attributes
     ----------
     sector : Sector
-        The region with the solutions in its middle.
+        The region, with the solutions in the middle of the region.
     mixed : tuple of ndarray, shape (2,)
-        The points with solutions in other cells than those in the middle.
+        The points whose solutions lie in different cells than the solutions in the middle.
     points : int
-        At how many points the number of solutions is proven; 0 unless it is at all of them.
+        The number of points if the number of solutions is proven at all points; else 0.
     """
 
     sector: Sector
@@ -177,7 +177,7 @@ class _Tried:
 
     @classmethod
     def of(cls, family: MakeLinear, region: Region) -> _Tried:
-        """Enumerate the solutions at all points of a region."""
+        """Return the result of enumeration at all points of a region."""
         here, surely = _solutions(family, region.inside)
         sector = Sector((region,), here.points, math.inf if here.faces else len(here.points))
         labels, mixed = set(sector.labels), []
@@ -193,14 +193,14 @@ class _Tried:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """Isolated solutions at a point of the plane, and whether whole faces are solutions."""
+    """The isolated solutions at a point of the plane, and whether whole faces are solutions."""
 
     points: tuple[Found, ...]
     faces: bool
 
 
 def _solutions(family: MakeLinear, point: Array) -> tuple[_Here, bool]:
-    """Return the solutions at (alpha, mu), and whether enumeration proves that these are all."""
+    """Return the solutions at (alpha, mu), and whether enumeration proves the list complete."""
     alpha, mu = map(float, point)
     system = family(mu)
     found = solve_surely(system, Metric.at(system, alpha), alpha)

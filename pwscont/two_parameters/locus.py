@@ -1,26 +1,26 @@
-"""The loci of transitions and smooth folds while a second parameter moves.
+"""Systems whose branches are the loci of transitions and smooth folds along a second parameter.
 
-The transition at which test i vanishes is the point {H(z, alpha) = 0, kappa_i(z, alpha) = 0} of
-the curve. While a second parameter mu moves it draws a curve of its own, the *locus* of the
-transition, in one more unknown. That curve is piecewise smooth again: where another test
-vanishes, H changes its selection and the locus has a kink.
+The transition at which test i vanishes is the point {H(z, alpha) = 0, kappa_i(z, alpha) = 0} of the
+curve. While a second parameter mu varies, the transition moves along a curve in the unknowns (z,
+alpha), the *locus* of the transition. The locus is piecewise smooth, too: where another test
+vanishes, H changes the selection and the locus has a kink.
 
-At a fold of one selection dH/dz has a null vector v. Point and null vector together solve a
-larger system (Moore and Spence 1980), which is regular where the fold is an ordinary one. Moore and
-Spence fix the length of v by a linear condition l . v = 1; here it is |v| = 1 in the metric of the
-system, because no l is known in advance to which v never becomes orthogonal. Of the two solutions
-v and -v each gives the whole locus.
+At a fold of one selection dH/dz has a null vector v. Point and null vector together solve a larger
+system (Moore and Spence 1980), which is regular at an ordinary fold. Moore and Spence fix the
+length of v by a linear condition l . v = 1; here the condition is |v| = 1 in the metric of the
+system, because no l is known in advance to which v never becomes orthogonal. Each of the solutions
+v and -v gives the whole locus.
 
 Failure modes and answers
 -------------------------
-- On the locus the sign of kappa_i is rounding: both selections agree there, so the one for
-  kappa_i >= 0 is solved, and kappa_i itself is no test of the locus.
-- Beyond some tests kappa_i bounds no cell (friction bounds mean nothing once contact is lost).
-  There the locus ends, and says so, although the equations have solutions beyond.
+- On the locus the sign of kappa_i is rounding: the two selections agree on the locus, so the
+  selection for kappa_i >= 0 is solved, and kappa_i is no test function of the locus.
+- Beyond some tests kappa_i bounds no cell (friction bounds mean nothing once contact is lost): the
+  locus ends with a message, although the equations have solutions beyond.
 - alpha may run off to infinity while mu stays finite: the locus ends where alpha leaves a range.
-- At an interface dH/dz jumps, and with it the equation for v: a smooth fold that reaches one
-  ends there (it goes on as a non-smooth fold, or not at all). The locus ends, and says so.
-- Systems have no second derivatives: those along v come from differences of the Jacobian.
+- At an interface dH/dz and the equation for v jump: a smooth fold that reaches an interface goes on
+  as a non-smooth fold, or not at all. The locus ends with a message.
+- Systems give no second derivatives: second derivatives along v are differences of the Jacobian.
 """
 
 from __future__ import annotations
@@ -45,25 +45,25 @@ SIDE = True
 
 @final
 class TransitionLocus(PiecewiseSystem, Ending):
-    """The locus of one transition while a second parameter moves.
+    """The system whose branch is the locus of a transition along a second parameter.
 
-    Its unknowns are (z, alpha), its parameter is mu:
+    The unknowns are (z, alpha), the parameter is mu:
 
         H_chi(z, alpha; mu) = 0,   kappa_test(z, alpha; mu) = 0.
 
-    Facts F1 and F2 hold for the locus because they hold for H: across another test j the first n
-    rows change by c grad(kappa_j)^T, and the last row does not change.
+    Facts F1 and F2 hold for the locus because F1 and F2 hold for H: across another test j the first
+    n rows change by c grad(kappa_j)^T, and the last row does not change.
 
     Parameters
     ----------
     family : callable
-        mu -> :class:`~pwscont.PiecewiseSystem`, all of one size and with the same tests.
+        mu -> :class:`~pwscont.PiecewiseSystem`; all systems have equal sizes and the same tests.
     test : int
         The test function that vanishes at the transition.
     mu : float, optional
-        A value for which there is a system; sizes and names are read off from it.
+        A value of mu whose system gives sizes and names.
     alphas : tuple of float, optional
-        The range (lo, hi) of alpha, at whose ends the locus ends. Default no limit.
+        The range (lo, hi) of alpha, at whose ends the locus ends; default no limit.
 
     Attributes
     ----------
@@ -106,23 +106,23 @@ class TransitionLocus(PiecewiseSystem, Ending):
         self.test = int(test)
 
     def at(self, mu: float) -> PiecewiseSystem:
-        """Return the system whose transition is followed, at one mu."""
+        """Return the system in (z, alpha) at a value of mu, whose transition is followed."""
         return self.family.at(float(mu))
 
     def sides(self, character: Character) -> tuple[Character, Character]:
-        """Return the two characters, of the original system, that meet at the transition."""
+        """Return the two characters of the original system that meet at the transition."""
         original = Character(character.signs[: self._tests])
         return original.with_sign(self.test, False), original.with_sign(self.test, True)
 
     def is_transition(self, character: Character) -> bool:
-        """Tell whether the selections of both sides differ."""
+        """Tell whether the selections of the two sides differ."""
         below, above = self.sides(character)
         return self.family.sample.cell(below) != self.family.sample.cell(above)
 
     # -- the contract --------------------------------------------------------------------
 
     def test_functions(self, y: Array, mu: float) -> Array:
-        """Return the tests of the system, 1 in the place of ``test``, and the limits of alpha."""
+        """Return the tests of the system, 1 in place of ``test``, then the limits of alpha."""
         alpha = float(y[-1])
         tests = self.at(mu).test_functions(y[:-1], alpha)
         values = np.concatenate([tests, self.limits.tests(alpha)])
@@ -154,7 +154,7 @@ class TransitionLocus(PiecewiseSystem, Ending):
         return np.append(system.residual(z, alpha, selection), test)
 
     def jacobian(self, y: Array, mu: float, character: Character) -> Matrix:
-        """Return the Jacobian by (z, alpha, mu); the last column by differences."""
+        """Return the Jacobian by (z, alpha, mu); the last column comes from differences."""
         z, alpha, selection = y[:-1], float(y[-1]), self._selection(character)
         system = self.at(mu)
         rows = jacobian_at(system, z, alpha, selection)
@@ -167,14 +167,14 @@ class TransitionLocus(PiecewiseSystem, Ending):
         return with_column(np.vstack([dense(rows), dense(row)]), column)
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return the tests that bound the cell of either side, and the limits of alpha."""
+        """Return the tests that bound the cell of either side, then the limits of alpha."""
         sample = self.family.sample
         found = {int(i) for side in self.sides(character) for i in sample.bounding_tests(side)}
         limits = range(self._tests, self._tests + len(self.limits))
         return [*sorted(found - {self.test}), *limits]
 
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
-        """Return why the locus ends where ``tests`` vanish, None where it goes on."""
+        """Return why the locus ends where ``tests`` vanish, None if the locus goes on."""
         if any(i >= self._tests for i in tests):
             return str(self.limits)
         if not all(self.is_transition(character.flip(i)) for i in tests):
@@ -190,18 +190,18 @@ class TransitionLocus(PiecewiseSystem, Ending):
     # -- in words ------------------------------------------------------------------------
 
     def describe(self, character: Character) -> str:
-        """Return the cells of both sides in the words of the system."""
+        """Return the cells of the two sides in the words of the system."""
         return self._words(*(self.family.sample.describe(side) for side in self.sides(character)))
 
     def label(self, character: Character) -> str:
-        """Return the short names of both sides, such as ``slip- | no contact``."""
+        """Return the labels of the two sides, such as ``slip- | no contact``."""
         return self._words(*(self.family.sample.label(side) for side in self.sides(character)))
 
     def _words(self, below: str, above: str) -> str:
         return f"{below} | {above}" if below != above else f"{below} (no transition)"
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return what changes at a kink of the locus, in the words of the system."""
+        """Return the changes at a kink of the locus, in the words of the system."""
         changes = [
             self.family.sample.describe_transition(old, new)
             for old, new in zip(self.sides(before), self.sides(after), strict=True)
@@ -222,7 +222,7 @@ class TransitionLocus(PiecewiseSystem, Ending):
 
 
 def with_column(rows: Matrix, column: Array) -> Matrix:
-    """Return [rows | column], dense or sparse as the rows are."""
+    """Return the matrix [rows | column], sparse if the rows are sparse."""
     if sp.issparse(rows):
         return sp.hstack([rows, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
     return np.column_stack([rows, column])
@@ -230,9 +230,9 @@ def with_column(rows: Matrix, column: Array) -> Matrix:
 
 @final
 class FoldLocus(PiecewiseSystem, Ending):
-    """The locus of a smooth fold while a second parameter moves.
+    """The system whose branch is the locus of a smooth fold along a second parameter.
 
-    Its unknowns are (z, v, alpha), its parameter is mu:
+    The unknowns are (z, v, alpha), the parameter is mu:
 
         H_chi = 0,   (dH_chi/dz) v = 0,   |v / scale|^2 = 1.
 
@@ -269,11 +269,11 @@ class FoldLocus(PiecewiseSystem, Ending):
         self._weight = self.family.scale((mu, mu)) ** -2.0
 
     def at(self, mu: float) -> PiecewiseSystem:
-        """Return the system whose fold is followed, at one mu."""
+        """Return the system in (z, alpha) at a value of mu, whose fold is followed."""
         return self.family.at(float(mu))
 
     def start(self, z: Any, alpha: float, mu: float) -> tuple[Array, float]:
-        """Return the start for :func:`pwscont.trace` at a fold, which may be known roughly.
+        """Return the start for :func:`pwscont.trace` from an approximate fold.
 
         Parameters
         ----------
@@ -360,11 +360,11 @@ class FoldLocus(PiecewiseSystem, Ending):
     # -- in words ------------------------------------------------------------------------
 
     def describe(self, character: Character) -> str:
-        """Return the description of the system."""
+        """Return the cell in the words of the system."""
         return self.family.sample.describe(self._original(character))
 
     def label(self, character: Character) -> str:
-        """Return the short name of the cell."""
+        """Return the label of the cell, after ``fold of``."""
         return f"fold of {self.family.sample.label(self._original(character))}"
 
     def scale(self, lo: float, hi: float) -> Array:

@@ -1,9 +1,9 @@
 """The plane of two parameters, cut into regions.
 
-Horizontal lines through all vertices and crossings of the curves cut the plane into strips. No
-curve begins, ends or crosses another within a strip, so it is a row of trapezoids (Preparata and
-Shamos 1985, section 2.2). Trapezoids of successive strips between the same two curves are one
-region, and one enumeration tells what its solutions are.
+Horizontal lines through all vertices and crossings of the curves cut the plane into slabs. Within a
+slab no curve begins, ends or crosses another curve, so a slab is a row of trapezoids (Preparata and
+Shamos 1985, section 2.2). Trapezoids of successive slabs between the same two curves make a region,
+whose solutions are enumerated at a point.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from pwscont.basics.looks import UNNAMED, counted, named, short, state
 from pwscont.basics.rounding import EPS
 from pwscont.two_parameters.loci import SAME_LOCUS, Locus, LocusPart, Passing
 
-#: Strips and trapezoids thinner than this part of the window are left out.
+#: Slabs and trapezoids thinner than this part of the window are left out: half of the digits.
 THIN = EPS**0.5
-#: Points beside an edge are this part of the window away from it: the edge is a polyline, whose
-#: chords are not exact.
+#: Distance of points beside an edge from the edge, as a part of the window: the edge is a polyline,
+#: whose chords are not exact.
 BESIDE = 5e-4
 
 
@@ -40,9 +40,9 @@ class Region:
     polygon : ndarray, shape (k, 2)
         Corners (alpha, mu).
     inside : ndarray, shape (2,)
-        A point in the middle of its widest part.
+        A point in the middle of the widest part of the region.
     others : ndarray, shape (k, 2)
-        More points: in its lowest and its highest part, and beside its left and right edges.
+        More points: in the lowest and the highest part, and beside the left and right edges.
     """
 
     polygon: Array
@@ -58,7 +58,7 @@ class Region:
 def regions(
     curves: Sequence[Array], alphas: tuple[float, float], mus: tuple[float, float]
 ) -> list[Region]:
-    """Cut a rectangle along curves.
+    """Return the regions into which curves cut a rectangle.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def regions(
     Returns
     -------
     list of Region
-        They fill the rectangle; adjacent ones may hold the same solutions.
+        Regions that fill the rectangle; adjacent regions may have the same solutions.
     """
     growing: dict[tuple[int, int], list[_Trapezoid]] = {}
     finished: list[list[_Trapezoid]] = []
@@ -85,7 +85,7 @@ def regions(
 @final
 @dataclass(frozen=True, slots=True)
 class _Trapezoid:
-    """The part of a strip between two neighbouring curves, -1 and -2 for the window's sides."""
+    """The part of a slab between two neighbouring curves, -1 and -2 for the window's sides."""
 
     between: tuple[int, int]
     mus: tuple[float, float]
@@ -101,7 +101,7 @@ class _Trapezoid:
         return np.array([0.25 * (self.left + self.right).sum(), 0.5 * sum(self.mus)])
 
     def beside(self, distance: float) -> list[Array]:
-        """Return points in the middle of both sides, moved inwards; none where it is narrow."""
+        """Return the middles of the left and right side, moved inwards; none if too narrow."""
         if self.widths.mean() < 4.0 * distance:
             return []
         mu = 0.5 * sum(self.mus)
@@ -110,7 +110,7 @@ class _Trapezoid:
 
 
 def _levels(curves: Sequence[Array], mus: tuple[float, float]) -> list[float]:
-    """Return the heights of all vertices and crossings, without repetition."""
+    """Return the heights mu of all vertices and crossings, without repetition."""
     lo, hi = mus
     vertices = [float(mu) for curve in curves for mu in curve[:, 1]]
     heights = sorted([*vertices, *_crossings(curves), hi])
@@ -122,7 +122,7 @@ def _levels(curves: Sequence[Array], mus: tuple[float, float]) -> list[float]:
 
 
 def _crossings(curves: Sequence[Array]) -> Iterator[float]:
-    """Yield the heights at which two polylines cross."""
+    """Yield the heights mu at which two polylines cross."""
     for one, other in combinations(curves, 2):
         heights = np.union1d(one[:, 1], other[:, 1])
         lo, hi = max(one[0, 1], other[0, 1]), min(one[-1, 1], other[-1, 1])
@@ -134,14 +134,14 @@ def _crossings(curves: Sequence[Array]) -> Iterator[float]:
 
 
 def _at(curve: Array, mu: Array) -> Array:
-    """Return alpha of a polyline at some heights."""
+    """Return alpha of a polyline at heights mu."""
     return np.interp(mu, curve[:, 1], curve[:, 0])
 
 
 def _row(
     curves: Sequence[Array], alphas: tuple[float, float], mus: tuple[float, float]
 ) -> Iterator[_Trapezoid]:
-    """Yield the trapezoids of one strip from left to right."""
+    """Yield the trapezoids of a slab from left to right."""
     ends, middle = np.array(mus), 0.5 * sum(mus)
     lines = [(-1, np.full(2, alphas[0])), (-2, np.full(2, alphas[1]))]
     lines += [
@@ -156,7 +156,7 @@ def _row(
 
 
 def _region(chain: list[_Trapezoid], beside: float) -> Region:
-    """Join trapezoids from bottom to top."""
+    """Return the region of a chain of trapezoids, joined from bottom to top."""
     widest = max(chain, key=lambda t: float(t.widths.sum()))
     left = [(t.left[0], t.mus[0]) for t in chain] + [(chain[-1].left[1], chain[-1].mus[1])]
     right = [(t.right[0], t.mus[0]) for t in chain] + [(chain[-1].right[1], chain[-1].mus[1])]
@@ -166,7 +166,7 @@ def _region(chain: list[_Trapezoid], beside: float) -> Region:
 
 
 def area_and_centre(polygon: Array) -> tuple[float, Array]:
-    """Return the area of a polygon, shape (k, 2), and its centroid."""
+    """Return the area and the centroid of a polygon, shape (k, 2)."""
     x, y = (polygon - polygon[0]).T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
     area = 0.5 * float(cross.sum())
@@ -178,7 +178,7 @@ def area_and_centre(polygon: Array) -> tuple[float, Array]:
 
 @final
 class Meeting(StrEnum):
-    """The kind of a point at which a locus does not simply go on."""
+    """The kinds of points at which loci meet or have a kink."""
 
     OF_SEVERAL = "loci meet"
     KINK = "kink of a locus"
@@ -213,11 +213,11 @@ class Sector:
     Attributes
     ----------
     regions : tuple of Region
-        The largest first.
+        The regions, the largest first.
     solutions : tuple of Found
-        In the middle of the largest region.
+        The solutions in the middle of the largest region.
     count : int or float
-        Number of solutions; infinite where whole faces are solutions.
+        Number of solutions; infinite if whole faces are solutions.
     """
 
     regions: tuple[Region, ...]
@@ -236,14 +236,14 @@ class Sector:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Curves between sectors that belong together, as a reader sees them.
+    """Curves between sectors that a table lists under a common heading.
 
     Attributes
     ----------
     heading : str
     parts : tuple of LocusPart
     ends : tuple of (ndarray, str)
-        Points (alpha, mu) at which a curve ends within the window, and why.
+        Points (alpha, mu) at which a curve ends within the window, and the reasons.
     """
 
     heading: str
@@ -256,14 +256,14 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Plane(ABC):
-    """A window of the plane of alpha and mu: what bounds its sectors, and their solutions.
+    """A window of the plane of alpha and mu, cut into sectors, with the solutions of each sector.
 
     Attributes
     ----------
     alphas, mus : tuple of float
         The window.
     parts : tuple of tuple of LocusPart
-        The curves between sectors, those that belong together together.
+        The curves between sectors, in groups that belong together.
     sectors : tuple of Sector
     """
 
@@ -272,11 +272,11 @@ class Plane(ABC):
     parts: tuple[tuple[LocusPart, ...], ...]
     sectors: tuple[Sector, ...]
 
-    #: The loci that were followed; none where sectors were not found by loci.
+    #: The loci that were followed; none if sectors were found without loci.
     loci: tuple[Locus, ...] = ()
-    #: Points (alpha, mu) whose solutions lie in other cells than those of the region around them.
+    #: Points (alpha, mu) whose solutions lie in different cells than the solutions of the region.
     mixed: tuple[Array, ...] = ()
-    #: What else a reader should know, each a line.
+    #: Further lines for the reader of a table.
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -289,20 +289,20 @@ class Plane(ABC):
     @property
     @abstractmethod
     def searched(self) -> str:
-        """What was searched, in words."""
+        """The extent of the search, in words."""
 
     @property
     @abstractmethod
     def guarantee(self) -> str:
-        """What is known about the completeness of regions and solutions, in words."""
+        """The guarantee of completeness of regions and solutions, in words."""
 
     @abstractmethod
     def proof(self, region: Region) -> str:
-        """Return what is proven about the solutions in a region, in words."""
+        """Return in words whether the solutions in a region are proven."""
 
     @abstractmethod
     def groups(self) -> Iterator[Group]:
-        """Yield the parts under their headings."""
+        """Yield the groups of curves, each with a heading."""
 
     @abstractmethod
     def meetings(self) -> Iterator[tuple[Meeting, Array]]:
@@ -310,9 +310,9 @@ class Plane(ABC):
 
     @property
     def lowest_folds(self) -> list[Array]:
-        """The points (z, alpha, mu) with the smallest mu at which alpha turns.
+        """The points (z, alpha, mu) of folds with the smallest mu.
 
-        Two loci begin to be folds at one point of the plane; it is listed once.
+        Two loci begin to be folds at the same point of the plane, which is listed once.
         """
         folds = [s.lowest for some in self.parts for s in some if s.crossing is Passing.FOLD]
         lowest = min((float(x[-1]) for x in folds), default=math.inf)
@@ -325,7 +325,7 @@ class Plane(ABC):
         return tips
 
     def most_solutions(self) -> list[tuple[float, float, int | float]]:
-        """Return (lo, hi, count): for mu in between, the most solutions that an alpha has."""
+        """Return (lo, hi, count): the most solutions at any alpha, for mu between lo and hi."""
         spans = [(*_span(r), s.count) for s in self.sectors for r in s.regions]
         heights = sorted({mu for lo, hi, _ in spans for mu in (lo, hi)})
         table: list[tuple[float, float, int | float]] = []
@@ -347,7 +347,7 @@ def _span(region: Region) -> tuple[float, float]:
 
 
 def gathered(sectors: Iterable[Sector]) -> tuple[Sector, ...]:
-    """Return sectors of one region each, those with solutions in the same cells as one."""
+    """Return sectors of one region each, merged if the solutions lie in the same cells."""
     together: dict[tuple[str, ...], list[Sector]] = {}
     for sector in sorted(sectors, key=lambda s: -area_and_centre(s.regions[0].polygon)[0]):
         together.setdefault(tuple(sorted(sector.labels)), []).append(sector)

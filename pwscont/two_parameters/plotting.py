@@ -1,7 +1,7 @@
 """Pictures of the plane of two parameters.
 
-Shades tell the number of solutions. Thick lines are folds, across which this number changes; thin
-lines are transitions that alpha passes; on double lines infinitely many solutions share one point.
+Shades stand for the number of solutions. Thick lines are folds, across which this number changes;
+thin lines are transitions; points of double lines have infinitely many solutions.
 """
 
 from __future__ import annotations
@@ -45,17 +45,19 @@ NAMES = {
     Passing.TRANSITION: "transition",
     Passing.VERTICAL: "infinitely many solutions",
 }
-#: Labels go on the largest regions only, those above this part of the window.
+#: Least area of a sector's largest region, as a part of the window, for which the sector gets a
+#: label.
 ROOM = 0.003
-#: The name of a sector below the first part of the window stands beside it, by the second.
+#: A named sector with less area than the first part of the window has the label beside the sector,
+#: at a distance of the second part of the width.
 NARROW, ASIDE = 0.08, 0.22
-MARGIN = 0.12
-#: More points than this are drawn smaller.
+MARGIN = 0.12  # left and right of the loci, as a part of the range of the loci
+#: More meeting points than this are drawn smaller.
 MANY = 20
 
 
 def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
-    """Draw the sectors with their numbers of solutions, and the loci between them."""
+    """Return the picture of a plane: sectors with numbers of solutions, and loci in between."""
     figure = Figure(figsize=(6.0, 5.6) if scene.axes.equal else (6.8, 5.0), layout="constrained")
     ax = figure.subplots()
     window = (plane.alphas if scene.axes.equal else _view(plane)), plane.mus
@@ -108,7 +110,7 @@ def _mark_meetings(ax: Axes, plane: Plane) -> None:
 def _write_names(
     ax: Axes, scene: PlaneShown, plane: Plane, window: tuple[tuple[float, float], ...]
 ) -> None:
-    """Write name, cells and number of solutions into each sector, beside it if it is narrow."""
+    """Write name, cells and number of solutions into each sector, or beside a narrow sector."""
     width, height = np.ptp(window, axis=1)
     for sector in plane.sectors:
         polygons = [_clipped(region.polygon, window[0]) for region in sector.regions]
@@ -123,7 +125,7 @@ def _write_names(
 
 
 def _write(ax: Axes, text: str, at: Array, aside: float, shade: str) -> None:
-    """Write a text over the lines at a point, or beside the point with a line to it."""
+    """Write a text over the lines at a point, or beside the point with a line to the point."""
     box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
     line = {"arrowstyle": "-", "linewidth": 0.7, "shrinkA": 2, "shrinkB": 0}
     ax.annotate(
@@ -140,12 +142,12 @@ def _write(ax: Axes, text: str, at: Array, aside: float, shade: str) -> None:
 
 
 def _clipped(polygon: Array, alphas: tuple[float, float]) -> Array:
-    """Return a polygon pushed into the view; its sides are curves, so this is exact enough."""
+    """Return a polygon with alphas clipped to the view, exact enough for a polygon of curves."""
     return np.column_stack([polygon[:, 0].clip(*alphas), polygon[:, 1]])
 
 
 def _within(region: Region, size: tuple[float, Array]) -> Array:
-    """Return the centre of a region, or a point in its widest part where it bends around that."""
+    """Return the centre of a region, or a point in the widest part if the centre lies outside."""
     _, centre = size
     contains = Path(region.polygon).contains_points(centre[np.newaxis])[0]
     return centre if contains else region.inside
@@ -167,7 +169,7 @@ def _caption(scene: PlaneShown, sector: Sector, between: str) -> str:
 
 
 def _mark_lowest_fold(ax: Axes, scene: PlaneShown, plane: Plane) -> None:
-    """Draw a line at the smallest mu on all folds, and a dot where they begin."""
+    """Draw a line at the smallest mu on all folds, and a dot where folds begin."""
     if not scene.lowest_fold or not plane.lowest_folds:
         return
     mu = float(plane.lowest_folds[0][-1])
@@ -196,7 +198,7 @@ def _set_axes(ax: Axes, scene: PlaneShown, window: tuple[tuple[float, float], ..
 
 
 def _legend(plane: Plane) -> list[Any]:
-    """Return a handle for every kind of line, point and number of solutions that occurs."""
+    """Return a handle for each kind of line and point, and each number of solutions."""
     crossings = {s.crossing for some in plane.parts for s in some}
     lines = [Line2D([], [], label=NAMES[c], **LINES[c]) for c in Passing if c in crossings]
     shades = {sector.count: sector for sector in plane.sectors}

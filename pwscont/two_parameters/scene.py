@@ -1,4 +1,4 @@
-"""Scenes with two parameters, and their answers."""
+"""Scenes with two parameters, and the answers of such scenes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pwscont.two_parameters.table import report
 @final
 @dataclass(frozen=True, slots=True)
 class PlaneAnswer(Answer):
-    """Loci of transitions, and the sectors between them."""
+    """The answer of a two-parameter scene: curves, and the sectors in between."""
 
     scene: PlaneShown
     plane: Plane
@@ -36,17 +36,17 @@ class PlaneAnswer(Answer):
         return named(self, self.scene, counted(len(self.plane.sectors), "sector"))
 
     def as_text(self) -> str:
-        """Return loci and sectors."""
+        """Return loci and sectors as text."""
         return report(self.scene, self.plane)
 
     def as_dict(self) -> dict[str, Any]:
         """Return loci and sectors as plain lists and numbers.
 
-        The keys are those of a scene with one parameter. The parameter is mu, along which the
+        The keys include all keys of a one-parameter scene. The parameter is mu, along which the
         loci are followed; states are (z, alpha), as named by ``names`` and ``unknowns``; nodes and
-        pieces are those of all loci. A row of ``multiplicity`` holds the most solutions that an
-        alpha has for mu in between, None for infinitely many. ``solutions`` are those in the
-        middle of every sector.
+        pieces belong to all loci. A row of ``multiplicity`` holds a range of mu and the largest
+        number of solutions at any alpha, None for infinitely many. ``solutions`` has the solutions
+        in the middle of every sector.
         """
         scene, plane = self.scene, self.plane
         balances = set(plane.balances())
@@ -73,7 +73,7 @@ class PlaneAnswer(Answer):
         }
 
     def _graphs(self) -> dict[str, Any]:
-        """Return the graphs of all loci as one, with nodes and pieces renumbered."""
+        """Return the graphs of all loci as a single graph, with nodes and pieces renumbered."""
         nodes: list[dict[str, Any]] = []
         pieces: list[dict[str, Any]] = []
         components = 0
@@ -110,7 +110,7 @@ class PlaneAnswer(Answer):
         return {"lowest_folds": [{"alpha": float(x[-1]), "z": x[:-1].tolist()} for x in tips]}
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
-        """Write the picture, and what ``--json`` prints."""
+        """Write the picture and the JSON of :meth:`as_dict`, and return the files."""
         from pwscont.two_parameters.plotting import draw_plane  # noqa: PLC0415  where asked for
 
         name = self.scene.name
@@ -149,22 +149,24 @@ def _solutions(sector: Sector) -> list[dict[str, Any]]:
 @final
 @dataclass(frozen=True, slots=True, repr=False)
 class PlaneScene(Runnable):
-    """A family of systems, and the window of the plane of its two parameters to look at.
+    """A family of systems, and a window of the plane of the parameters alpha and mu.
 
-    Offered by an entry point of the group ``pwscont.scenes``, as a :class:`~pwscont.Scene` is.
+    A package offers a plane scene, like a :class:`~pwscont.Scene`, by an entry point of the group
+    ``pwscont.scenes``.
 
     Attributes
     ----------
     name, title : str
     family : callable
-        mu -> :class:`~pwscont.SlicewiseLinearSystem`, all of one size and with the same tests.
+        mu -> :class:`~pwscont.SlicewiseLinearSystem`; all systems have equal sizes and the same
+        tests.
     alphas, mus : tuple of float
         The window.
     levels : tuple of float
-        Values of mu; where loci are followed, those that meet these values are.
+        Values of mu; if loci are followed, only loci that meet a level are found.
     axes : Axes
     sectors : callable, optional
-        Labels of the solutions in a region -> its name; default none.
+        Labels of the solutions in a region -> the name of the region; default no names.
     lowest_fold : str
         Name of the smallest mu on all folds; default: not reported.
 
@@ -194,9 +196,9 @@ class PlaneScene(Runnable):
         object.__setattr__(self, "parameter", self.axes.mu)
 
     def run(self, report: Report = silent) -> Plane:
-        """Return the exact map where both parameters enter affinely, else the plane of the loci.
+        """Return the exact map if alpha and mu enter affinely, else the plane of the loci.
 
-        The exact map needs Shapely; without it loci are followed as well, and a remark says so.
+        The exact map needs Shapely; without Shapely loci are followed, and a remark says so.
         """
         if not self.is_affine:
             return self._by_loci(report)
@@ -207,17 +209,17 @@ class PlaneScene(Runnable):
 
     @property
     def is_affine(self) -> bool:
-        """Whether both parameters enter the systems affinely."""
+        """Whether alpha and mu enter the systems affinely."""
         return is_affine(self.family, Window.of(self.alphas, self.mus))
 
     def _by_loci(self, report: Report) -> LociPlane:
-        """Follow the loci and list the solutions of every region between them."""
+        """Return the plane of the loci, with the solutions of every region."""
         return LociPlane.between(
             self.family, self.alphas, self.mus, self.levels, parameter=self.axes.mu, report=report
         )
 
     def sector_name(self, sector: Sector) -> str:
-        """Return the scene's name of a sector, empty where it gives none."""
+        """Return the name that the scene gives to a sector, empty without a name."""
         return self.sectors(sector.labels) if self.sectors else ""
 
     def values(self, wanted: Sequence[float] | None) -> tuple[float, ...]:
@@ -226,7 +228,7 @@ class PlaneScene(Runnable):
         Raises
         ------
         InvalidInputError
-            If values were asked for: one number is no point of the plane.
+            If values were asked for: a number is no point of the plane.
         """
         if wanted is not None:
             raise InvalidInputError(
@@ -237,7 +239,7 @@ class PlaneScene(Runnable):
         return ()
 
     def plan(self) -> dict[str, str]:
-        """Return the parts of the run in words."""
+        """Return the parts of the run, {name: words}."""
         if self.is_affine and find_spec("shapely"):
             return {
                 "cut": "the polygons over which cells have their solutions, with each other",
@@ -249,5 +251,5 @@ class PlaneScene(Runnable):
         }
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
-        """Run the scene."""
+        """Return the answer of the scene."""
         return PlaneAnswer(self, self.run(report))

@@ -20,7 +20,7 @@ WORDS = {
 
 
 def report(scene: PlaneShown, plane: Plane) -> str:
-    """Return loci, sectors, and the lowest fold if the scene asks for it."""
+    """Return loci and sectors as text, and the lowest fold if the scene names a lowest fold."""
     axes, (a, b), (c, d) = scene.axes, plane.alphas, plane.mus
     lines = [
         f"{scene.name}: {scene.title}",
@@ -54,7 +54,7 @@ def _extent(scene: PlaneShown, part: LocusPart) -> str:
 
 
 def _point(scene: PlaneShown, alpha: float, mu: float) -> str:
-    """Return a point of the plane without rounding dust."""
+    """Return a point of the plane as text; values within rounding of zero read as zero."""
     scales = np.ptp([scene.alphas, scene.mus], axis=1)
     values = [x if abs(x) > DUST * s else 0.0 for x, s in zip((alpha, mu), scales, strict=True)]
     return f"({scene.axes.alpha}, {scene.axes.mu}) = ({number(values[0])}, {number(values[1])})"

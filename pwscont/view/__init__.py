@@ -1,1 +1,1 @@
-"""A view in the browser: the branch diagram and its solutions in one file."""
+"""A view in the browser: the branch diagram and the solutions in one file."""

@@ -1,4 +1,4 @@
-"""The records of a body: its shape in every row of numbers, and contact states for each piece."""
+"""The records of a body: shapes for every row of numbers, and contact states for each piece."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from pwscont.scenes.panels import CONTACT_STATES, BodyPicture, Shapes
 from pwscont.view.numbers import Numbers
 from pwscont.view.records import packed
 
-#: Most numbers of all shapes, four bytes each; of a larger body only the outline is shown.
+#: Most numbers of all shapes, four bytes each, so that a page stays small; of a larger body only
+#: the outline is shown.
 MOST_NUMBERS = 800_000
 
 
 def body_records(graph: BranchGraph, numbers: Numbers, body: BodyPicture) -> dict[str, Any]:
-    """Return what the page knows of a body.
+    """Return the records of a body for the page.
 
     Raises
     ------
     InvalidSystemError
-        If the picture returns another number of contact states than of contact nodes.
+        If the picture does not return a known contact state for each contact node.
     """
     shapes = body.shapes(numbers.states)
     mesh = _drawn_elements(shapes) if _is_small(shapes) else _drawn_outline(shapes)
@@ -44,7 +45,7 @@ def _is_small(shapes: Shapes) -> bool:
 
 
 def _drawn_elements(shapes: Shapes) -> dict[str, Any]:
-    """Return all elements with their colours."""
+    """Return the records of all elements, with colours."""
     strongest = np.sqrt((shapes.shade**2).sum(axis=1)).max(initial=0.0)
     return {
         "corners": shapes.corners.tolist(),
@@ -59,7 +60,7 @@ def _drawn_elements(shapes: Shapes) -> dict[str, Any]:
 
 
 def _drawn_outline(shapes: Shapes) -> dict[str, Any]:
-    """Return the lines around the body, one by one, without colours."""
+    """Return the records of the edges around the body, without colours."""
     edges = outline_of(shapes.corners)
     kept = np.unique(np.concatenate([edges.ravel(), shapes.contact, shapes.held]))
     count = shapes.corners.shape[0]
@@ -76,7 +77,7 @@ def _drawn_outline(shapes: Shapes) -> dict[str, Any]:
 
 
 def outline_of(corners: Indices) -> Indices:
-    """Return the edges that belong to one element only, shape (edges, 2)."""
+    """Return the edges that belong to a single element, shape (edges, 2), from all corners."""
     sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     ordered = np.sort(sides, axis=1)
     _, first, count = np.unique(ordered, axis=0, return_index=True, return_counts=True)
@@ -99,7 +100,7 @@ def _states(character: Any, shapes: Shapes, body: BodyPicture) -> list[int]:
 
 
 def _extent(shapes: Shapes) -> list[float]:
-    """Return left, right, bottom and top of everything that is drawn, in all states."""
+    """Return left, right, bottom and top of body and obstacles, over all states."""
     body = shapes.positions.transpose(1, 0, 2).reshape(2, -1)
     every = np.hstack([body, *shapes.obstacles])
     return [float(some) for line in every for some in (line.min(), line.max())]

@@ -1,7 +1,7 @@
 """The diagrams and the page of a view.
 
-Imported only where a view is asked for. Sources and ranges have the names by which the page's
-programs find them.
+This module is imported only if a view is asked for. The programs of the page find sources and
+ranges by name.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from bokeh.palettes import Blues256
 from bokeh.plotting import figure
 from bokeh.resources import INLINE
 
-#: Height of the diagrams in pixels; room beside the axes.
+#: Heights of the diagrams, and room left and right of the axes, in pixels.
 TALL, STRIP, CURVES, ROOM, RIGHT = 430, 150, 190, 78, 12
 #: Numbers below this power of ten are written with an exponent.
 SMALL = -5
-#: Usual width of the column of a body, height of what is around it, and least height, in pixels.
+#: Usual width of the column of a body, height of tools and colour bar, and least height, in pixels.
 COLUMN, BARS, LEAST = 480, 110, 220
 BLACK, SLIP, PRESSURE, SHEAR, BOUND = "#000000", "#D55E00", "#0072B2", "#E69F00", "#777777"
 PARTS = ("diagram", "strip", "body", "curves")
 
 
 def document_of(body: dict[str, Any] | None) -> Document:
-    """Return the diagrams, with diagrams of the body of a system with a body."""
+    """Return the document with all diagrams, and with the diagrams of the body if any."""
     document = Document()
     roots = {"diagram": diagram(), "strip": strip()}
     if body:
@@ -109,7 +109,7 @@ def diagram() -> Any:
         line_width=1.5,
         **look,
     )
-    # what moves with the slider is painted by itself, without the branches
+    # marks that move with the slider are painted alone, without the branches
     ring: dict[str, Any] = {"fill_color": None, "line_color": BLACK, "level": "overlay"}
     plot.scatter("x", "y", source=_source("now", "x y"), size=11, line_width=1.5, **ring)
     plot.scatter("x", "y", source=_source("chosen", "x y"), size=18, line_width=3, **ring)
@@ -145,7 +145,7 @@ def strip() -> Any:
 
 
 def _add_legend(plot: Any, words: dict[str, Any], name: str) -> None:
-    """Put a legend above a diagram, outside of the data."""
+    """Add a legend above a diagram, outside of the data."""
     items = [LegendItem(label=label, renderers=[drawn]) for label, drawn in words.items()]
     small: dict[str, Any] = {"border_line_color": None, "padding": 0, "spacing": 14, "margin": 2}
     legend = Legend(items=items, orientation="horizontal", name=name, **small)
@@ -240,7 +240,7 @@ PROGRAMS = ("data.js", "solutions.js", "body.js", "diagram.js", "page.js")
 
 
 def page_of(records: dict[str, Any], title: str) -> str:
-    """Return the whole page."""
+    """Return the HTML page from records and title."""
     words: dict[str, Any] = {
         "records": _as_json(records),
         "style": _read("page.css"),
@@ -254,7 +254,7 @@ def page_of(records: dict[str, Any], title: str) -> str:
 
 
 def _as_json(records: Any) -> str:
-    """Return records as JSON that may stand within a page."""
+    """Return records as JSON that may stand within an HTML page."""
     return json.dumps(records, ensure_ascii=False).replace("<", "\\u003c")
 
 

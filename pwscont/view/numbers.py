@@ -1,4 +1,4 @@
-"""The numbers of a view: the points of all pieces, each once, with everything that has a name."""
+"""The numbers of a view: every point of a piece once, with all unknowns and recorded quantities."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from pwscont.graph.presentation import DUST
 from pwscont.graph.queries import fine_points
 from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
 
-#: Most numbers of a file: eight bytes each, a third more as text.
+#: Most numbers of a file, so that a page stays small: eight bytes each, a third more as text.
 MOST_NUMBERS = 400_000
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Numbers:
-    """Rows of numbers, and which of them make a piece or a special point.
+    """Rows of numbers, and the rows that belong to each piece and special point.
 
     Attributes
     ----------
     names : tuple of str
         The names of the columns: the parameter, the unknowns, the recorded quantities.
     unknowns : int
-        How many of the columns are unknowns.
+        The number of columns that are unknowns.
     rows : ndarray, shape (r, 1 + n + m)
-        nan where a recorded quantity failed.
+        The numbers; nan where a recorded quantity failed.
     pieces : list of ndarray of int
-        For each piece its rows, from start to end.
+        The rows of each piece, from start to end.
     points : ndarray of int
-        For each special point its row.
+        The row of each special point.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Numbers:
 
     @classmethod
     def of(cls, graph: BranchGraph) -> Numbers:
-        """Return the numbers of a graph; curved pieces are smooth curves through their points."""
+        """Return the numbers of a graph; curved pieces get points of a smooth curve."""
         finer = _finer(graph)
         lines = [_line(graph, piece, finer) for piece in graph.pieces]
         points = [_point(graph, point) for point in graph.special_points()]
@@ -64,7 +64,7 @@ class Numbers:
 
     @property
     def along(self) -> list[Array]:
-        """For each piece the lengths along it at its rows, which increase."""
+        """The strictly increasing lengths along each piece, at the rows of the piece."""
         return [_increasing(length_along(self.states[rows])) for rows in self.pieces]
 
     @property
@@ -74,9 +74,10 @@ class Numbers:
         return largest
 
     def dust(self, graph: BranchGraph) -> Array:
-        """Return for each column up to what its values are nothing but rounding.
+        """Return for each column the largest magnitude that counts as rounding.
 
-        An unknown that is zero throughout has no magnitude of its own, but an estimated error.
+        An unknown that is zero throughout has no magnitude to compare with, but has an estimated
+        error.
         """
         dust = DUST * self.largest
         errors = [point.error[:-1] for point in graph.special_points() if len(point.error)]
@@ -88,7 +89,7 @@ class Numbers:
         return dust
 
     def fitting(self, wanted: Sequence[str]) -> Indices:
-        """Return as many columns as a file has room for, those that are wanted first."""
+        """Return the numbers of the columns that fit into a file, wanted columns first."""
         most = max(MOST_NUMBERS // max(len(self.rows), 1), 2 + len(wanted))
         first = [0, *(self.names.index(name) for name in wanted)]
         recorded = range(1 + self.unknowns, len(self.names))
@@ -97,12 +98,12 @@ class Numbers:
 
 
 def is_curved(piece: Piece) -> bool:
-    """Tell whether a piece has points between its ends."""
+    """Tell whether a piece has points between the ends."""
     return len(piece.track.inner) > 0
 
 
 def _finer(graph: BranchGraph) -> int:
-    """Return in how many parts the steps of pieces are drawn: as many as there is room."""
+    """Return the number of parts into which steps of pieces are cut, ``FINER`` if room allows."""
     record = graph.quantities.record
     cut = [piece for piece in graph.pieces if is_curved(piece) or record]
     rows = sum(len(piece.track.inner) + 2 for piece in cut)
@@ -111,7 +112,7 @@ def _finer(graph: BranchGraph) -> int:
 
 
 def _line(graph: BranchGraph, piece: Piece, finer: int) -> Array:
-    """Return the rows of a piece."""
+    """Return the rows of a piece, shape (k, 1 + n + m)."""
     points = piece.points
     if not is_curved(piece):
         return _straight(graph, points, finer)
@@ -121,7 +122,7 @@ def _line(graph: BranchGraph, piece: Piece, finer: int) -> Array:
 
 
 def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
-    """Return the rows of a straight piece: its ends, if what is recorded is straight, too."""
+    """Return the rows of a straight piece: only the ends if recorded quantities are straight."""
     if not graph.quantities.record:
         return _rows(graph, ends)
     parts = np.linspace(0.0, 1.0, max(finer, 2) + 1)
@@ -130,7 +131,7 @@ def _straight(graph: BranchGraph, ends: Array, finer: int) -> Array:
 
 
 def _increasing(length: Array) -> Array:
-    """Return strictly increasing lengths, so that interpolation is possible."""
+    """Return lengths made strictly increasing, as interpolation needs."""
     least = APART * (length[-1] or 1.0)
     return np.append(0.0, np.cumsum(np.maximum(np.diff(length), least)))
 
@@ -140,7 +141,7 @@ def _rows(graph: BranchGraph, points: Array) -> Array:
 
 
 def _fine(graph: BranchGraph, piece: Piece, finer: int) -> Array:
-    """Return points of a curve through those of a piece along which alpha is monotone, too."""
+    """Return finer points of a curve through a piece's points, with alpha still monotone."""
     points = piece.points
     if graph.system is not None:
         fine = fine_points(graph.system, piece, graph.interval, finer)

@@ -1,4 +1,4 @@
-"""The records of a view as the page reads them: lists, texts, and arrays packed in base64."""
+"""The records of a view for the page: lists, texts, and arrays packed in base64."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, in_letters, styles_of
 from pwscont.view.numbers import Numbers, is_curved
 
-#: How each kind of special point is drawn: marker of Bokeh, size, and whether it is hollow.
+#: The look of each kind of special point: marker of Bokeh, size in pixels, whether hollow.
 MARKERS: dict[str, tuple[str, int, bool]] = {
     Kind.START: ("asterisk", 11, False),
     Kind.END: ("dot", 8, False),
@@ -38,36 +38,36 @@ MARKERS: dict[str, tuple[str, int, bool]] = {
     Kind.EVENT: ("star", 12, False),
     Kind.STOPPED: ("x", 10, False),
 }
-#: The markers of kinds of a user's own detectors.
+#: The markers for kinds of a user's own detectors, in the order of the kinds' names.
 OWN_MARKERS = ("hex", "square_pin", "triangle_pin", "diamond_cross", "circle_x", "square_x")
 MINUS = "\N{MINUS SIGN}"
-#: Most digits shown of what is interpolated, and how far it may be off, as a part of the largest
-#: value: with the system, whose cubics a step was accepted by, and without.
+#: Most digits shown of interpolated values, and the possible error of interpolation as a part of
+#: the largest value: with the system, which checked every step by cubics, and without the system.
 CORRECTED, UNCORRECTED = (4, 1e-5), (3, 3e-3)
-#: Digits of the parameter at a special point.
+#: Number of digits of the parameter at a special point.
 DIGITS = 8
-#: Most transitions whose marks have their full size, and the size of the smallest.
+#: Most transitions of a graph that are drawn with marks of full size, and the least size in pixels.
 FEW, SMALLEST = 12, 4.0
-#: With more transitions their marks are plain dots: to outline each takes most of a picture's time.
+#: More transitions than this are drawn as plain dots: outlines would take most of the drawing time.
 CROWD = 300
 
 
 def packed(values: Any, kind: str) -> dict[str, Any]:
-    """Return an array as the page unpacks it: its type in JavaScript, and its bytes."""
+    """Return an array as the page unpacks arrays: type in JavaScript, and bytes in base64."""
     types = {"Float64Array": "<f8", "Float32Array": "<f4", "Int32Array": "<i4"}
     array = np.ascontiguousarray(values, dtype=types[kind])
     return {"type": kind, "bytes": b64encode(array.tobytes()).decode("ascii")}
 
 
 def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -> dict[str, Any]:
-    """Return what the page knows of a graph.
+    """Return the records of a graph for the page.
 
     Parameters
     ----------
     graph : BranchGraph
     numbers : Numbers
     wanted : sequence of str
-        Names of quantities for which there must be room.
+        Names of quantities that are never left out.
     """
     kept, plain = numbers.fitting(wanted), as_dict(graph)
     digits, rough = CORRECTED if graph.system is not None else UNCORRECTED
@@ -119,7 +119,7 @@ def _pieces(graph: BranchGraph, numbers: Numbers) -> dict[str, Any]:
 
 
 def _points(graph: BranchGraph, numbers: Numbers) -> list[dict[str, Any]]:
-    """Return the special points; nodes are solutions as well."""
+    """Return the records of the special points; nodes have the records of a solution, too."""
     branch, points = _branches(graph), graph.special_points()
     return [
         _point(graph, point, branch) | {"row": int(row)}
@@ -150,7 +150,7 @@ def _branches(graph: BranchGraph) -> dict[int, int]:
 
 
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
-    """Return what is said of a special point when the pointer is over it."""
+    """Return the lines shown when the pointer is over a special point."""
     name = in_letters(graph.parameter)
     lines = [f"{name} = {_alpha(graph, point.alpha)}", point.message]
     lines += [point.events] if point.events else []
@@ -161,7 +161,7 @@ def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
 
 
 def _alpha(graph: BranchGraph, alpha: float) -> str:
-    """Return a parameter as users read it, with more digits in an interval far from zero."""
+    """Return a parameter value as text, with more digits in an interval far from zero."""
     further = ceil(log10(max(map(abs, graph.interval)) / np.ptp(graph.interval)))
     return f"{graph.clean(alpha):.{DIGITS + max(further, 0)}g}".replace("-", MINUS)
 
@@ -171,7 +171,7 @@ def _value(value: float | str) -> str:
 
 
 def marks(graph: BranchGraph) -> dict[str, dict[str, Any]]:
-    """Return how each kind of special point in a graph is drawn; many transitions are small."""
+    """Return {kind: look} for the special points of a graph; many transitions get small marks."""
     kinds = [str(point.kind) for point in graph.special_points()]
     own = zip(sorted({*kinds} - {*MARKERS}), cycle(OWN_MARKERS), strict=False)
     every = MARKERS | {kind: (marker, 9, False) for kind, marker in own}
@@ -194,7 +194,7 @@ def marks(graph: BranchGraph) -> dict[str, dict[str, Any]]:
 def style_records(
     graph: BranchGraph, panels: Sequence[Panel], wanted: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the ways to tell modes apart by line styles: by the whole state, and by panel."""
+    """Return the line styles of all pieces, by the mode of each panel and by the whole state."""
     own = graph.system.line_styles if graph.system else {}
     whole = _style(graph, "all of the state", None, {**own, **wanted})
     some = {panel.title or "part of the state": panel.mode for panel in panels if panel.mode}
@@ -219,7 +219,7 @@ def _style(
     }
 
 
-#: Line styles of matplotlib by their short names, in widths of the line.
+#: Names of matplotlib's line styles -> lengths of dashes and gaps, in widths of the line.
 DASHES = {
     "-": [],
     "solid": [],

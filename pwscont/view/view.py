@@ -1,4 +1,4 @@
-"""The object that shows a branch graph in a browser or a notebook, and writes it to a file."""
+"""The object that shows a branch graph in a browser or a notebook, and writes the page."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ TALL = 780
 
 @final
 class View:
-    """A branch graph to look at in a browser: one file, without server and network.
+    """A branch graph to look at in a browser: a page in one file, without server and network.
 
-    The branch diagram with pan and zoom, any quantity on either axis; a slider over the parameter
-    with all solutions there; the solution that is clicked on as a table, and on its body if there
-    is one; the number of solutions. In a notebook the view shows itself.
+    The page has the branch diagram with pan and zoom and any quantity on either axis; a slider over
+    the parameter with all solutions at the value; the clicked solution as a table, and as a picture
+    of the body if any; and the number of solutions. In a notebook the view shows itself.
 
     Parameters
     ----------
     graph : BranchGraph
     what : int or str, optional
-        The quantity that the diagram shows first: index or name of an unknown, or a recorded one.
+        The quantity that the diagram shows first: index or name of an unknown, or name of a
+        recorded quantity.
     title : str
     panels : sequence of Panel
-        Each with a ``mode`` is one way to tell modes apart by line styles.
+        Each panel with a ``mode`` is a way to tell modes apart by line styles.
     styles : mapping
         The line style for each mode.
     body : BodyPicture, optional
-        How solutions look on a body.
+        The picture of the body.
 
     Raises
     ------
     InvalidInputError
-        If there is no such quantity; UnknownNameError names close ones.
+        If there is no such quantity; UnknownNameError lists similar names.
     MissingPackageError
         If Bokeh is not installed.
 
@@ -73,7 +74,7 @@ class View:
 
     @classmethod
     def of(cls, scene: Shown, graph: BranchGraph) -> View:
-        """Return the view of a scene's graph, with its title, panels and body."""
+        """Return the view of a scene's graph, with title, panels and body of the scene."""
         drawn = [panel.component for panel in scene.panels]
         first = next((what for what in drawn if isinstance(what, int | str)), 0)
         title = f"{scene.name}: {scene.title}"
@@ -88,7 +89,7 @@ class View:
 
     @cached_property
     def records(self) -> dict[str, Any]:
-        """Everything that the page knows, as lists, texts and packed arrays."""
+        """The records of the page, as lists, texts and packed arrays."""
         numbers = Numbers.of(self.graph)
         told: dict[str, Any] = {"title": self.title, "what": self.what}
         told |= graph_records(self.graph, numbers, [self.what])
@@ -99,12 +100,12 @@ class View:
 
     @cached_property
     def html(self) -> str:
-        """The whole page."""
+        """The HTML page."""
         page = import_module("pwscont.view.figures")
         return str(page.page_of(self.records, self.title or "branches"))
 
     def save(self, path: str | Path) -> Path:
-        """Write the page to a file, which appears whole or not at all.
+        """Write the page to a file, which appears whole or not at all, and return the path.
 
         Raises
         ------
@@ -133,12 +134,12 @@ class View:
 
 
 def check_bokeh() -> None:
-    """Refuse a view where Bokeh is not installed.
+    """Refuse a view if Bokeh is not installed.
 
     Raises
     ------
     MissingPackageError
-        The message says what to install.
+        If Bokeh is not installed; the message says what to install.
     """
     if find_spec("bokeh") is None:
         raise MissingPackageError(

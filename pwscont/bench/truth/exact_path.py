@@ -1,24 +1,24 @@
-"""The true pieces of a system with straight pieces and too many cells to try them all.
+"""The true pieces of a system with straight pieces and too many cells to try every cell.
 
 Only the list of cells that the path visits is taken from ExactLinear. Each piece is then made again
-from its character alone: the line that solves the frozen selection, and the stretch of this line on
+from the character alone: the line that solves the frozen selection, and the stretch of this line on
 which no bounding test is negative, in rational arithmetic, or by
 :func:`~pwscont.bench.truth.refinement.refined` where the system is larger. A piece found is called
-true if it agrees with the piece made again: sign of the determinant, both ends, and with them the
-test that ends the piece, all tests being positive in between. Pieces must join, and the signs must
-sum to the system's degree, where that is known.
+true if the piece agrees with the piece made again in the sign of the determinant and the ends, and
+thereby in the tests that end the piece; all tests must be positive in between. Pieces must join,
+and the signs must sum to the system's degree, if known.
 
-So errors are measured against numbers that are not those of ExactLinear, and mean the same for
-ExactLinear as for the other steppers. The verdict on ExactLinear means less: the cells come from
-itself, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
+So errors are measured against numbers that do not come from ExactLinear, and mean the same for
+ExactLinear as for every other stepper. The verdict on ExactLinear means less: the cells come from
+ExactLinear, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
 NaturalParameter compares two independent ways. The path is not claimed to be complete: a component
-that the search of ``explore`` misses is missed here, unless its signs are missing in the sum.
+that the search of ``explore`` misses is missed here, unless the signs of the component are missing
+in the sum.
 
 Failure modes and answers
 -------------------------
-- A piece that is not true, that ends inside the interval where none goes on, or that is vertical:
-  refused.
-- A test that vanishes all along a piece, so that it belongs to several cells: refused.
+- A piece is not true, ends inside the interval without a following piece, or is vertical: refused.
+- A test vanishes all along a piece, so that the piece belongs to several cells: refused.
 """
 
 from __future__ import annotations
@@ -36,12 +36,13 @@ from pwscont.graph.records import Piece
 from pwscont.system.system import PiecewiseLinearSystem
 
 KNOWN_BY = "the exact path, each piece verified"
-#: Up to this many unknowns rational elimination takes milliseconds; at 20 twenty times as long
-#: as refinement.
+#: Most unknowns for rational elimination, which then takes milliseconds; for 20 unknowns
+#: elimination takes twenty times as long as refinement.
 SMALL = 12
-#: A found piece agrees with the true one if its ends are this close, in the metric.
+#: Distance, in the metric of the problem, up to which an end of a found piece agrees with the true
+#: end.
 AGREES = 1e-9
-#: A test vanishes along a piece if it stays below this part of its change over the interval.
+#: Part of a test's value and change over the interval up to which the test vanishes along a piece.
 VANISHES = Fraction(1, 10**30)
 
 
@@ -51,7 +52,7 @@ def verified_path(
     scale: Array,
     pieces: Sequence[Piece],
 ) -> Truth:
-    """Return the true pieces that the pieces of a graph stand for.
+    """Return the truth for the pieces of a graph, each piece verified.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def verified_path(
     Raises
     ------
     UnknownAnswerError
-        If there are no pieces, one is not true, or they do not join.
+        If there are no pieces, a piece is not true, or the pieces do not join.
     """
     if not pieces:
         raise UnknownAnswerError("the exact path has no pieces: its search found none")
@@ -85,7 +86,7 @@ def _verified(
         raise _refused(piece, f"its determinant has the sign {true.det_sign:+d}")
     found = piece.points[[0, -1]]
     off = (found[np.argsort(found[:, -1])] - true.ends()) / scale
-    if not np.linalg.norm(off, axis=1).max() <= AGREES:  # nor is it if it is no number
+    if not np.linalg.norm(off, axis=1).max() <= AGREES:  # also refuses nan
         raise _refused(piece, f"its ends are off by {np.abs(off).max():.1e}")
     return true
 
@@ -93,7 +94,7 @@ def _verified(
 def _made_again(
     system: PiecewiseLinearSystem, interval: tuple[float, float], piece: Piece
 ) -> TruePiece:
-    """Return the true piece in the cell of a found one."""
+    """Return the true piece in the cell of a found piece."""
     character = piece.character
     line, sign = line_of(system, character, solve if system.size <= SMALL else refined)
     true = piece_on(system, character, line, sign, interval) if sign else None
@@ -115,7 +116,7 @@ def _refused(piece: Piece, why: str) -> UnknownAnswerError:
 
 
 def _check_cells(truth: Truth) -> None:
-    """Refuse a cell with two pieces: cells are convex, and hold one regular piece at most."""
+    """Refuse a cell with two pieces: cells are convex, and hold at most one regular piece."""
     if len({piece.cell for piece in truth.pieces}) < len(truth.pieces):
         raise UnknownAnswerError("the exact path has a piece twice")
 

@@ -1,7 +1,7 @@
-"""The true pieces of a problem and their joints, for the bench.
+"""The true pieces of a problem and the joints of pieces, for the bench.
 
-A true piece is a curve with a parameter of its own (alpha, an angle, the height of a solution),
-because alpha is a poor parameter near a fold.
+A true piece is a curve with its own parameter (alpha, an angle, the height of a solution), because
+alpha is a poor parameter near a fold.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
 
-#: Ends of true pieces closer than this, in the metric, are one point.
+#: Ends of true pieces closer than this, in the metric of the problem, are the same point.
 SAME_PLACE = 1e-8
-#: True solutions per piece that the computed branch is compared with.
+#: Number of true solutions of a piece with which the computed branch is compared.
 SAMPLES = 101
 
 #: The name of a selection, as :meth:`pwscont.PiecewiseSystem.cell` returns it.
@@ -28,7 +28,7 @@ Cell = Hashable
 
 
 class UnknownAnswerError(InvalidInputError):
-    """The bench cannot say what the right answer of a problem is."""
+    """The bench does not know the right answer of a problem."""
 
 
 @final
@@ -42,7 +42,7 @@ class TruePiece:
         As of :meth:`pwscont.PiecewiseSystem.cell`.
     det_sign : int
     span : tuple of float
-        Values of the piece's own parameter at its ends.
+        Values of the piece's own parameter at the ends.
     at : callable
         Own parameter -> the point (z, alpha), shape (n + 1,).
     parameter : callable
@@ -56,15 +56,15 @@ class TruePiece:
     parameter: Callable[[Array], float]
 
     def next_to(self, x: Array) -> Array:
-        """Return a point of the piece next to ``x``."""
+        """Return a point of the piece close to the point ``x``."""
         return self.at(min(max(self.parameter(x), self.span[0]), self.span[1]))
 
     def middle(self) -> Array:
-        """Return a point well inside."""
+        """Return a point well inside the piece."""
         return self.at(0.5 * sum(self.span))
 
     def ends(self) -> tuple[Array, Array]:
-        """Return the points at both ends."""
+        """Return the points at the ends."""
         return self.at(self.span[0]), self.at(self.span[1])
 
     def extent(self) -> tuple[float, float]:
@@ -73,7 +73,7 @@ class TruePiece:
         return min(a, b), max(a, b)
 
     def samples(self) -> Array:
-        """Return points of the piece, dense towards its ends, shape (SAMPLES, n + 1)."""
+        """Return points of the piece, dense towards the ends, shape (SAMPLES, n + 1)."""
         a, b = self.span
         share = 0.5 - 0.5 * np.cos(np.pi * np.arange(SAMPLES) / (SAMPLES - 1))
         return np.array([self.at(float(s)) for s in a + (b - a) * share])
@@ -81,7 +81,7 @@ class TruePiece:
 
 @final
 class Truth:
-    """All true pieces of a problem, and the points where they meet.
+    """All true pieces of a problem, and the points where pieces meet.
 
     Parameters
     ----------
@@ -122,22 +122,22 @@ class Truth:
 
     @property
     def loose_ends(self) -> list[Array]:
-        """Ends of a single piece: at an end of the interval, if nothing is missing."""
+        """Points where a single piece ends: at ends of the interval, if no piece is missing."""
         return [place for place, pieces in self._meeting if len(pieces) == 1]
 
     @cached_property
     def transitions(self) -> list[Array]:
-        """Points where pieces of different cells meet, non-smooth folds among them."""
+        """Points where pieces of different cells meet: transitions, including non-smooth folds."""
         return [x for x, pieces in self._inner() if len({piece.cell for piece in pieces}) > 1]
 
     @cached_property
     def folds(self) -> list[Array]:
-        """Points where alpha turns, smoothly or not."""
+        """Points where alpha turns: folds and non-smooth folds."""
         return [x for x, pieces in self._inner() if sum(piece.det_sign for piece in pieces) == 0]
 
     @cached_property
     def starts(self) -> list[Array]:
-        """One point inside a piece of every component."""
+        """A point inside a piece of every component."""
         joints = nx.Graph()
         joints.add_nodes_from(range(len(self.pieces)))
         for _, pieces in self._meeting:
@@ -163,7 +163,7 @@ class Truth:
         return len(self.over(alpha))
 
     def regular_alphas(self) -> list[float]:
-        """Return one alpha between every two successive special ones."""
+        """Return an alpha between every two successive special alphas."""
         lo, hi = self.interval
         special = sorted({lo, hi, *(float(x[-1]) for x, _ in self._meeting)})
         gap = SAME_PLACE * (hi - lo)

@@ -25,7 +25,7 @@ class Circle(PiecewiseSystem):
     size = 1
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return nothing: there is one cell."""
+        """Return no tests: there is a single cell."""
         return np.zeros(0)
 
     def test_jacobian(self, z: Array, alpha: float) -> Array:
@@ -42,7 +42,7 @@ class Circle(PiecewiseSystem):
 
 
 def circle_pieces() -> list[TruePiece]:
-    """Return both halves, by the angle."""
+    """Return the upper and the lower half, with the angle as parameter."""
 
     def at(angle: float) -> Array:
         return np.array([math.sin(angle), math.cos(angle)])
@@ -59,7 +59,7 @@ def circle_pieces() -> list[TruePiece]:
 
 @final
 class TwoCurves(PiecewiseSystem):
-    """alpha = z^2 + 2 z below z = 0 and z^3 - z above: two smooth folds and one at the kink."""
+    """alpha = z^2 + 2 z below z = 0 and z^3 - z above: two folds and a non-smooth fold."""
 
     size = 1
 
@@ -82,7 +82,7 @@ class TwoCurves(PiecewiseSystem):
 
 
 def two_curves_pieces() -> list[TruePiece]:
-    """Return the pieces for alpha from -2 to 2, by z."""
+    """Return the pieces for alpha from -2 to 2, with z as parameter."""
 
     def at(z: float) -> Array:
         return np.array([z, z**3 - z if z >= 0.0 else z**2 + 2.0 * z])
@@ -90,7 +90,7 @@ def two_curves_pieces() -> list[TruePiece]:
     system = TwoCurves()
     below, above = system.cell(Character((False,))), system.cell(Character((True,)))
     top = float(brentq(lambda z: z**3 - z - 2.0, 1.0, 2.0, xtol=EPS, rtol=4.0 * EPS))
-    # ends in z, and the sign of dH/dz between them
+    # cell, sign of dH/dz, and ends in z
     spans = [
         (below, -1, -1.0 - math.sqrt(3.0), -1.0),
         (below, 1, -1.0, 0.0),
@@ -102,19 +102,19 @@ def two_curves_pieces() -> list[TruePiece]:
 
 @final
 class Bratu(PiecewiseSystem):
-    """u'' + alpha exp(u) = 0 on (0, 1), u = 0 at both ends, by differences at n points.
+    """u'' + alpha exp(u) = 0 on (0, 1), u(0) = u(1) = 0, by differences at n points.
 
     Parameters
     ----------
     n : int
-        Odd, so that one point is the middle.
+        Number of points, odd, so that a point is the middle.
     """
 
     def __init__(self, n: int = 31) -> None:
         self.size, self.squared = n, 1.0 / (n + 1) ** 2
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return nothing: there is one cell."""
+        """Return no tests: there is a single cell."""
         return np.zeros(0)
 
     def test_jacobian(self, z: Array, alpha: float) -> Array:
@@ -129,7 +129,7 @@ class Bratu(PiecewiseSystem):
         return rest
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> BandedJacobian:
-        """Return the derivatives, tridiagonal but for the last column."""
+        """Return the derivatives, tridiagonal except for the last column."""
         growth = self.squared * np.exp(z)
         bands = np.ones((3, self.size))
         bands[1] = alpha * growth - 2.0
@@ -141,7 +141,7 @@ class Bratu(PiecewiseSystem):
 
 
 def bratu_pieces(system: Bratu, lo: float) -> list[TruePiece]:
-    """Return both pieces for alpha above ``lo``, by the height c of u in the middle."""
+    """Return the two pieces for alpha >= ``lo``; the parameter is c, u in the middle."""
     n, middle = system.size, system.size // 2
 
     def at(c: float) -> Array:
@@ -170,7 +170,7 @@ def _differential(n: int, theta: float) -> Array:
 
 
 def _at_height(system: Bratu, c: float) -> Array:
-    """Return the discrete solution with u = c in the middle, by Newton from the continuous one."""
+    """Return the discrete solution with u = c in the middle, by Newton from the continuous."""
     x = _differential(system.size, math.acosh(math.exp(0.5 * c)))
     border = np.zeros(system.size + 1)
     border[system.size // 2] = 1.0

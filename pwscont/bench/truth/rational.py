@@ -1,6 +1,6 @@
-"""The true pieces of a system with straight pieces, in rational arithmetic: no rounding at all.
+"""The true pieces of a system with straight pieces, in rational arithmetic, without rounding.
 
-Every number that the system returns is taken as the rational number that it is.
+Every floating-point number that the system returns is taken as an exact rational number.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Solver: TypeAlias = Callable[[Array, Array], tuple[list[Row], int]]
 def straight_pieces(
     system: PiecewiseLinearSystem, interval: tuple[float, float]
 ) -> list[TruePiece]:
-    """Return the piece of every cell that has one; cells without isolated solutions have none."""
+    """Return the pieces of all cells; a cell without isolated solutions has no piece."""
     found = (straight_piece(system, cell, interval) for cell in system.cells())
     return [piece for piece in found if piece is not None]
 
@@ -32,7 +32,7 @@ def straight_pieces(
 def straight_piece(
     system: PiecewiseLinearSystem, character: Character, interval: tuple[float, float]
 ) -> TruePiece | None:
-    """Return the piece of one cell, None where it has no isolated solution in the interval."""
+    """Return the piece of a cell, None without isolated solutions in the interval."""
     line, sign = line_of(system, character, solve)
     return piece_on(system, character, line, sign, interval) if sign else None
 
@@ -40,9 +40,9 @@ def straight_piece(
 def line_of(
     system: PiecewiseLinearSystem, character: Character, solver: Solver
 ) -> tuple[list[Row], int]:
-    """Return z0 and z1 of the line z0 + alpha z1 that solves one selection, a row per unknown.
+    """Return the line z0 + alpha z1 that solves a selection, and the sign of det(dH/dz).
 
-    And the sign of det(dH/dz); the line is empty where it is 0.
+    The line has a row (z0, z1) for each unknown, and is empty if the sign is 0.
     """
     origin = np.zeros(system.size)
     jacobian = dense(system.jacobian(origin, 0.0, character))
@@ -57,7 +57,7 @@ def piece_on(
     sign: int,
     interval: tuple[float, float],
 ) -> TruePiece | None:
-    """Return the part of a line that lies in its cell, None where there is none."""
+    """Return the part of a line that lies in the cell of a character, None if empty."""
     lo, hi = _admissible(tests_along(system, character, line), interval)
     if lo >= hi:
         return None
@@ -73,7 +73,7 @@ def piece_on(
 def tests_along(
     system: PiecewiseLinearSystem, character: Character, line: list[Row]
 ) -> Iterator[tuple[Fraction, Fraction]]:
-    """Yield value at alpha = 0 and rate along a line of every bounding test, positive inside."""
+    """Yield value at alpha = 0 and rate of every bounding test along a line, positive inside."""
     origin = np.zeros(system.size)
     values, rates = system.test_functions(origin, 0.0), dense(system.test_jacobian(origin, 0.0))
     for i in system.bounding_tests(character):
@@ -100,7 +100,7 @@ def _admissible(
 def solve(matrix: Array, rhs: Array) -> tuple[list[Row], int]:
     """Return the solution, a row per unknown, and the sign of the determinant.
 
-    By Gauss-Jordan elimination; the solution is empty where the sign is 0.
+    The method is Gauss-Jordan elimination; the solution is empty if the sign is 0.
     """
     size, sign = len(matrix), 1
     rows = [_exact(row) for row in np.column_stack([matrix, rhs])]

@@ -1,14 +1,15 @@
 """Linear systems too large for rational elimination, solved to far beyond double precision.
 
-An approximate inverse R of the matrix S is refined with residuals that are exact, because they
-are computed in integers: ``y <- y + R (b - S y)``. Where ``|I - R S| < 1`` in the largest row sum,
-the error is below ``|R (b - S y)| / (1 - |I - R S|)``, S is regular, and its determinant has the
-sign of that of R (Rump, Verification methods, Acta Numerica 19, 2010, sections 10.2 and 10.7).
+A solution is refined by an approximate inverse R of the matrix S, ``y <- y + R (b - S y)``, with
+exact residuals, computed in integers. If ``|I - R S| < 1`` in the largest row sum, the error is
+below ``|R (b - S y)| / (1 - |I - R S|)``, S is regular, and det S has the sign of det R (Rump,
+Verification methods, Acta Numerica 19, 2010, sections 10.2 and 10.7).
 
 Failure modes and answers
 -------------------------
-- Rows and columns of very different size: both are scaled by powers of two, without rounding.
-- A matrix that is singular to rounding: ``|I - R S|`` is not small; the sign returned is 0.
+- Rows and columns have very different sizes: rows and columns are scaled by powers of two, without
+  rounding.
+- A matrix is singular to rounding: ``|I - R S|`` is not small, and the returned sign is 0.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.bench.truth.rational import Row
 
-#: Solutions are multiples of two to minus this, in scaled unknowns.
+#: Solutions, in scaled unknowns, are multiples of two to the power of minus this.
 BITS = 320
-#: Their error is below two to minus this, relative to the largest.
+#: The error of solutions is below two to the power of minus this, relative to the largest unknown.
 KNOWN_BITS = 200
-#: Row sums of |I - R S| above this are not trusted; refinement gains a factor ten per pass.
+#: Largest row sum of |I - R S| that is trusted; each pass of refinement then gains a factor of ten.
 LARGEST_DEFECT = 0.1
 MOST_PASSES = KNOWN_BITS
 
@@ -43,7 +44,8 @@ def refined(matrix: Array, rhs: Array) -> tuple[list[Row], int]:
     Returns
     -------
     list of list of Fraction, int
-        Known to KNOWN_BITS; empty where the sign is 0: the matrix is singular to rounding.
+        The solution to KNOWN_BITS bits, and the sign. If the matrix is singular to rounding, the
+        solution is empty and the sign is 0.
     """
     if not (matrix.any(axis=0).all() and matrix.any(axis=1).all()):
         return [], 0
@@ -65,7 +67,7 @@ def _power_of_two(sizes: Array) -> Array:
 
 
 def _inverse(scaled: Array) -> tuple[Array, int]:
-    """Return an approximate inverse and the sign of both determinants, 0 if it is not sure."""
+    """Return an approximate inverse and the sign of the determinant, 0 if not certain."""
     try:
         inverse = np.asarray(np.linalg.inv(scaled), dtype=np.float64)
     except np.linalg.LinAlgError:
@@ -91,7 +93,7 @@ def _refine(exact: list[SparseRow], unit: int, inverse: Array, side: int) -> lis
     for _ in range(MOST_PASSES):
         over = zip(right, left, strict=True)
         residual = [b - sum(entry * y[j] for j, entry in row) for b, row in over]
-        # an integer over an integer is rounded once, however large both are
+        # a quotient of integers of any size is rounded only once
         rounded = np.array([r / (unit << BITS) for r in residual])
         correction = [int(Fraction(float(d)) * 2**BITS) for d in inverse @ rounded]
         y = [a + d for a, d in zip(y, correction, strict=True)]

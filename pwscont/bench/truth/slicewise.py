@@ -1,15 +1,16 @@
 """The true pieces of a system that is affine in z at each alpha, by a solve per cell and alpha.
 
-In each cell the state is a function of alpha, one dense solve by numpy; a piece is a stretch of
-alpha on which the state lies in its cell. The ends of a piece are roots along alpha of the smallest
-test that bounds the cell. No tangent, no step and no Newton iteration takes part.
+In each cell the state is a function of alpha, computed by a dense solve of numpy; a piece is a
+stretch of alpha on which the state lies in the cell. The ends of a piece are roots along alpha of
+the smallest test that bounds the cell. No tangent, no step and no Newton iteration takes part.
 
 Failure modes and answers
 -------------------------
-- A piece shorter than the grid of alphas: the answer is compared with ``enumerate_solutions`` at
-  other values of alpha, see :mod:`pwscont.bench.cases`. Pieces thinner than both grids are missed.
-- A cell that is singular at every alpha may hold vertical pieces: refused.
-- A state that runs to infinity where the determinant vanishes: refused, if within its cell.
+- A piece is shorter than the steps of the grid of alphas: the answer is compared with
+  ``enumerate_solutions`` at further values of alpha, see :mod:`pwscont.bench.cases`. Pieces shorter
+  than the steps between all these values are missed.
+- A cell is singular at every alpha, and may hold vertical pieces: refused.
+- A state runs to infinity where the determinant vanishes: refused, if within the cell.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from pwscont.bench.truth.known_answer import TruePiece, UnknownAnswerError
 from pwscont.system.selection import Selection
 from pwscont.system.system import SlicewiseLinearSystem
 
-#: Values of alpha at which every cell is tried.
+#: Number of values of alpha at which every cell is tried.
 GRID = 401
-#: A matrix whose determinant is this part of the product of its rows' lengths is singular.
+#: Part of the product of the rows' lengths up to which the determinant of a matrix counts as zero.
 SINGULAR = 1e-13
 
 
@@ -50,7 +51,7 @@ def cellwise_pieces(
 
 
 class _InCell:
-    """The state of one cell as a function of alpha."""
+    """The state of a cell as a function of alpha."""
 
     def __init__(self, system: SlicewiseLinearSystem, character: Character) -> None:
         self._selection = Selection(system, character)
@@ -61,17 +62,17 @@ class _InCell:
         return dense(self._selection.jacobian(self._origin))[:, :-1]
 
     def look(self, alpha: float) -> tuple[float, int, float]:
-        """Return alpha, the sign of det(dH/dz) and the slack, NaN where the sign is 0."""
+        """Return alpha, the sign of det(dH/dz), and the slack, which is NaN if the sign is 0."""
         sign = _sign(self._matrix(alpha))
         return alpha, sign, self.slack(alpha) if sign else np.nan
 
     def at(self, alpha: float) -> Array:
-        """Return the point (z, alpha) that the selection has at ``alpha``."""
+        """Return the solution (z, alpha) of the selection at ``alpha``."""
         z = np.linalg.solve(self._matrix(alpha), -self._selection.residual(self._origin))
         return np.append(z, alpha)
 
     def slack(self, alpha: float) -> float:
-        """Return the smallest bounding test: not negative where the point is in its cell."""
+        """Return the smallest bounding test, not negative if the point lies in the cell."""
         return float(self._selection.tests(self.at(alpha)).min(initial=np.inf))
 
     def pieces(self, interval: tuple[float, float]) -> list[TruePiece]:
@@ -96,6 +97,6 @@ class _InCell:
 
 
 def _sign(matrix: Array) -> int:
-    """Return the sign of the determinant, 0 where it vanishes to rounding."""
+    """Return the sign of the determinant, 0 if the determinant vanishes within rounding."""
     det = np.linalg.det(matrix / np.linalg.norm(matrix, axis=1)[:, np.newaxis])
     return 0 if abs(det) < SINGULAR else int(np.sign(det))
