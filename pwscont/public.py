@@ -45,6 +45,9 @@ from pwscont.transitions.user_event import Stop
 
 if TYPE_CHECKING:
     from pwscont.continuation.kit import check_detector, check_search, check_stepper
+    from pwscont.evolution.evolve import evolve
+    from pwscont.evolution.graph import EvolutionGraph
+    from pwscont.evolution.memory import SystemWithMemory
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.scenes.panels import Panel, ParameterPath
@@ -84,6 +87,7 @@ __all__ = [
     "CountAt",
     "CriticalValue",
     "EndPoints",
+    "EvolutionGraph",
     "ExactLinear",
     "FirstFold",
     "FoldLocus",
@@ -123,6 +127,7 @@ __all__ = [
     "StudyResult",
     "Switched",
     "SystemNeededError",
+    "SystemWithMemory",
     "Tangent",
     "TransitionDetector",
     "TransitionLocus",
@@ -134,6 +139,7 @@ __all__ = [
     "check_system",
     "draw_counts",
     "enumerate_solutions",
+    "evolve",
     "explore",
     "plane",
     "plot",
@@ -148,6 +154,7 @@ LATER = {
     "Complementarity": "pwscont.notation.problems",
     "CountAt": "pwscont.studies.measures",
     "CriticalValue": "pwscont.studies.measures",
+    "EvolutionGraph": "pwscont.evolution.graph",
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
@@ -163,6 +170,7 @@ LATER = {
     "Study": "pwscont.studies.study",
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",
+    "SystemWithMemory": "pwscont.evolution.memory",
     "TransitionLocus": "pwscont.two_parameters.locus",
     "View": "pwscont.view.view",
     "check_detector": "pwscont.continuation.kit",
@@ -170,6 +178,7 @@ LATER = {
     "check_stepper": "pwscont.continuation.kit",
     "check_system": "pwscont.system.check",
     "draw_counts": "pwscont.scenes.paths",
+    "evolve": "pwscont.evolution.evolve",
     "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
 }
