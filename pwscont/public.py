@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from pwscont.continuation.kit import check_detector, check_search, check_stepper
     from pwscont.evolution.evolve import evolve
     from pwscont.evolution.graph import EvolutionGraph
+    from pwscont.evolution.history import LoadHistory
     from pwscont.evolution.memory import SystemWithMemory
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
@@ -97,6 +98,7 @@ __all__ = [
     "InvalidSystemError",
     "Journal",
     "Limits",
+    "LoadHistory",
     "MaxCount",
     "Measure",
     "MissingPackageError",
@@ -158,6 +160,7 @@ LATER = {
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
+    "LoadHistory": "pwscont.evolution.history",
     "MaxCount": "pwscont.studies.measures",
     "Measure": "pwscont.studies.measures",
     "NonUnique": "pwscont.studies.measures",

@@ -94,7 +94,7 @@ def solved(problem, modes, f, held_n, held_t):
 
 def statics(problem, t):
     """Return all equilibria with the initial slip, by all modes."""
-    n, p, found = len(problem.A), problem.p, []
+    p, found = problem.p, []
     for modes in product(("open", "stick", "plus", "minus"), repeat=p):
         z = solved(problem, modes, problem.load(t), problem.gap, problem.slip)
         if z is None or not all(_static(problem, z, i, m) for i, m in enumerate(modes)):
@@ -152,21 +152,22 @@ def rates(problem, z, t):
 
 def _rate(problem, z, rate, i, mode, choices):
     n, p, F = len(problem.A), problem.p, problem.F[i]
-    u_n, u_t, ln, lt = problem.N[i] @ rate[:n], problem.T[i] @ rate[:n], rate[n + i], rate[n + p + i]
+    u_n, u_t, ln, lt = (
+        problem.N[i] @ rate[:n],
+        problem.T[i] @ rate[:n],
+        rate[n + i],
+        rate[n + p + i],
+    )
     d, f = 1e-9 * (1.0 + np.abs(rate[:n]).max()), 1e-9 * (1.0 + np.abs(rate[n:]).max())
-    if len(choices) == 1:
-        return True
-    if mode == "open":
-        return u_n <= d
-    if len(choices) == 4 and ln > f:
-        return False
-    if mode == "plus":
-        return u_t >= -d
-    if mode == "minus":
-        return u_t <= d
-    if len(choices) == 4:
-        return abs(lt) <= -F * ln + f
-    return lt - F * ln >= -f if "plus" in choices else -lt - F * ln >= -f
+    bound = lt - F * ln if "plus" in choices else -lt - F * ln
+    holds = {
+        "open": u_n <= d,
+        "plus": u_t >= -d,
+        "minus": u_t <= d,
+        "stick": abs(lt) <= -F * ln + f if len(choices) == 4 else bound >= -f,
+    }
+    pulls = len(choices) == 4 and mode != "open" and ln > f
+    return len(choices) == 1 or (holds[mode] and not pulls)
 
 
 def next_event(problem, z, rate, t):

@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
+from pwscont import LoadHistory
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
 from pwscont_coulomb.load import CoulombLoad
 from pwscont_coulomb.load_paths import AffineLoad, HarmonicLoad
-from pwscont_coulomb.quasi_static.history import LoadHistory
 
 if TYPE_CHECKING:
     from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb

@@ -7,15 +7,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont.evolution.paths import EvolutionPaths
 from pwscont.evolution.states import EvolutionState
 
 if TYPE_CHECKING:
     import networkx as nx
 
-    from pwscont.evolution.graph import EvolutionGraph
+    from pwscont.evolution.structure import EvolutionStructure
 
 
-def networkx_graph(graph: EvolutionGraph) -> nx.DiGraph:
+def networkx_graph(graph: EvolutionStructure) -> nx.DiGraph:
     """Return a networkx graph with plain attributes, for :attr:`EvolutionGraph.nx`."""
     import networkx as nx  # noqa: PLC0415  only where asked for
 
@@ -24,9 +25,7 @@ def networkx_graph(graph: EvolutionGraph) -> nx.DiGraph:
         plain.add_node(i, **_node(graph.node(i)))
     for piece in graph.pieces:
         t0, t1 = graph.nodes[piece.start].t, graph.nodes[piece.end].t
-        plain.add_edge(
-            piece.start, piece.end, label=piece.label, t0=t0, t1=t1, jump=piece.is_jump
-        )
+        plain.add_edge(piece.start, piece.end, label=piece.label, t0=t0, t1=t1, jump=piece.is_jump)
     return plain
 
 
@@ -38,7 +37,7 @@ def _node(state: EvolutionState) -> dict[str, Any]:
     return {"t": state.t} | words | vectors | numbers
 
 
-def data_frame(graph: EvolutionGraph, rows: str) -> Any:
+def data_frame(graph: EvolutionStructure, rows: str) -> Any:
     """Return a pandas data frame, for :meth:`EvolutionGraph.to_dataframe`."""
     tables = {"events": _events, "pieces": _pieces}
     if rows not in tables:
@@ -50,7 +49,7 @@ def data_frame(graph: EvolutionGraph, rows: str) -> Any:
     return pandas.DataFrame(tables[rows](graph))
 
 
-def _events(graph: EvolutionGraph) -> dict[str, list[Any]]:
+def _events(graph: EvolutionStructure) -> dict[str, list[Any]]:
     states = graph.events()
     columns: dict[str, list[Any]] = {
         "id": [state.node for state in states],
@@ -63,7 +62,7 @@ def _events(graph: EvolutionGraph) -> dict[str, list[Any]]:
     return columns
 
 
-def _pieces(graph: EvolutionGraph) -> dict[str, list[Any]]:
+def _pieces(graph: EvolutionStructure) -> dict[str, list[Any]]:
     return {
         "start": [piece.start for piece in graph.pieces],
         "end": [piece.end for piece in graph.pieces],
@@ -74,7 +73,7 @@ def _pieces(graph: EvolutionGraph) -> dict[str, list[Any]]:
     }
 
 
-def as_dict(graph: EvolutionGraph) -> dict[str, Any]:
+def as_dict(graph: EvolutionStructure) -> dict[str, Any]:
     """Return nodes and pieces as plain lists and numbers."""
     lo, hi = graph.interval
     return {
@@ -104,12 +103,12 @@ def as_dict(graph: EvolutionGraph) -> dict[str, Any]:
             }
             for i, piece in enumerate(graph.pieces)
         ],
-        "evolutions": graph.paths().number,
+        "evolutions": EvolutionPaths(graph).number,
         "guarantee": graph.guarantee,
     }
 
 
-def ends_of(graph: EvolutionGraph, number: int) -> list[Any]:
+def ends_of(graph: EvolutionStructure, number: int) -> list[Any]:
     """Return the states that users see at both ends of a piece."""
     piece = graph.pieces[number]
     times = graph.nodes[piece.start].t, graph.nodes[piece.end].t

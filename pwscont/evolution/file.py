@@ -14,20 +14,18 @@ import json
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.basics.errors import GraphFileError
 from pwscont.evolution.exports import ends_of
 from pwscont.evolution.states import KINDS, EvolutionNode, EvolutionPiece
-from pwscont.evolution.ways import Evolver, Moment, Moments, WaysOn
+from pwscont.evolution.structure import EvolutionStructure
+from pwscont.evolution.ways import StateReader
 from pwscont.graph.exports import DamagedError, Fields
 from pwscont.graph.storage import replace_file
-
-if TYPE_CHECKING:
-    from pwscont.evolution.graph import EvolutionGraph
 
 FORMAT = "pwscont evolution"
 VERSION = 1
@@ -35,42 +33,24 @@ ARRAYS = ("z", "memory", "ends", "memories")
 
 
 @final
-class StoredStates(Evolver):
-    """The unknowns of a graph that was read from a file; it finds no ways on.
+class StoredStates(StateReader):
+    """The unknowns of a graph that was read from a file: those that users see, then the memory.
 
     Parameters
     ----------
     names : tuple of str
-    size : int
-        Number of unknowns; behind them stands the memory.
     """
 
-    def __init__(self, names: tuple[str, ...], size: int) -> None:
-        self._names, self._size = names, size
-
-    def starts(self, t: float, start: Any) -> Moments:
-        """Refuse."""
-        raise InvalidInputError("a graph that was read from a file starts nothing")
-
-    def ways_on(self, moment: Moment) -> WaysOn:
-        """Refuse."""
-        raise InvalidInputError("a graph that was read from a file finds no ways on")
-
-    def elsewhere(self, moment: Moment) -> Moments:
-        """Refuse."""
-        raise InvalidInputError("a graph that was read from a file knows no other states")
-
-    def sizes(self) -> Array:
-        """Return ones."""
-        return np.ones(self._size)
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
 
     def memory(self, z: Array, t: float) -> Array:
         """Return what stands behind the unknowns."""
-        return z[self._size :]
+        return z[len(self._names) :]
 
     def shown(self, z: Array, t: float) -> Array:
         """Return the unknowns."""
-        return z[: self._size]
+        return z[: len(self._names)]
 
     def names(self) -> tuple[str, ...]:
         """Return the names."""
@@ -85,11 +65,11 @@ class StoredGraph:
     nodes: list[EvolutionNode]
     pieces: list[EvolutionPiece]
     interval: tuple[float, float]
-    evolver: StoredStates
+    reader: StoredStates
     guarantee: str
 
 
-def write(path: str | Path, graph: EvolutionGraph) -> None:
+def write(path: str | Path, graph: EvolutionStructure) -> None:
     """Write a graph.
 
     Raises
@@ -107,7 +87,8 @@ def write(path: str | Path, graph: EvolutionGraph) -> None:
         "memories": _stack(memories),
     }
     content = BytesIO()
-    np.savez(content, header=np.array(json.dumps(_header(graph))), **arrays)
+    named: dict[str, Any] = {"header": np.array(json.dumps(_header(graph))), **arrays}
+    np.savez(content, **named)
     try:
         replace_file(Path(path), content.getbuffer())
     except (OSError, TypeError, ValueError) as error:
@@ -115,7 +96,7 @@ def write(path: str | Path, graph: EvolutionGraph) -> None:
         raise GraphFileError(f"cannot write {path}: {why}") from error
 
 
-def _memories(graph: EvolutionGraph, number: int) -> list[Array]:
+def _memories(graph: EvolutionStructure, number: int) -> list[Array]:
     piece = graph.pieces[number]
     return [graph.memory_at(piece.first, piece.start), graph.memory_at(piece.last, piece.end)]
 
@@ -124,14 +105,13 @@ def _stack(rows: list[Array]) -> Array:
     return np.vstack(rows) if rows else np.empty((0, 0))
 
 
-def _header(graph: EvolutionGraph) -> dict[str, Any]:
+def _header(graph: EvolutionStructure) -> dict[str, Any]:
     nodes = [
         {"t": node.t, "kind": node.kind, "name": node.name, "remark": node.remark}
         for node in graph.nodes
     ]
     pieces = [
-        {"start": p.start, "end": p.end, "label": p.label, "jump": p.is_jump}
-        for p in graph.pieces
+        {"start": p.start, "end": p.end, "label": p.label, "jump": p.is_jump} for p in graph.pieces
     ]
     return {
         "format": FORMAT,
@@ -181,8 +161,7 @@ def _graph(header: Fields, arrays: dict[str, Any]) -> StoredGraph:
     found = [_node(*row) for row in zip(nodes, np.hstack([z, memory]), memory, strict=True)]
     linked = [_piece(f, both[2 * i : 2 * i + 2], len(nodes)) for i, f in enumerate(pieces)]
     lo, hi = header.numbers("interval").tolist()
-    evolver = StoredStates(names, len(names))
-    return StoredGraph(found, linked, (lo, hi), evolver, header.text("guarantee"))
+    return StoredGraph(found, linked, (lo, hi), StoredStates(names), header.text("guarantee"))
 
 
 def _table(name: str, values: Any) -> Array:

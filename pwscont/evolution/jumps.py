@@ -35,9 +35,7 @@ class Jumps:
     def __post_init__(self) -> None:
         if not (self.rule is None or self.rule in WORDS or callable(self.rule)):
             words = ", ".join(map(repr, WORDS))
-            raise InvalidInputError(
-                f"jumps must be {words}, a function or None, got {self.rule!r}"
-            )
+            raise InvalidInputError(f"jumps must be {words}, a function or None, got {self.rule!r}")
 
     def targets(self, evolver: Evolver, moment: Moment) -> list[Moment]:
         """Return the states with which evolutions go on."""

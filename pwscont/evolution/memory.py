@@ -98,7 +98,7 @@ class SystemWithMemory(ABC):
     def dissipation(self, before: EvolutionState, after: EvolutionState) -> float | None:
         """Return the energy dissipated between two states of one smooth piece.
 
-        Default None: the dissipation is not known.
+        Exactly zero where nothing is dissipated. Default None: the dissipation is not known.
         """
         return None
 

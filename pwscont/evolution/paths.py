@@ -11,7 +11,7 @@ from pwscont.basics.looks import counted, named
 from pwscont.evolution.states import EvolutionPiece, EvolutionState
 
 if TYPE_CHECKING:
-    from pwscont.evolution.graph import EvolutionGraph
+    from pwscont.evolution.structure import EvolutionStructure
 
 
 @final
@@ -20,7 +20,7 @@ class EvolutionPath:
 
     Parameters
     ----------
-    graph : EvolutionGraph
+    graph : EvolutionStructure
     first : int
         The node of the start.
     pieces : tuple of EvolutionPiece
@@ -28,7 +28,7 @@ class EvolutionPath:
     """
 
     def __init__(
-        self, graph: EvolutionGraph, first: int, pieces: tuple[EvolutionPiece, ...]
+        self, graph: EvolutionStructure, first: int, pieces: tuple[EvolutionPiece, ...]
     ) -> None:
         self._graph, self.first, self.pieces = graph, first, pieces
 
@@ -95,10 +95,10 @@ class EvolutionPaths:
 
     Parameters
     ----------
-    graph : EvolutionGraph
+    graph : EvolutionStructure
     """
 
-    def __init__(self, graph: EvolutionGraph) -> None:
+    def __init__(self, graph: EvolutionStructure) -> None:
         self._graph = graph
 
     @cached_property

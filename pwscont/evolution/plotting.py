@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pwscont.evolution.graph import EvolutionGraph
     from pwscont.evolution.states import EvolutionPiece
+    from pwscont.evolution.structure import EvolutionStructure
 
 #: Marks of nodes by kind; other kinds have no mark.
 MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": "?"}
 MARK_SIZE = 36
 
 
-def draw(graph: EvolutionGraph, y: str | int, x: str | int = "t") -> Figure:
+def draw(graph: EvolutionStructure, y: str | int, x: str | int = "t") -> Figure:
     """Return a picture of all evolutions."""
     from matplotlib.figure import Figure  # noqa: PLC0415  only where asked for
 
@@ -35,7 +35,7 @@ def draw(graph: EvolutionGraph, y: str | int, x: str | int = "t") -> Figure:
 
 
 def _draw_piece(
-    axes: Axes, graph: EvolutionGraph, piece: EvolutionPiece, shown: tuple[str | int, str | int]
+    axes: Axes, graph: EvolutionStructure, piece: EvolutionPiece, shown: tuple[str | int, str | int]
 ) -> None:
     points = np.array([_point(graph, piece, place, shown) for place in (0, 1)])
     style = ":" if piece.is_jump else "-"
@@ -43,26 +43,32 @@ def _draw_piece(
 
 
 def _point(
-    graph: EvolutionGraph, piece: EvolutionPiece, place: int, shown: tuple[str | int, str | int]
+    graph: EvolutionStructure, piece: EvolutionPiece, place: int, shown: tuple[str | int, str | int]
 ) -> list[float]:
     node = piece.end if place else piece.start
-    if piece.is_jump:
-        state = graph.node(node)
-    else:
-        state = graph.on(piece, graph.nodes[node].t)
+    jump = piece.is_jump
+    state = graph.node(node) if jump else graph.on(piece, graph.nodes[node].t)
     return [graph.value(state, quantity) for quantity in shown]
 
 
-def _draw_nodes(axes: Axes, graph: EvolutionGraph, shown: tuple[str | int, str | int]) -> None:
+def _draw_nodes(axes: Axes, graph: EvolutionStructure, shown: tuple[str | int, str | int]) -> None:
     for kind, mark in MARKS.items():
         states = graph.events(kind)
         points: Array = np.array([[graph.value(s, q) for q in shown] for s in states])
         if len(points):
             marker = f"${mark}$" if mark == "?" else mark
-            axes.scatter(*points.T, MARK_SIZE, color="C3", marker=marker, label=kind, zorder=3)
+            axes.scatter(
+                points[:, 0],
+                points[:, 1],
+                MARK_SIZE,
+                color="C3",
+                marker=marker,
+                label=kind,
+                zorder=3,
+            )
     if axes.get_legend_handles_labels()[0]:
         axes.legend()
 
 
-def _named(graph: EvolutionGraph, quantity: str | int) -> str:
+def _named(graph: EvolutionStructure, quantity: str | int) -> str:
     return graph.names[quantity] if isinstance(quantity, int) else quantity

@@ -2,8 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- A ray is vertical: states differ at one time, infinitely many; the ray is no way on, and the
-  answer is called incomplete.
+- A ray is vertical: infinitely many states at one time. Where the ray ends, other ways may begin,
+  and the answer is called incomplete; where the ray has no end, as at plastic collapse, no way on
+  begins there.
 - Solutions fill a cone of dimension two: the extreme rays are ways on, and the answer is called
   incomplete.
 - The law restated with the memory of a state does not hold in the state: the system is refused.
@@ -149,7 +150,8 @@ class ByRays(Evolver):
         slopes = [ray.curve.slope(ray.state) for ray in found.rays]
         pairs = zip(found.rays, slopes, strict=True)
         ways = tuple(self._way(ray, zero) for ray, slope in pairs if slope > 0.0)
-        if found.dimension > 1 or 0.0 in slopes:
+        level = [ray for ray, slope in zip(found.rays, slopes, strict=True) if slope == 0.0]
+        if found.dimension > 1 or any(np.isfinite(_length(ray, zero)) for ray in level):
             return WaysOn(ways, False, "infinitely many ways on")
         searched = "the corner has too many cells to try all"
         return WaysOn(ways) if found.exact else WaysOn(ways, False, searched)
@@ -158,12 +160,10 @@ class ByRays(Evolver):
         """Return the piece along a ray, up to where a test that bounds the cell vanishes."""
         selection, state = ray.curve.selection, ray.state
         t, tangent = float(state.x[-1]), state.tangent
-        tests, slopes = selection.tests(state.x), selection.test_gradients(state.x) @ tangent
-        ahead = np.array([int(test) not in zero for test in selection.bounding], dtype=bool)
-        length = float(ratio_test(tests[ahead], slopes[ahead]).min(initial=np.inf))
         rate = tangent[:-1] / tangent[-1]
+        until = t + _length(ray, zero) * float(tangent[-1])
         label, mode = selection.system.label(selection.character), str(selection.character)
-        return Way(label, state.x[:-1], rate, t + length * float(tangent[-1]), mode.encode())
+        return Way(label, state.x[:-1], rate, until, mode.encode())
 
     def reached(self, moment: Moment, way: Way, t: float) -> Moment:
         """Return the state on a way, solved for in the cell of the way."""
@@ -180,6 +180,15 @@ class ByRays(Evolver):
         if isinstance(root, Failure):
             return self._moment(rough, t, None)
         return self._moment(root.x[:-1], t, uncertainty(root))
+
+
+def _length(ray: Ray, zero: frozenset[int]) -> float:
+    """Return the length of a ray, up to where a test that bounds the cell vanishes."""
+    selection, state = ray.curve.selection, ray.state
+    tests = selection.tests(state.x)
+    slopes = selection.test_gradients(state.x) @ state.tangent
+    ahead = np.array([int(test) not in zero for test in selection.bounding], dtype=bool)
+    return float(ratio_test(tests[ahead], slopes[ahead]).min(initial=np.inf))
 
 
 def _found(moment: Moment, metric: Metric | None = None) -> Found:

@@ -1,19 +1,18 @@
-"""An evolver that records the ways on in a journal, and reads the ways that are recorded."""
+"""Ways on that are recorded in a journal, and read where they are recorded."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from hashlib import blake2b
 from math import inf
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import generic
 from pwscont.basics.errors import InvalidInputError
 from pwscont.continuation.journal import Journal
-from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.evolution.ways import Evolver, Moment, Way, WaysOn
 
 if TYPE_CHECKING:
     from pwscont.evolution.memory import SystemWithMemory
@@ -23,8 +22,8 @@ KIND = "ways"
 
 
 @final
-class RecordedEvolver(Evolver):
-    """Another evolver, whose ways on are kept in a journal in the order of the run.
+class RecordedWays:
+    """The ways on that an evolver finds, kept in a journal in the order of the run.
 
     Parameters
     ----------
@@ -49,50 +48,22 @@ class RecordedEvolver(Evolver):
         values = [law.test_functions(z, t), law.residual(z, t, law.character(z, t))]
         journal.check(facts, np.concatenate([memory, *values]).tolist())
 
-    def starts(self, t: float, start: Any) -> Moments:
-        """Return the starts of the other evolver."""
-        return self._evolver.starts(t, start)
-
-    def ways_on(self, moment: Moment) -> WaysOn:
+    def __call__(self, moment: Moment) -> WaysOn:
         """Return the recorded ways on, or find and record the ways."""
         place, number = _place(moment), self._number
         self._number += 1
         known = self._journal.recorded(KIND, number)
-        if known is not None:
-            text, rows = known
-            if not text.startswith(place):
-                raise InvalidInputError(
-                    f"cannot use the journal {self._journal.path}: it is of another run: event "
-                    f"{number + 1} began elsewhere; remove it, or write elsewhere"
-                )
-            return _read(text.removeprefix(place), rows)
-        found = self._evolver.ways_on(moment)
-        self._journal.record(KIND, place + _header(found), _rows(found))
-        return found
-
-    def elsewhere(self, moment: Moment) -> Moments:
-        """Return the states elsewhere of the other evolver."""
-        return self._evolver.elsewhere(moment)
-
-    def sizes(self) -> Array:
-        """Return the magnitudes of the other evolver."""
-        return self._evolver.sizes()
-
-    def reached(self, moment: Moment, way: Way, t: float) -> Moment:
-        """Return the state on a way by the other evolver."""
-        return self._evolver.reached(moment, way, t)
-
-    def memory(self, z: Array, t: float) -> Array:
-        """Return the memory by the other evolver."""
-        return self._evolver.memory(z, t)
-
-    def shown(self, z: Array, t: float) -> Array:
-        """Return the state that users see, by the other evolver."""
-        return self._evolver.shown(z, t)
-
-    def names(self) -> Sequence[str]:
-        """Return the names of the other evolver."""
-        return self._evolver.names()
+        if known is None:
+            found = self._evolver.ways_on(moment)
+            self._journal.record(KIND, place + _header(found), _rows(found))
+            return found
+        text, rows = known
+        if not text.startswith(place):
+            raise InvalidInputError(
+                f"cannot use the journal {self._journal.path}: it is of another run: event "
+                f"{number + 1} began elsewhere; remove it, or write elsewhere"
+            )
+        return _read(text.removeprefix(place), rows)
 
 
 def _place(moment: Moment) -> str:
@@ -102,7 +73,11 @@ def _place(moment: Moment) -> str:
 
 def _header(found: WaysOn) -> str:
     ways = [
-        {"label": way.label, "mode": way.mode.hex(), "until": None if way.until == inf else way.until}
+        {
+            "label": way.label,
+            "mode": way.mode.hex(),
+            "until": None if way.until == inf else way.until,
+        }
         for way in found.ways
     ]
     return json.dumps({"complete": found.complete, "remark": found.remark, "ways": ways})

@@ -11,7 +11,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import final
 
@@ -23,7 +23,7 @@ from pwscont.continuation.plan import Report
 from pwscont.evolution.jumps import Jumps
 from pwscont.evolution.states import SAME_TIME, EvolutionNode, EvolutionPiece
 from pwscont.evolution.user_events import UserEvents
-from pwscont.evolution.ways import Evolver, Moment, Way, closeness
+from pwscont.evolution.ways import Evolver, Moment, Way, WaysOn, closeness
 
 #: So many events in a row without progress in time are an accumulation.
 MOST_AT_ONE_TIME = 200
@@ -37,6 +37,8 @@ class Run:
     Parameters
     ----------
     evolver : Evolver
+    ways_on : callable
+        The ways on of the evolver, or those recorded in a journal.
     interval : tuple of float
     events : UserEvents
     jumps : Jumps
@@ -53,13 +55,15 @@ class Run:
     def __init__(
         self,
         evolver: Evolver,
+        ways_on: Callable[[Moment], WaysOn],
         interval: tuple[float, float],
         events: UserEvents,
         jumps: Jumps,
         report: Report,
         budget: Budget,
     ) -> None:
-        self._evolver, self._events, self._jumps = evolver, events, jumps
+        self._evolver, self._ways_on = evolver, ways_on
+        self._events, self._jumps = events, jumps
         self._report, self._budget = report, budget
         (lo, hi), self._sizes = interval, evolver.sizes()
         self._end, self._same_time = hi, SAME_TIME * (hi - lo + max(abs(lo), abs(hi)))
@@ -110,7 +114,7 @@ class Run:
         if self._stalled.get(number, 0) > MOST_AT_ONE_TIME:
             node.remark, node.kind = f"{ACCUMULATE} at t = {node.t:.10g}", "undecided"
             return
-        found = self._evolver.ways_on(moment)
+        found = self._ways_on(moment)
         node.remark = found.remark if not found.complete else ""
         for way in found.ways:
             self._follow_way(number, moment, way)

@@ -9,9 +9,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import card, short
+from pwscont.basics.looks import state as in_words
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.graph.records import state as in_words
 
 #: The kinds of nodes of an evolution.
 KINDS = ("start", "event", "branching", "loss", "jump", "undecided", "end")

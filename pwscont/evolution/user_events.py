@@ -49,9 +49,7 @@ class UserEvents:
 
     def __init__(self, events: Mapping[str, Function | Stop] | None) -> None:
         if events is not None and not isinstance(events, Mapping):
-            raise InvalidInputError(
-                f"events must map names to functions of (z, t), got {events!r}"
-            )
+            raise InvalidInputError(f"events must map names to functions of (z, t), got {events!r}")
         self._functions: dict[str, Any] = dict(events or {})
         for name, given in self._functions.items():
             if not callable(given.function if isinstance(given, Stop) else given):

@@ -91,7 +91,23 @@ class Moments:
     remark: str = ""
 
 
-class Evolver(ABC):
+class StateReader(ABC):
+    """What the unknowns of a run mean: the state that users see, and the memory."""
+
+    @abstractmethod
+    def memory(self, z: Array, t: float) -> Array:
+        """Return what a state leaves behind, shape (k,)."""
+
+    def shown(self, z: Array, t: float) -> Array:
+        """Return the state as users see the state; default the same unknowns."""
+        return z
+
+    @abstractmethod
+    def names(self) -> Sequence[str]:
+        """Return a name for each unknown that users see."""
+
+
+class Evolver(StateReader):
     """What a system with memory does at an event: starts, ways on, states elsewhere.
 
     The default evolver solves the cone problem of the restated law. A plug-in that knows more
@@ -132,18 +148,6 @@ class Evolver(ABC):
         """Return the state on a way at a later time; default on the straight line."""
         z = way.z + (t - moment.t) * way.rate
         return Moment(t, z, self.memory(z, t), way.mode)
-
-    @abstractmethod
-    def memory(self, z: Array, t: float) -> Array:
-        """Return what a state leaves behind, shape (k,)."""
-
-    def shown(self, z: Array, t: float) -> Array:
-        """Return the state as users see the state; default the same unknowns."""
-        return z
-
-    @abstractmethod
-    def names(self) -> Sequence[str]:
-        """Return a name for each unknown that users see."""
 
 
 def closeness(a: Array, b: Array, sizes: Array | float) -> float:

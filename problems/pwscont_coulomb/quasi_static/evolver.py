@@ -14,19 +14,27 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
 from pwscont import InvalidInputError, enumerate_solutions
-from pwscont.extending import Array, Evolver, Indices, Moment, Moments, Way, WaysOn, dense, finite_array
+from pwscont.extending import (
+    Array,
+    Evolver,
+    Indices,
+    Moment,
+    Moments,
+    Way,
+    WaysOn,
+    dense,
+    finite_array,
+)
 from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static import nodes as node
-from pwscont_coulomb.quasi_static.active import ActiveInverse
+from pwscont_coulomb.quasi_static.active import ActiveInverse, Flags
+from pwscont_coulomb.quasi_static.problem import FrictionProblem
 from pwscont_coulomb.quasi_static.rates import ZERO, RateProblem, Rates
-
-if TYPE_CHECKING:
-    from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 
 #: Of bodies with so many contact nodes all states at one time are enumerated.
 MOST_ENUMERATED = 6
@@ -41,14 +49,14 @@ class CoulombEvolver(Evolver):
 
     Parameters
     ----------
-    system : QuasiStaticCoulomb
+    problem : FrictionProblem
     interval : tuple of float
     """
 
-    def __init__(self, system: QuasiStaticCoulomb, interval: tuple[float, float]) -> None:
-        self.system, self.interval = system, interval
-        body, history = system.body, system.history
-        self.p, self._gap, self._friction = body.p, body.gap, system.friction
+    def __init__(self, problem: FrictionProblem, interval: tuple[float, float]) -> None:
+        self.problem, self.interval = problem, interval
+        body, history = problem.body, problem.history
+        self.p, self._gap, self._friction = body.p, body.gap, problem.friction
         picks = np.vstack([dense(body.N), dense(body.T)])
         solved = body.solve(np.hstack([picks.T, history.loads.T]))
         self._follow, self._free = solved[:, : 2 * body.p], solved[:, 2 * body.p :]
@@ -56,7 +64,7 @@ class CoulombEvolver(Evolver):
         self._C: Array = 0.5 * (C + C.T)
         self._at_loads = picks @ self._free
         self._inverse = ActiveInverse(self._C)
-        scale = system.remembering(system.initial_memory()).scale(*interval)
+        scale = problem.restated(problem.slip).scale(*interval)
         self._length, self._force = float(scale[0]), float(scale[-1])
 
     # -- what users see ---------------------------------------------------------------------
@@ -72,12 +80,12 @@ class CoulombEvolver(Evolver):
     def shown(self, z: Array, t: float) -> Array:
         """Return (u, lam_nu, lam_t)."""
         forces = z[: 2 * self.p]
-        u = self._free @ self.system.history.weights(t) + self._follow @ forces
+        u = self._free @ self.problem.history.weights(t) + self._follow @ forces
         return np.concatenate([u, forces])
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the static law."""
-        return self.system.names()
+        return self.problem.names
 
     # -- starts -----------------------------------------------------------------------------
 
@@ -85,7 +93,7 @@ class CoulombEvolver(Evolver):
         """Return all states that the initial slip admits, or the given state."""
         if start is not None:
             return Moments((self._given(t, start),))
-        return self._states(self.system.initial_memory(), t)
+        return self._states(self.problem.slip, t)
 
     def elsewhere(self, moment: Moment) -> Moments:
         """Return the other states that the slip of a moment admits."""
@@ -95,7 +103,7 @@ class CoulombEvolver(Evolver):
         return Moments(tuple(others), found.complete, found.remark)
 
     def _given(self, t: float, start: Any) -> Moment:
-        n, p = self.system.body.n, self.p
+        n, p = self.problem.body.n, self.p
         z = finite_array("start", start, (n + 2 * p,))
         forces = z[n:]
         rest = z[:n] - self.shown(np.append(forces, np.zeros(2 * p)), t)[:n]
@@ -114,8 +122,10 @@ class CoulombEvolver(Evolver):
             ("lies beyond the obstacle", apart < -length),
             ("pulls on the obstacle", normal > force),
             ("presses from afar", (apart > length) & (normal < -force)),
-            ("exceeds the bound of friction",
-             np.abs(tangential) > self._friction * np.abs(normal) + force),
+            (
+                "exceeds the bound of friction",
+                np.abs(tangential) > self._friction * np.abs(normal) + force,
+            ),
         ]
         for what, where in wrong:
             if where.any():
@@ -128,7 +138,7 @@ class CoulombEvolver(Evolver):
 
     def _states(self, slip: Array, t: float) -> Moments:
         """Return all states in which nodes have slipped from some places."""
-        p, law = self.p, self.system.remembering(slip)
+        p, law = self.p, self.problem.restated(slip)
         slack = ZERO * self._force, ZERO * self._length
         if p <= MOST_ENUMERATED:
             found = enumerate_solutions(law, t)
@@ -145,7 +155,7 @@ class CoulombEvolver(Evolver):
 
     def _contact(self, z: Array) -> Array:
         """Return y of a state that users see."""
-        body = self.system.body
+        body = self.problem.body
         u, forces = z[: body.n], z[body.n :]
         return np.concatenate([forces, body.N @ u, body.T @ u])
 
@@ -158,25 +168,25 @@ class CoulombEvolver(Evolver):
         problem, _ = self._problem(status, np.zeros(2 * self.p))
         if problem.doubt({}) is None:
             return True
-        if self._gap.any() or self.system.slip.any() or self.system.history(t).any():
+        if self._gap.any() or self.problem.slip.any() or self.problem.history(t).any():
             return False
         found = problem.all_rates(dict.fromkeys(range(self.p), STICK))
         return not found.remark and len(found.found) == 1
 
     def _one_state(self, slip: Array, t: float) -> Array | None:
         """Return the state without force where this is a state, else one state by pivoting."""
-        u = self._at_loads @ self.system.history.weights(t)
+        u = self._at_loads @ self.problem.history.weights(t)
         rest = np.concatenate([np.zeros(2 * self.p), u])
         if (u[: self.p] <= self._gap).all():
             return rest
-        return self.system.one_state(slip, t)
+        return self.problem.one_state(slip, t)
 
     # -- ways on ----------------------------------------------------------------------------
 
     def ways_on(self, moment: Moment) -> WaysOn:
         """Return all solutions of the rate problem, each up to the next event."""
         status = self._status(moment)
-        slope = self._at_loads @ self.system.history.slopes(moment.t)
+        slope = self._at_loads @ self.problem.history.slopes(moment.t)
         problem, which = self._problem(status, slope)
         guess = {k: int(node.KEPT[status[i]]) for k, i in enumerate(which.tolist())}
         found = problem.all_rates(guess)
@@ -189,7 +199,7 @@ class CoulombEvolver(Evolver):
         slack = ZERO * self._force, ZERO * self._length
         return node.statuses(moment.z, self._friction, self._gap, slack)
 
-    def _active(self, status: Indices) -> Array:
+    def _active(self, status: Indices) -> Flags:
         """Return which contact unknowns are held or may be held, shape (2 p,)."""
         normal = status != node.FREE
         tangential = normal & (status != node.GLIDES) & (self._friction > 0.0)
@@ -231,7 +241,7 @@ class CoulombEvolver(Evolver):
     def _said(self, modes: Indices, status: Indices) -> Indices:
         """Return the modes for the label; a node without friction in contact slips."""
         glides = (self._friction == 0.0) & (modes == STICK)
-        return np.where(glides & ~self.system.body.guided, int(Mode.SLIP_PLUS), modes)
+        return np.where(glides & ~self.problem.body.guided, int(Mode.SLIP_PLUS), modes)
 
     def _solved(self, modes: Indices, held: Array, g: Array) -> Array:
         """Return y in some modes: forces and displacements that fulfil all equations.
@@ -269,7 +279,7 @@ class CoulombEvolver(Evolver):
     def _anchor(self, moment: Moment, status: Indices, modes: Indices) -> Array:
         """Return the state of a moment, solved for anew with nodes held where they stick."""
         held = np.concatenate([self._gap, moment.z[3 * self.p :]])
-        g = self._at_loads @ self.system.history.weights(moment.t)
+        g = self._at_loads @ self.problem.history.weights(moment.t)
         return self._exact(self._clean(self._solved(modes, held, g), modes), status)
 
     def _clean(self, y: Array, modes: Indices) -> Array:
@@ -330,16 +340,18 @@ class CoulombEvolver(Evolver):
         bound = -self._friction * normal
         return np.stack([-u_nu, -normal, bound + tangential, bound - tangential])
 
-    def _watched(self, after: Indices) -> Array:
+    def _watched(self, after: Indices) -> Flags:
         """Return which of the slacks belong to the statuses, shape (4, p)."""
         sticks = after == node.STICKS
         return np.stack([after == node.FREE, node.PRESSED[after], sticks, sticks])
 
     def _until(self, t: float, y: Array, rate: Array, after: Indices) -> float:
         """Return the time of the next event, or of the next corner of the load."""
-        history = self.system.history
+        history = self.problem.history
         values, slopes = np.maximum(self._slacks(y), 0.0), self._slopes(rate)
-        falling = self._watched(after) & (slopes < -ZERO * np.abs(slopes).max(axis=1, initial=0.0)[:, np.newaxis])
+        falling = self._watched(after) & (
+            slopes < -ZERO * np.abs(slopes).max(axis=1, initial=0.0)[:, np.newaxis]
+        )
         steps = np.full(values.shape, math.inf)
         np.divide(values, -slopes, out=steps, where=falling)
         return min(t + float(steps.min(initial=math.inf)), float(history.times[history.leg(t) + 1]))
@@ -361,4 +373,3 @@ class CoulombEvolver(Evolver):
 
 def _bytes(status: Indices) -> bytes:
     return status.astype(np.int8).tobytes()
-

@@ -5,8 +5,9 @@ nodes that may slip; all other rates of nodes in contact are zero. With the forc
 phi = K x - h, each node is in one of its modes, and each mode asks for one equation per unknown.
 
 Uniqueness. For two solutions with the differences dx and dphi, a normal rate gives
-dx_nu dphi_nu <= 0; a node at its bound, in the direction s, gives dx_t dphi_t <= s F dphi_nu dx_t;
-a node without force gives dx_t dphi_t <= F abs(dphi_nu dx_t). So there is one solution at most where
+dx_nu dphi_nu <= 0; a node at its bound, in the direction s, gives
+dx_t dphi_t <= s F dphi_nu dx_t; a node without force gives dx_t dphi_t <= F abs(dphi_nu dx_t). So
+there is one solution at most where
 
     x . K x - sum s F phi_nu x_t - sum F (theta phi_nu^2 / 2 + x_t^2 / (2 theta))
 
@@ -39,7 +40,7 @@ from pwscont_coulomb.modes import Mode
 
 #: Numbers below this part of the magnitudes of their terms are zero.
 ZERO = 2.0**10 * GUARD * EPS
-#: A matrix with a reciprocal condition below this is singular.
+#: A matrix in natural units whose inverse is larger than one over this is singular.
 SINGULAR = 2.0**10 * EPS
 #: Most work on one rate problem: the sum of the cubes of the sizes of all problems looked at.
 MOST_WORK = 4e8
@@ -155,12 +156,26 @@ class RateProblem:
         x = np.zeros(self.size)
         if not len(unknowns):
             return x
-        square = E[:, unknowns]
-        lu, pivots, failed = lapack.dgetrf(square)
-        if failed or _is_singular(lu, square):
+        found = self._followed(unknowns, E[:, unknowns], e)
+        if found is None:
             return None
-        x[unknowns] = lapack.dgetrs(lu, pivots, e)[0]
+        x[unknowns] = found
         return x
+
+    def _followed(self, unknowns: Indices, square: Array, right: Array) -> Array | None:
+        """Return the solution of some equations, None where the equations are singular.
+
+        Unknown and equation j are measured by the root of the stiffness of j.
+        """
+        unit = 1.0 / np.sqrt(self._scale[unknowns])
+        lu, pivots, failed = lapack.dgetrf(unit[:, np.newaxis] * square * unit)
+        if failed or _is_singular(lu, unit[:, np.newaxis] * np.abs(square) * unit):
+            return None
+        columns = right.reshape(len(unknowns), -1)
+        solved: Array = (
+            unit[:, np.newaxis] * lapack.dgetrs(lu, pivots, unit[:, np.newaxis] * columns)[0]
+        )
+        return solved.reshape(right.shape)
 
     def is_consistent(self, modes: Mapping[int, int]) -> bool:
         """Tell whether singular equations have solutions."""
@@ -185,9 +200,7 @@ class RateProblem:
             for node, mode in modes.items()
         }
 
-    def _asked(
-        self, node: int, mode: int, x: Array, phi: Array, slack: tuple[Array, Array]
-    ) -> int:
+    def _asked(self, node: int, mode: int, x: Array, phi: Array, slack: tuple[Array, Array]) -> int:
         """Return the same mode where its inequalities hold up to rounding, else another one."""
         n, t, F = int(self.normal[node]), int(self.tangent[node]), self.friction[node]
         speed, force = slack
@@ -279,11 +292,9 @@ class RateProblem:
         unknowns, E, _ = self.equations(fixed)
         if not len(unknowns):
             return self.K[:, columns], columns
-        square = E[:, unknowns]
-        lu, pivots, failed = lapack.dgetrf(square)
-        if failed or _is_singular(lu, square):
+        follow = self._followed(unknowns, E[:, unknowns], E[:, columns])
+        if follow is None:
             return None, columns
-        follow = lapack.dgetrs(lu, pivots, E[:, columns])[0]
         return self.K[:, columns] - self.K[:, unknowns] @ follow, columns
 
     def _judged(
@@ -318,9 +329,7 @@ class RateProblem:
             self._theta[nodes] *= np.exp(step * gain)
         return self._heaviest(normal @ worst, worst, left, place)
 
-    def _heaviest(
-        self, phi: Array, x: Array, left: list[int], place: Mapping[int, int]
-    ) -> int:
+    def _heaviest(self, phi: Array, x: Array, left: list[int], place: Mapping[int, int]) -> int:
         """Return the node that contributes most to a negative direction."""
         weights = [
             self.friction[i] * abs(phi[k] * x[place[int(self.tangent[i])]])
@@ -427,7 +436,10 @@ def _is_positive(form: Array) -> bool:
     return bool(lapack.dpotrf(unit, lower=1)[1] == 0)
 
 
-def _is_singular(lu: Array, matrix: Array) -> bool:
-    """Tell whether a matrix is singular to rounding, by its factorisation."""
-    norm = float(np.abs(matrix).sum(axis=0).max())
-    return bool(lapack.dgecon(lu, norm)[0] < SINGULAR)
+def _is_singular(lu: Array, sizes: Array) -> bool:
+    """Tell whether a matrix in natural units is singular to rounding, by its factorisation.
+
+    The inverse is compared with one: a small matrix is singular, too, if its terms cancel.
+    """
+    norm = float(sizes.sum(axis=0).max())
+    return bool(norm * lapack.dgecon(lu, norm)[0] < SINGULAR)

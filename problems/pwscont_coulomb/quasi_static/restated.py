@@ -8,13 +8,12 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import Block, Character, PiecewiseLinearSystem
+from pwscont import Block, Character, LoadHistory, PiecewiseLinearSystem
 from pwscont.extending import Array, Matrix, dense
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.load import CoulombLoad
 from pwscont_coulomb.load_paths import AffineLoad
-from pwscont_coulomb.quasi_static.history import LoadHistory
 
 
 @final
@@ -45,7 +44,7 @@ class RestatedCoulomb(PiecewiseLinearSystem):
         v = displaced(body, slip)
         self._shift = np.append(v, np.zeros(2 * body.p))
         self._force = np.asarray(body.A @ v)
-        self._corners = history.times[1:-1]
+        self._corners = history.corners
 
     def _split(self, character: Character) -> tuple[Character, int]:
         """Return the character of the contact nodes, and the number of the straight line."""
@@ -70,7 +69,7 @@ class RestatedCoulomb(PiecewiseLinearSystem):
         """Return the rows of the static law in u - v under the load f - A v."""
         nodes, leg = self._split(character)
         residual = self._law.residual(z - self._shift, alpha, nodes)
-        begin, slope = self._line(leg)
+        begin, slope = self.history.line(leg)
         residual[: self.body.n] += self._force - begin - alpha * slope
         return residual
 
@@ -78,15 +77,9 @@ class RestatedCoulomb(PiecewiseLinearSystem):
         """Return [dH/dz | -f'(t)]."""
         nodes, leg = self._split(character)
         column = np.zeros(self.size)
-        column[: self.body.n] = -self._line(leg)[1]
+        column[: self.body.n] = -self.history.line(leg)[1]
         law = self._law
         return law.with_alpha_column(law.state_matrix(law.modes(nodes), law.friction), column)
-
-    def _line(self, leg: int) -> tuple[Array, Array]:
-        """Return load at t = 0 and slope of a straight line of the history."""
-        times, loads = self.history.times, self.history.loads
-        slope = (loads[leg + 1] - loads[leg]) / (times[leg + 1] - times[leg])
-        return loads[leg] - times[leg] * slope, slope
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the bounding tests of the nodes, and of both ends of the straight line."""

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from pwscont import InvalidInputError, StartNotFoundError, SystemWithMemory, trace
+from pwscont import InvalidInputError, LoadHistory, SystemWithMemory
 from pwscont.extending import Array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.fixed import Fixed
-from pwscont_coulomb.load import CoulombLoad
-from pwscont_coulomb.load_paths import AffineLoad
-from pwscont_coulomb.names import names
 from pwscont_coulomb.per_node import not_negative, per_node
 from pwscont_coulomb.quasi_static.evolver import CoulombEvolver
-from pwscont_coulomb.quasi_static.history import LoadHistory
-from pwscont_coulomb.quasi_static.restated import RestatedCoulomb, displaced
+from pwscont_coulomb.quasi_static.problem import FrictionProblem
+from pwscont_coulomb.quasi_static.restated import RestatedCoulomb
 
 if TYPE_CHECKING:
     from pwscont.extending import EvolutionState
@@ -58,9 +54,9 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
     >>> load = LoadHistory([[1, 0], [1, 3], [1, -3]])
     >>> evolution = evolve(QuasiStaticCoulomb(body, load, 0.5), (0.0, 2.0))
     >>> [path.labels for path in evolution.paths()]
-    [['stick', 'slip+', 'stick', 'slip-']]
+    [['stick', 'slip+', 'stick', 'slip-', 'no contact']]
     >>> [round(energy, 6) for energy in evolution.dissipated(0.0, 2.0)]
-    [3.74]
+    [1.75]
     """
 
     _given = frozenset({"body", "history", "friction", "slip"})
@@ -79,6 +75,7 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
         self.body, self.history = body, history
         self.friction = np.where(body.guided, 0.0, not_negative("friction", friction, body.p))
         self.slip = per_node("slip", 0.0 if slip is None else slip, body.p)
+        self.problem = FrictionProblem(body, history, self.friction, self.slip)
         for load in history.loads:
             body.refuse_guided_load(load)
 
@@ -93,11 +90,11 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
 
     def remembering(self, memory: Array) -> RestatedCoulomb:
         """Return the static law of displacements that count from u_t."""
-        return RestatedCoulomb(self.body, self.history, self.friction, np.asarray(memory))
+        return self.problem.restated(np.asarray(memory))
 
     def names(self) -> tuple[str, ...]:
         """Return u[i] (or u_nu and u_t where N and T pick single unknowns) and multipliers."""
-        return _names(self.body)
+        return self.problem.names
 
     def evolver(self, interval: tuple[float, float]) -> CoulombEvolver:
         """Return the evolver that works in the contact unknowns."""
@@ -106,25 +103,7 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
             raise InvalidInputError(
                 f"the interval {interval} leaves the times [{lo:g}, {hi:g}] of the load history"
             )
-        return CoulombEvolver(self, interval)
-
-    def one_state(self, slip: Array, t: float) -> Array | None:
-        """Return y of one state with nodes that slipped from some places, None where none is found.
-
-        The friction grows from zero, where the problem is convex.
-        """
-        n, v = self.body.n, displaced(self.body, slip)
-        load = AffineLoad(self.history(t) - self.body.A @ v, np.zeros(n))
-        growing = CoulombLoad(self.body, load, self.friction).along_friction(0.0)
-        try:
-            graph = trace(growing, (np.zeros(growing.size), 0.0), (0.0, 1.0), parameter="friction")
-        except StartNotFoundError:
-            return None
-        found = graph.solutions(1.0)
-        if not found:
-            return None
-        u = found[0].z[:n] + v
-        return np.concatenate([found[0].z[n:], self.body.N @ u, self.body.T @ u])
+        return CoulombEvolver(self.problem, interval)
 
     def dissipation(self, before: EvolutionState, after: EvolutionState) -> float:
         """Return the work of friction on the way between two states of one piece.
@@ -136,8 +115,3 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
 
     def __repr__(self) -> str:
         return f"QuasiStaticCoulomb({self.body!r}, {self.history!r})"
-
-
-@lru_cache(maxsize=8)
-def _names(body: ContactBody) -> tuple[str, ...]:
-    return names(body)

@@ -1,4 +1,4 @@
-"""Loads over time: polygons."""
+"""Loads over time: polygons, and the straight lines of which polygons are made."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont import InvalidInputError
-from pwscont.extending import EPS, Array, finite_array, named
-from pwscont_coulomb.fixed import Fixed
-
-#: A time within this part of the history of a corner is the corner: rounding of many events.
-SAME = 2.0**16 * EPS
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import named
+from pwscont.basics.rounding import SAME_STATE
 
 
 @final
-class LoadHistory(Fixed):
+class LoadHistory:
     """A load that goes in straight lines from one given load to the next.
 
     Parameters
@@ -25,6 +23,11 @@ class LoadHistory(Fixed):
     times : array_like, shape (k,), optional
         When the loads are reached, growing; default 0, 1, ..., k - 1.
 
+    Attributes
+    ----------
+    loads : ndarray, shape (k, n)
+    times : ndarray, shape (k,)
+
     Raises
     ------
     InvalidInputError
@@ -32,12 +35,10 @@ class LoadHistory(Fixed):
 
     Examples
     --------
-    >>> from pwscont_coulomb import LoadHistory
+    >>> from pwscont import LoadHistory
     >>> LoadHistory([[0.0, 0.0], [1.0, 2.0], [1.0, -2.0]])(1.5)
     array([1., 0.])
     """
-
-    _given = frozenset({"loads", "times"})
 
     def __init__(self, loads: Any, times: Any = None) -> None:
         self.loads = finite_array("loads", loads)
@@ -50,6 +51,7 @@ class LoadHistory(Fixed):
         self.times = finite_array("times", given, (count,))
         if (np.diff(self.times) <= 0.0).any():
             raise InvalidInputError(f"times must grow from load to load, got {self.times}")
+        self.loads.flags.writeable = self.times.flags.writeable = False
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -58,7 +60,7 @@ class LoadHistory(Fixed):
 
     def leg(self, t: float) -> int:
         """Return the number of the straight line on which the load goes on from a time."""
-        slack = SAME * float(self.times[-1] - self.times[0])
+        slack = SAME_STATE * float(self.times[-1] - self.times[0])
         place = int(np.searchsorted(self.times, t + slack, side="right")) - 1
         return min(max(place, 0), len(self.times) - 2)
 
@@ -75,6 +77,17 @@ class LoadHistory(Fixed):
         slopes, leg = np.zeros(len(self.times)), self.leg(t)
         slopes[leg], slopes[leg + 1] = -1.0, 1.0
         return slopes / float(self.times[leg + 1] - self.times[leg])
+
+    def line(self, leg: int) -> tuple[Array, Array]:
+        """Return the load at t = 0 and the slope of a straight line, each of shape (n,)."""
+        slope = (self.loads[leg + 1] - self.loads[leg]) / (self.times[leg + 1] - self.times[leg])
+        return self.loads[leg] - self.times[leg] * slope, slope
+
+    @property
+    def corners(self) -> Array:
+        """The times within the history at which the line changes, shape (k - 2,)."""
+        corners: Array = self.times[1:-1]
+        return corners
 
     def __call__(self, t: float) -> Array:
         """Return the load at a time, shape (n,)."""
