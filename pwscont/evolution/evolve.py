@@ -49,7 +49,8 @@ def evolve(
     interval : tuple of float
         (t0, t1) with t0 < t1.
     start : array_like, shape (n,), optional
-        The state at t0. Default: all states at t0 that the initial memory admits.
+        The state at t0. Default: all states at t0 that the initial memory admits; where these
+        cannot all be found, the state without load, and the guarantee says so.
     jumps : "nearest", "all" or callable, optional
         What follows the loss of a solution, at which the model itself says nothing. Default: the
         evolution ends there. "nearest" goes on, at the same t, at the nearest of the states that
@@ -167,6 +168,7 @@ def _guarantee(
     if len(uncertain) > MOST_NAMED:
         doubts.append(f"and so at {len(uncertain) - MOST_NAMED} more events")
     words = f"not certain to be all evolutions: {'; '.join(doubts)}" if doubts else ALL
+    words += f" {started.origin}" if started.origin and not doubts else ""
     if budget.spent:
         words = "; ".join([f"{budget.spent}: there may be more evolutions", *doubts])
     if any(piece.is_jump for piece in pieces):

@@ -84,11 +84,22 @@ class WaysOn:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
-    """Some states at one time, and whether there certainly are no others."""
+    """Some states at one time, and whether there certainly are no others.
+
+    Attributes
+    ----------
+    moments : tuple of Moment
+    complete : bool
+    remark : str
+        What is uncertain, in words; empty where nothing is.
+    origin : str
+        Which states were asked for, in words, where these are not all.
+    """
 
     moments: tuple[Moment, ...]
     complete: bool = True
     remark: str = ""
+    origin: str = ""
 
 
 class StateReader(ABC):

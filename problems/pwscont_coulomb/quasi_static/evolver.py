@@ -148,30 +148,17 @@ class CoulombEvolver(Evolver):
             why = "" if complete else f"states at t = {t:.10g}: {found.guarantee}"
             return Moments(tuple(self._moment(y, t, slack) for y in states), complete, why)
         one = self._one_state(slip, t)
-        unique = self._is_unique(t)
-        why = "" if unique else f"other states at t = {t:.10g} are not excluded"
         moments = () if one is None else (self._moment(one, t, slack),)
-        return Moments(moments, unique, why or "")
+        if self._is_unique():
+            return Moments(moments)
+        if one is not None and not one[: 2 * p].any():
+            return Moments(moments, origin="from the state without contact forces")
+        return Moments(moments, False, f"other states at t = {t:.10g} are not excluded")
 
-    def _contact(self, z: Array) -> Array:
-        """Return y of a state that users see."""
-        body = self.problem.body
-        u, forces = z[: body.n], z[body.n :]
-        return np.concatenate([forces, body.N @ u, body.T @ u])
-
-    def _is_unique(self, t: float) -> bool:
-        """Tell whether there certainly is one state, whatever the slip; gaps change nothing.
-
-        Without load and gaps all other states would be solutions of the rate problem without rate.
-        """
+    def _is_unique(self) -> bool:
+        """Tell whether there certainly is one state under every load, with every slip and gap."""
         status = np.full(self.p, node.TOUCHES)
-        problem, _ = self._problem(status, np.zeros(2 * self.p))
-        if problem.doubt({}) is None:
-            return True
-        if self._gap.any() or self.problem.slip.any() or self.problem.history(t).any():
-            return False
-        found = problem.all_rates(dict.fromkeys(range(self.p), STICK))
-        return not found.remark and len(found.found) == 1
+        return self._problem(status, np.zeros(2 * self.p))[0].doubt({}) is None
 
     def _one_state(self, slip: Array, t: float) -> Array | None:
         """Return the state without force where this is a state, else one state by pivoting."""

@@ -23,7 +23,8 @@ Failure modes and answers
   decided, and the search goes on in the smaller problems.
 - The equations of a mode are singular and have a solution: infinitely many rates may exist, and the
   answer is called incomplete.
-- Too many problems: the answer is called incomplete.
+- Too many problems: the modes are searched by linear programs (:mod:`.rate_law`); of too many
+  nodes a solution is found by pivoting, and the answer is called incomplete.
 """
 
 from __future__ import annotations
@@ -37,13 +38,16 @@ from scipy.linalg import lapack
 
 from pwscont.extending import EPS, GUARD, Array, Indices, check_budget
 from pwscont_coulomb.modes import Mode
+from pwscont_coulomb.quasi_static.rate_law import RateLaw
 
 #: Numbers below this part of the magnitudes of their terms are zero.
 ZERO = 2.0**10 * GUARD * EPS
 #: A matrix in natural units whose inverse is larger than one over this is singular.
 SINGULAR = 2.0**10 * EPS
 #: Most work on one rate problem: the sum of the cubes of the sizes of all problems looked at.
-MOST_WORK = 4e8
+MOST_WORK = 1e8
+#: Most choices of two, with two for each node without force, for a search by linear programs.
+MOST_BITS = 44
 #: Most steps of a search for one solution, and of the search for theta.
 MOST_PIVOTS, MOST_THETAS = 60, 40
 #: After so many steps for theta the gain is looked at.
@@ -353,11 +357,30 @@ class RateProblem:
         try:
             search.look({})
         except _TooManyError:
+            if (law := self._as_law()) is not None:
+                return self._listed(law)
             settled = self.settled({}, guess)
             one = self.checked(*settled) if settled else None
             found = [*search.found, *([one] if one else [])]
             return RateSolutions(_different(found), "one of possibly several ways on")
         return RateSolutions(_different(search.found), search.remark)
+
+
+    def _as_law(self) -> RateLaw | None:
+        """Return the problem for a search by linear programs, None for too many modes."""
+        if not self.h.any():  # all modes meet at zero: nothing could be cut
+            return None
+        if (self.tangent < 0).any() or 2 * self.count - np.count_nonzero(self.sign) > MOST_BITS:
+            return None
+        parts = self.friction, self.sign, self.normal, self.tangent
+        return RateLaw(self.K, self.h, *parts)
+
+    def _listed(self, law: RateLaw) -> RateSolutions:
+        """Return all solutions by the search over modes that linear programs cut."""
+        all_modes, unknowns, remark = law.solutions()
+        pairs = zip(all_modes, unknowns, strict=True)
+        found = [Rates(np.array(m, dtype=np.intp), x, self.K @ x - self.h) for m, x in pairs]
+        return RateSolutions(_different(found), remark)
 
 
 class _TooManyError(Exception):
