@@ -1,5 +1,6 @@
 """Contact with Coulomb friction, static (Janovsky and Ligursky 2012) and quasi-static."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pwscont import LoadHistory
@@ -10,6 +11,7 @@ from pwscont_coulomb.load import CoulombLoad
 from pwscont_coulomb.load_paths import AffineLoad, HarmonicLoad
 
 if TYPE_CHECKING:
+    from pwscont_coulomb.matrices import read_matrices
     from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 
 __all__ = [
@@ -21,13 +23,18 @@ __all__ = [
     "HarmonicLoad",
     "LoadHistory",
     "QuasiStaticCoulomb",
+    "read_matrices",
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Load what follows histories at first use: static problems need none of that."""
-    if name == "QuasiStaticCoulomb":
-        from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb  # noqa: PLC0415
+#: Names whose modules are imported at first use: static problems need none of these modules.
+LATER = {
+    "QuasiStaticCoulomb": "pwscont_coulomb.quasi_static.system",
+    "read_matrices": "pwscont_coulomb.matrices",
+}
 
-        return QuasiStaticCoulomb
+
+def __getattr__(name: str) -> Any:
+    if name in LATER:
+        return getattr(import_module(LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -365,7 +365,6 @@ class RateProblem:
             return RateSolutions(_different(found), "one of possibly several ways on")
         return RateSolutions(_different(search.found), search.remark)
 
-
     def _as_law(self) -> RateLaw | None:
         """Return the problem for a search by linear programs, None for too many modes."""
         if not self.h.any():  # all modes meet at zero: nothing could be cut
