@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from pwscont.evolution.graph import EvolutionGraph
     from pwscont.evolution.history import LoadHistory
     from pwscont.evolution.memory import SystemWithMemory
+    from pwscont.evolution.scene import EvolutionScene
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.scenes.panels import Panel, ParameterPath
@@ -89,6 +90,7 @@ __all__ = [
     "CriticalValue",
     "EndPoints",
     "EvolutionGraph",
+    "EvolutionScene",
     "ExactLinear",
     "FirstFold",
     "FoldLocus",
@@ -157,6 +159,7 @@ LATER = {
     "CountAt": "pwscont.studies.measures",
     "CriticalValue": "pwscont.studies.measures",
     "EvolutionGraph": "pwscont.evolution.graph",
+    "EvolutionScene": "pwscont.evolution.scene",
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",

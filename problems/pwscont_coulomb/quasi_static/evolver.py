@@ -155,6 +155,12 @@ class CoulombEvolver(Evolver):
             return Moments(moments, origin="from the state without contact forces")
         return Moments(moments, False, f"other states at t = {t:.10g} are not excluded")
 
+    def _contact(self, z: Array) -> Array:
+        """Return y of a state that users see."""
+        body = self.problem.body
+        u, forces = z[: body.n], z[body.n :]
+        return np.concatenate([forces, body.N @ u, body.T @ u])
+
     def _is_unique(self) -> bool:
         """Tell whether there certainly is one state under every load, with every slip and gap."""
         status = np.full(self.p, node.TOUCHES)
