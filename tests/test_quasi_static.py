@@ -1,10 +1,14 @@
 """Quasi-static Coulomb friction against brute force, closed forms, and other parts of pwscont."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from evolution_truth import TooManyError, evolutions, random_problem
+from evolution_truth import Problem, TooManyError, evolutions, random_problem
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.quasi_static.active import ActiveInverse
+from pwscont_coulomb.quasi_static.rates import RateProblem
+from pwscont_coulomb.quasi_static.scenes import cattaneo
 from sweeps import swept
 
 from pwscont import InvalidInputError, Limits, SystemWithMemory, evolve
@@ -153,6 +157,137 @@ def test_a_loss_is_an_answer_and_jumps_are_marked():
     assert jumped.count(0.5) == 1
     with pytest.raises(InvalidInputError, match="jumps must be"):
         evolve(system, (0.0, 1.0), start, jumps="far")
+
+
+# -- ties, units, large bodies ---------------------------------------------------------------------
+
+
+def integer_problem(seed):
+    """Return a history of small integers, in which many things happen at once."""
+    rng = np.random.default_rng([9, seed])
+    p = int(rng.integers(1, 4))
+    root = rng.integers(-1, 2, (2 * p, 2 * p))
+    A = root @ root.T + np.eye(2 * p) * int(rng.integers(1, 3))
+    loads = rng.integers(-2, 3, (int(rng.integers(2, 5)), 2 * p)).astype(float)
+    loads[0] *= rng.random() < 0.6
+    gap = rng.integers(0, 2, p) * 0.5 * (rng.random() < 0.3)
+    F = float(rng.choice([0.0, 0.5, 1.0, 2.0, 3.0])) * np.ones(p)
+    pick = np.eye(2 * p)
+    return Problem(A.astype(float), pick[0::2], pick[1::2], gap, loads, F, np.zeros(p))
+
+
+@pytest.mark.parametrize("seed", swept(range(40), range(40, 1000)))
+def test_ties_are_those_of_brute_force(seed):
+    problem = integer_problem(seed)
+    try:
+        truth = evolutions(problem)
+    except TooManyError:
+        pytest.skip("too many evolutions for brute force")
+    evolution = ours(problem)
+    if evolution.is_complete:
+        compare(truth, evolution, seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("length", "force"), [(1e-6, 1e9), (1e5, 1e-7)])
+def test_units_change_nothing(seed, length, force):
+    problem = random_problem(seed)
+    scaled = replace(
+        problem,
+        A=problem.A * force / length,
+        gap=problem.gap * length,
+        slip=problem.slip * length,
+        loads=problem.loads * force,
+    )
+    one, other = ours(problem), ours(scaled)
+    assert [node.kind for node in one.nodes] == [node.kind for node in other.nodes]
+    unit = np.repeat([length, force], [len(problem.A), 2 * problem.p])
+    for a, b in zip(one.events(), other.events(), strict=True):
+        assert a.t == pytest.approx(b.t, abs=1e-10)
+        assert np.abs(a.z - b.z / unit).max() < 1e-8 * max(1.0, np.abs(a.z).max())
+
+
+def rate_problem(seed):
+    """Return a random rate problem of nodes without force and nodes at the bound."""
+    rng = np.random.default_rng(seed)
+    free, bound = int(rng.integers(0, 3)), int(rng.integers(1, 4))
+    p = free + bound
+    root = rng.normal(size=(2 * p, 2 * p))
+    K, node = root @ root.T + 0.2 * np.eye(2 * p), np.arange(p)
+    columns = np.concatenate([node[:free], p + node])
+    rows = np.concatenate([columns, node[free:]])
+    row = {int(r): k for k, r in enumerate(rows)}
+    sign = np.concatenate([np.zeros(free), rng.choice([-1, 1], bound)]).astype(int)
+    places = [np.array([row[int(i)] for i in some]) for some in (node, p + node)]
+    h = rng.normal(size=len(rows))
+    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, 5.0, p), sign, *places)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_two_searches_for_rates_agree(seed):
+    """Uniqueness with decided nodes, and linear programs over all modes (docs/theory, F17)."""
+    problem = rate_problem(seed)
+    one = problem.all_rates(dict.fromkeys(range(problem.count), 1))
+    other = problem.listed()
+    assert len(one.found) == len(other.found)
+    for rates in one.found:
+        assert min(np.abs(rates.x - o.x).max() for o in other.found) < 1e-9
+
+
+@pytest.mark.parametrize("nodes", swept([60], [200]))
+def test_a_round_body_slips_as_cattaneo_and_mindlin_say(nodes):
+    """Stick zone sqrt(1 - Q / (F P)) on loading, sqrt(1 - dQ / (2 F P)) after the reversal."""
+    scene = cattaneo(nodes)
+    evolution = scene.run()
+    assert evolution.is_complete
+    (cycle,) = evolution.cycle(2.0)
+    assert (cycle.kind, cycle.periods) == ("cyclic slip", 1)
+    before, after = evolution.states(4.0)[0].z, evolution.states(6.0)[0].z
+    assert np.abs(before - after).max() < 1e-12 * np.abs(before).max()
+    friction, largest = 0.5, evolution.states(2.0)[0]["force"]
+    for t, amplitude in ((1.3, 1.0), (1.7, 1.0), (2.0, 1.0), (2.4, 2.0), (2.8, 2.0)):
+        (state,) = evolution.states(t)
+        normal, tangential = -state.z[-2 * nodes : -nodes], state.z[-nodes:]
+        in_contact = normal > 0.0
+        slips = np.abs(tangential) > friction * normal * (1.0 - 1e-10)
+        change = state["force"] if amplitude == 1.0 else largest - state["force"]
+        part = np.sqrt(1.0 - change / (amplitude * friction * normal.sum()))
+        expected = part * in_contact.sum()
+        assert abs((in_contact & ~slips).sum() - expected) <= 2.0  # one node at either end
+
+
+@pytest.mark.parametrize("nodes", swept([12], [50, 200]))
+def test_a_block_is_certain_at_every_event(nodes):
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(nodes).condensed()
+    press, side = problem.load.f0, 0.6 * problem.load.f1
+    history = LoadHistory([press, press + side, press - side, press + side])
+    system = QuasiStaticCoulomb(problem.body, history, 0.3)
+    evolution = evolve(system, history.interval)
+    assert not [node.remark for node in evolution.nodes if node.remark]
+    assert evolution.paths().number == 1
+    assert len(evolution.nodes) > nodes / 2
+    for state in evolution.events():
+        check_equilibrium(problem.body, history, 0.3, state)
+
+
+def check_equilibrium(body, history, friction, state):
+    n, p = body.n, body.p
+    u, normal, tangential = state.z[:n], state.z[n : n + p], state.z[n + p :]
+    rest = body.A @ u - history(state.t) - body.N.T @ normal - body.T.T @ tangential
+    size = np.abs(history.loads).max()
+    assert np.abs(rest).max() < 1e-11 * size
+    assert (normal <= 1e-11 * size).all()
+    assert (np.abs(tangential) <= friction * np.abs(normal) + 1e-11 * size).all()
+    assert (body.N @ u <= body.gap + 1e-11 * np.abs(u).max()).all()
+
+
+def test_the_unloaded_wedge_has_all_its_ways_on():
+    """All eighteen nodes touch without force: the modes are searched by linear programs."""
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").wedge_body(4).condensed()
+    history = LoadHistory([0.0 * problem.load.f0, problem.load.f0])
+    evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.5), (0.0, 1.0))
+    assert evolution.is_complete
+    assert evolution.guarantee.endswith("from the state without contact forces")
 
 
 # -- the inverse of the active part ----------------------------------------------------------------

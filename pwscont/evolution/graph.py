@@ -155,7 +155,7 @@ class EvolutionGraph(EvolutionStructure):
         """
         from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
 
-        return draw(self, y, x)
+        return draw(self, [(y, x)])
 
     def save(self, path: str | Path) -> None:
         """Write the graph to one portable file (a zip of arrays and JSON; no pickle).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,17 +21,17 @@ MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": 
 MARK_SIZE = 36
 
 
-def draw(graph: EvolutionStructure, y: str | int, x: str | int = "t") -> Figure:
-    """Return a picture of all evolutions."""
+def draw(graph: EvolutionStructure, panels: Sequence[tuple[str | int, str | int]]) -> Figure:
+    """Return a picture of all evolutions, with a panel for each pair of quantities (y, x)."""
     from matplotlib.figure import Figure  # noqa: PLC0415  only where asked for
 
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
-    axes = figure.subplots()
-    for piece in graph.pieces:
-        _draw_piece(axes, graph, piece, (x, y))
-    _draw_nodes(axes, graph, (x, y))
-    axes.set_xlabel(_named(graph, x))
-    axes.set_ylabel(_named(graph, y))
+    figure = Figure(figsize=(6.4 * len(panels), 4.4), layout="constrained")
+    for axes, (y, x) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        for piece in graph.pieces:
+            _draw_piece(axes, graph, piece, (x, y))
+        _draw_nodes(axes, graph, (x, y))
+        axes.set_xlabel(_named(graph, x))
+        axes.set_ylabel(_named(graph, y))
     return figure
 
 

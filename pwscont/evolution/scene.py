@@ -91,12 +91,16 @@ class EvolutionAnswer(Answer):
 
     def as_dict(self) -> dict[str, Any]:
         """Return graph and states as plain lists and numbers; the parameter is t."""
-        graph = self.graph
+        graph, whole = self.graph, self.graph.to_dict()
+        components = list(nx.weakly_connected_components(graph.nx))
+        number = {node: i for i, nodes in enumerate(components) for node in nodes}
+        for piece in whole["pieces"]:
+            piece["component"] = number[piece["start"]]
         states = [found for t in self.at for found in graph.states(t)]
         return {
             "scene": self.scene.name,
-            **graph.to_dict(),
-            "components": nx.number_weakly_connected_components(graph.nx),
+            **whole,
+            "components": len(components),
             "multiplicity": [list(row) for row in self._multiplicity()],
             "balance": {"value": None, "constant": True},
             "solutions": [
@@ -105,13 +109,13 @@ class EvolutionAnswer(Answer):
         }
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
-        """Write a picture for each panel, and the graph."""
-        name, files = self.scene.name, []
-        for i, (y, x) in enumerate(self.scene.panels):
-            part = f"{name}-{i + 1}" if i else name
-            files.append(look.save(self.graph.plot(y, x), directory, part))
+        """Write the picture and the graph."""
+        from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
+
+        name = self.scene.name
+        picture = look.save(draw(self.graph, self.scene.panels), directory, name)
         self.graph.save(directory / f"{name}.npz")
-        return [*files, directory / f"{name}.npz"]
+        return [picture, directory / f"{name}.npz"]
 
 
 @final

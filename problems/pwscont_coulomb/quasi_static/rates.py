@@ -117,6 +117,8 @@ class RateProblem:
         self.size, self.count = K.shape[1], len(friction)
         self._scale = np.abs(np.diag(K))
         self._absolute = np.abs(K)
+        #: The rate that the load alone would cause.
+        self._usual = float((np.abs(h[: self.size]) / self._scale).max(initial=0.0))
         #: The last theta of each node, as a multiple of F over its stiffness.
         self._theta = np.ones(len(friction))
 
@@ -198,7 +200,7 @@ class RateProblem:
     def next_modes(self, x: Array, modes: Mapping[int, int]) -> dict[int, int]:
         """Return for each node the mode that its forces and rates ask for."""
         phi, terms = self.forces(x)
-        speed = ZERO * (np.abs(x) + float(np.abs(x).max(initial=0.0)))
+        speed = ZERO * (np.abs(x) + float(np.abs(x).max(initial=0.0)) + self._usual)
         return {
             node: self._asked(node, mode, x, phi, (speed, ZERO * terms))
             for node, mode in modes.items()
@@ -315,7 +317,7 @@ class RateProblem:
         n, F = normal[rubs], friction[rubs]
         at = np.array([place[int(self.tangent[i])] for i in nodes], dtype=np.intp)
         usual = F / self._scale[self.normal[nodes]]
-        size = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(form)), np.finfo(float).tiny))
+        size = 1.0 / np.sqrt(self._scale[sorted(place)])
         worst, before = np.zeros(len(form)), -np.inf
         for turn in range(MOST_THETAS):
             theta = self._theta[nodes] * usual
@@ -357,29 +359,27 @@ class RateProblem:
         try:
             search.look({})
         except _TooManyError:
-            if (law := self._as_law()) is not None:
-                return self._listed(law)
+            if self._can_be_listed():
+                return self.listed()
             settled = self.settled({}, guess)
             one = self.checked(*settled) if settled else None
             found = [*search.found, *([one] if one else [])]
-            return RateSolutions(_different(found), "one of possibly several ways on")
-        return RateSolutions(_different(search.found), search.remark)
+            return RateSolutions(_different(found, self._usual), "one of possibly several ways on")
+        return RateSolutions(_different(search.found, self._usual), search.remark)
 
-    def _as_law(self) -> RateLaw | None:
-        """Return the problem for a search by linear programs, None for too many modes."""
-        if not self.h.any():  # all modes meet at zero: nothing could be cut
-            return None
-        if (self.tangent < 0).any() or 2 * self.count - np.count_nonzero(self.sign) > MOST_BITS:
-            return None
-        parts = self.friction, self.sign, self.normal, self.tangent
-        return RateLaw(self.K, self.h, *parts)
+    def _can_be_listed(self) -> bool:
+        """Tell whether the modes are few enough for linear programs, and programs can cut some."""
+        if not self.h.any() or (self.tangent < 0).any():  # without load all modes meet at zero
+            return False
+        return 2 * self.count - np.count_nonzero(self.sign) <= MOST_BITS
 
-    def _listed(self, law: RateLaw) -> RateSolutions:
+    def listed(self) -> RateSolutions:
         """Return all solutions by the search over modes that linear programs cut."""
-        all_modes, unknowns, remark = law.solutions()
+        parts = self.friction, self.sign, self.normal, self.tangent
+        all_modes, unknowns, remark = RateLaw(self.K, self.h, *parts).solutions()
         pairs = zip(all_modes, unknowns, strict=True)
         found = [Rates(np.array(m, dtype=np.intp), x, self.K @ x - self.h) for m, x in pairs]
-        return RateSolutions(_different(found), remark)
+        return RateSolutions(_different(found, self._usual), remark)
 
 
 class _TooManyError(Exception):
@@ -432,11 +432,11 @@ class _Search:
             self.remark = "there may be infinitely many ways on"
 
 
-def _different(found: list[Rates]) -> tuple[Rates, ...]:
+def _different(found: list[Rates], usual: float) -> tuple[Rates, ...]:
     """Return each solution once: in several modes at a time where an inequality is an equation."""
     different: list[Rates] = []
     for rates in found:
-        size = float(np.abs(rates.x).max(initial=0.0))
+        size = float(np.abs(rates.x).max(initial=0.0)) + usual
         if not any((np.abs(rates.x - o.x) <= ZERO * size).all() for o in different):
             different.append(rates)
     return tuple(different)
