@@ -45,6 +45,7 @@ from pwscont.system.abilities import (
     Compact,
     Ending,
     HidesUnknowns,
+    Recovery,
     Reducible,
     Reduction,
 )
@@ -96,6 +97,7 @@ __all__ = [
     "Predictor",
     "Ray",
     "Reading",
+    "Recovery",
     "Reducible",
     "Reduction",
     "Report",

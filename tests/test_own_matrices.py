@@ -5,10 +5,16 @@ import pickle
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, read_matrices
+from pwscont_coulomb import (
+    AffineLoad,
+    ContactBody,
+    CoulombFriction,
+    CoulombLoad,
+    read_matrices,
+)
 from scipy.io import mmwrite
 
-from pwscont import InvalidInputError, explore, trace
+from pwscont import InvalidInputError, enumerate_solutions, explore, trace
 
 
 def random_body(seed, n=12, p=2, kind=np.asarray):
@@ -66,6 +72,65 @@ def test_a_large_body_is_traced_when_condensed():
     system = fronts.along_load()
     other = trace(system, (np.zeros(system.size), 0.0), (0.0, 1.0))
     assert [piece.label for piece in one.pieces] == [piece.label for piece in other.pieces]
+
+
+@pytest.fixture
+def always(monkeypatch):
+    """Condense bodies of every size."""
+    monkeypatch.setattr("pwscont_coulomb.interior.LARGE", 1)
+    monkeypatch.setattr("pwscont_coulomb.interior.PER_NODE", 1)
+
+
+@pytest.mark.usefixtures("always")
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix])
+@pytest.mark.parametrize("along", ["load", "curved load", "friction"])
+def test_static_problems_condense_by_themselves(seed, kind, along):
+    """Each solution is one of the enumeration of the whole problem, and no solution is missing."""
+    body, (f0, f1) = random_body(seed, kind=kind)
+    if along == "friction":
+        system, interval = CoulombFriction(body, f0), (0.0, 2.0)
+    else:
+        curved = (lambda t: f0 + np.sin(t) * f1) if along == "curved load" else AffineLoad(f0, f1)
+        system, interval = CoulombLoad(body, curved, 0.7), (-1.0, 1.0)
+    reduction = system.reduction(*interval)
+    assert reduction.system.size == 4 * body.p
+    assert "eliminated" in reduction.reasons[0]
+    graph = explore(system, interval)
+    for alpha in (0.1, 0.45, 0.93):
+        expected, found = enumerate_solutions(system, alpha), graph.solutions(alpha)
+        assert len(expected) == len(found)
+        for state in expected:
+            nearest = min(np.abs(state.z - other.z).max() for other in found)
+            assert nearest < 1e-8 * max(1.0, np.abs(state.z).max())
+
+
+@pytest.mark.usefixtures("always")
+def test_a_condensed_body_leaves_out_far_nodes_too():
+    body, (f0, f1) = random_body(3, p=3)
+    far = ContactBody(body.A, body.N, body.T, [0.0, 1e6, 0.1])
+    system = CoulombLoad(far, AffineLoad(f0, f1), 0.7)
+    reduction = system.reduction(-1.0, 1.0)
+    assert len(reduction.reasons) == 2
+    assert reduction.system.size == 8
+    graph = explore(system, (-1.0, 1.0))
+    for state in enumerate_solutions(system, 0.3):
+        nearest = min(np.abs(state.z - other.z).max() for other in graph.solutions(0.3))
+        assert nearest < 1e-9 * max(1.0, np.abs(state.z).max())
+
+
+@pytest.mark.usefixtures("always")
+def test_a_trace_of_a_condensed_body_begins_where_the_user_says():
+    body, (f0, f1) = random_body(5)
+    system = CoulombLoad(body, AffineLoad(f0, f1), 0.7)
+    (start, *_) = enumerate_solutions(system, 0.2)
+    graph = trace(system, (start.z, 0.2), (-1.0, 1.0))
+    nearest = min(np.abs(start.z - other.z).max() for other in graph.solutions(0.2))
+    assert nearest < 1e-10
+    for point in graph.special_points():
+        rest = body.A @ point.z[:12] - f0 - point.alpha * f1
+        rest -= body.N.T @ point.z[12:14] + body.T.T @ point.z[14:]
+        assert np.abs(rest).max() < 1e-11 * np.abs(body.A).max()
 
 
 def test_matrices_are_read_from_files(tmp_path):

@@ -167,6 +167,14 @@ class ContactBody(Fixed):
         state = finite_array("z", z, (4 * self.p,))
         return whole.recovered(state[2 * self.p :], finite_array("load", load, (whole.n,)))
 
+    def displacements_of(self, loads: list[Array]) -> Array:
+        """Return the displacements of the body that was condensed under loads, shape (k, n)."""
+        return np.atleast_2d(self._condensation().solve(np.stack(loads, axis=1)).T)
+
+    def displacements_by(self, forces: Array) -> Array:
+        """Return the displacements, shape (k, n), under contact forces, shape (k, 2 p)."""
+        return self._condensation().by_forces(forces)
+
     def _condensation(self) -> Condensation:
         if self._whole is None:
             raise InvalidInputError("this ContactBody was not condensed; call condensed() first")

@@ -74,6 +74,17 @@ class Condensation:
         reduced: Array = self.stiffness @ (self._picks @ self._factor.solve(load))
         return reduced
 
+    def solve(self, loads: Array) -> Array:
+        """Return the displacements under loads, shape (n,) or (n, k), without contact."""
+        solved: Array = self._factor.solve(loads)
+        return solved
+
+    def by_forces(self, forces: Array) -> Array:
+        """Return the displacements, shape (k, n), under contact forces, shape (k, 2 p)."""
+        parts = range(0, len(forces), BLOCK)
+        solved = [self._factor.solve(self._picks.T @ forces[k : k + BLOCK].T).T for k in parts]
+        return np.vstack(solved) if solved else np.zeros((0, self.n))
+
     def recovered(self, forces: Array, load: Array) -> Array:
         """Return all displacements, shape (n,).
 

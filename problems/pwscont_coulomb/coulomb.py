@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -47,6 +48,7 @@ from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
+from pwscont_coulomb.interior import is_worth_condensing, without_interior
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
@@ -130,6 +132,10 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     @abstractmethod
     def along_friction(self, alpha: float) -> Coulomb:
         """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+
+    @abstractmethod
+    def condensed_on(self, small: ContactBody, kept: Indices) -> Coulomb:
+        """Return the same problem on the body condensed onto some of its contact nodes."""
 
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
@@ -257,9 +263,17 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
         return f"kappa{test % 3 + 1} of node {self.body.numbers[test // 3]}"
 
     def reduction(self, lo: float, hi: float) -> Reduction | None:
-        """Leave out contact nodes that cannot reach the obstacle, by an energy bound."""
+        """Leave out contact nodes that cannot reach the obstacle, and the interior of large bodies.
+
+        Nodes are left out by an energy bound; the interior is eliminated where that saves time.
+        """
         loads = self._extreme_loads(lo, hi) if self._has_gap else None
-        return None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
+        near = None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
+        if not is_worth_condensing(self.body):
+            return near
+        every = np.arange(self.body.p) if near is None else near.tests[::3] // 3
+        found = without_interior(self.body, every, self.load_at, self.condensed_on)
+        return found if near is None else replace(found, reasons=near.reasons + found.reasons)
 
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:
         """Return loads, shape (n, k), whose convex hull holds all loads, None if unknown."""

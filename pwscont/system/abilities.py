@@ -148,6 +148,24 @@ def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Redu
     return system.reduction(*interval) if isinstance(system, Reducible) else None
 
 
+class Recovery(ABC):
+    """How the unknowns that a reduction left out follow from the unknowns of the smaller system."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def points(self, points: Array) -> Array:
+        """Return points (..., z, alpha) of the full system from those of the smaller system."""
+
+    @abstractmethod
+    def errors(self, errors: Array) -> Array:
+        """Return errors of points of the full system from those of the smaller system."""
+
+    @abstractmethod
+    def state(self, z: Array) -> Array:
+        """Return the state of the smaller system of a state of the full system."""
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
@@ -166,6 +184,8 @@ class Reduction:
         A character of the full system with the signs of the parts left out.
     reasons : tuple of str
         For every part left out, the proof in words.
+    recovery : Recovery, optional
+        How unknowns that are left out follow from the others, where they are not zero.
     """
 
     system: PiecewiseSystem
@@ -173,15 +193,29 @@ class Reduction:
     tests: Indices
     idle: Character
     reasons: tuple[str, ...]
+    recovery: Recovery | None = None
 
     def points(self, points: Array, size: int) -> Array:
-        """Return points (..., z, alpha) with the unknowns left out put back as zeros."""
+        """Return points (..., z, alpha) with the unknowns left out put back."""
+        if self.recovery is not None:
+            return self.recovery.points(points)
+        return self._put_back(points, size)
+
+    def errors(self, errors: Array, size: int) -> Array:
+        """Return errors of points, with the errors of the unknowns left out."""
+        if self.recovery is not None:
+            return self.recovery.errors(errors)
+        return self._put_back(errors, size)
+
+    def _put_back(self, points: Array, size: int) -> Array:
         full = np.zeros((*points.shape[:-1], size + 1))
         full[..., self.kept], full[..., -1] = points[..., :-1], points[..., -1]
         return full
 
     def state(self, z: Array) -> Array:
         """Return the unknowns that remain of a state of the full system."""
+        if self.recovery is not None:
+            return self.recovery.state(z)
         kept: Array = z[self.kept]
         return kept
 

@@ -371,7 +371,7 @@ class RateProblem:
         """Tell whether the modes are few enough for linear programs, and programs can cut some."""
         if not self.h.any() or (self.tangent < 0).any():  # without load all modes meet at zero
             return False
-        return 2 * self.count - np.count_nonzero(self.sign) <= MOST_BITS
+        return bool(2 * self.count - np.count_nonzero(self.sign) <= MOST_BITS)
 
     def listed(self) -> RateSolutions:
         """Return all solutions by the search over modes that linear programs cut."""
