@@ -230,10 +230,11 @@ def random_problem(seed):
     A = root @ root.T + 0.2 * np.eye(n)
     pick = np.eye(n)
     gap = rng.uniform(0.0, 0.6, p) * (rng.random(p) < 0.3)
-    loads = 2.0 * rng.normal(size=(int(rng.integers(2, 6)), n))
-    if rng.random() < 0.2:
+    count, around = int(rng.integers(2, 11)), rng.normal(size=n)
+    loads = 2.0 * (around + rng.uniform(0.3, 1.5) * rng.normal(size=(count, n)))
+    if rng.random() < 0.3:
         loads[0] = 0.0
-    F = rng.uniform(0.0, 8.0) * (1.0 if rng.random() < 0.7 else 0.1) * np.ones(p)
+    F = rng.uniform(0.0, 8.0) * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
     if rng.random() < 0.1:
         F[int(rng.integers(p))] = 0.0
     slip = rng.normal(size=p) * (rng.random() < 0.3)

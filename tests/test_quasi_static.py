@@ -8,7 +8,8 @@ from evolution_truth import Problem, TooManyError, evolutions, random_problem
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.quasi_static.active import ActiveInverse
 from pwscont_coulomb.quasi_static.rates import RateProblem
-from pwscont_coulomb.quasi_static.scenes import cattaneo
+from pwscont_coulomb.quasi_static.scenes import cattaneo, shakedown
+from scipy.optimize import linprog
 from sweeps import swept
 
 from pwscont import InvalidInputError, Limits, SystemWithMemory, evolve
@@ -288,6 +289,62 @@ def test_the_unloaded_wedge_has_all_its_ways_on():
     evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.5), (0.0, 1.0))
     assert evolution.is_complete
     assert evolution.guarantee.endswith("from the state without contact forces")
+
+
+# -- shakedown -------------------------------------------------------------------------------------
+
+
+def two_nodes(seed):
+    """Return a random two-node body with its load between two states, both pressing the nodes."""
+    rng = np.random.default_rng([2008, seed])
+    root = rng.normal(size=(4, 4))
+    pick = np.eye(4)
+    body = ContactBody(root @ root.T + np.eye(4), pick[0::2], pick[1::2])
+    middle = np.array([3.0, 0.0, 3.0, 0.0]) + rng.normal(size=4)
+    return body, middle, 1.2 * rng.normal(size=4), float(rng.uniform(0.2, 0.9))
+
+
+def safe_slip_exists(body, loads, friction):
+    """Tell by a linear program whether a slip exists with which no node slips (Ahn et al. 2008).
+
+    With both nodes held, lam = A u - f with u_nu = 0: abs(lam_t) <= -F lam_nu for all loads.
+    """
+    held = body.A @ body.T.T  # forces by slip
+    rows, right = [], []
+    for f in loads:
+        for i in range(body.p):
+            n, t = body.N[i], body.T[i]
+            rows += [s * t @ held + friction * n @ held for s in (1.0, -1.0)]
+            right += [s * t @ f + friction * n @ f for s in (1.0, -1.0)]
+            rows.append(n @ held)
+            right.append(n @ f)
+    found = linprog(np.zeros(body.p), rows, right, bounds=[(None, None)] * body.p)
+    return found.status == 0
+
+
+def outcomes(seed):
+    """Return the cycles of a random body from some slips, and whether a safe slip exists."""
+    body, middle, amplitude, friction = two_nodes(seed)
+    loads = [middle + amplitude, middle - amplitude]
+    history, found = LoadHistory([middle, *loads * 6]), []
+    for slip in ([0.0, 0.0], [0.5, 0.0], [0.0, -0.5]):
+        evolution = evolve(QuasiStaticCoulomb(body, history, friction, slip), history.interval)
+        touches = all("no contact" not in piece.label for piece in evolution.pieces)
+        if touches and evolution.paths().number == 1 and not evolution.losses():
+            found.append(evolution.cycle(2.0)[0].kind)
+    return found, safe_slip_exists(body, loads, friction)
+
+
+@pytest.mark.parametrize("seed", swept(range(15), range(15, 400)))
+def test_no_shakedown_without_a_safe_slip(seed):
+    kinds, is_safe = outcomes(seed)
+    assert is_safe or "shakedown" not in kinds
+
+
+def test_the_outcome_may_depend_on_the_initial_slip():
+    """Both outcomes of one coupled body under one load: Melan's theorem does not hold."""
+    ends = [shakedown(slip).run().cycle(2.0)[0].kind for slip in (0.0, 1.0)]
+    assert ends == ["cyclic slip", "shakedown"]
 
 
 # -- the inverse of the active part ----------------------------------------------------------------
