@@ -43,6 +43,7 @@ from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
     BringsSearches,
     Compact,
+    DecidesCorners,
     Ending,
     HidesUnknowns,
     Recovery,
@@ -75,6 +76,7 @@ __all__ = [
     "Corrector",
     "Curve",
     "CurvedSegment",
+    "DecidesCorners",
     "Ending",
     "EvolutionState",
     "Evolver",

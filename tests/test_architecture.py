@@ -63,7 +63,7 @@ BUDGET = {
     "continuation": (16, 4100),
     "scenes": (15, 2700),
     "view": (7, 950),
-    "evolution": (19, 2500),
+    "evolution": (20, 2700),
     "two_parameters": (16, 3750),
     "studies": (12, 2350),
     "bench": (16, 1900),

@@ -35,6 +35,7 @@ from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.extending import (
     Array,
     BringsSearches,
+    DecidesCorners,
     Indices,
     Matrix,
     Reducible,
@@ -71,7 +72,7 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 MANY_NODES = 32
 
 
-class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCorners):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -278,6 +279,13 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:
         """Return loads, shape (n, k), whose convex hull holds all loads, None if unknown."""
         return None
+
+    def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
+        """Tell whether rates are unique at a corner (docs/theory, F17)."""
+        from pwscont_coulomb.corner_rates import has_one_ray  # noqa: PLC0415  at few corners
+
+        modes = self.modes(self.character(z, alpha))
+        return has_one_ray(self.body, self.friction_at(alpha), modes, zero)
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.

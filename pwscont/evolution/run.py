@@ -163,13 +163,24 @@ class Run:
 
     def _is_known(self, number: int, node: EvolutionNode) -> bool:
         """Tell whether a node is another node; if so, the pieces lead there."""
-        before = {piece.start for piece in self._into[number]}
+        before = self._just_before(number, node.t)
         for other in self._at(node.t):
             if other not in before and self._are_same(node, self.nodes[other]):
                 self._replace(number, other)
                 return True
         self._divide(number, node)
         return False
+
+    def _just_before(self, number: int, t: float) -> set[int]:
+        """Return the nodes at a time from which pieces lead to a node: to merge would be a circle."""
+        found: set[int] = set()
+        left = [number]
+        while left:
+            starts = {piece.start for piece in self._into[left.pop()]} - found
+            near = [i for i in starts if (n := self.nodes[i]) and n.t >= t - 2.0 * self._same_time]
+            found.update(starts)
+            left += near
+        return found
 
     def _at(self, t: float) -> Iterator[int]:
         """Yield the finished nodes at a time."""

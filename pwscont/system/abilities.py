@@ -130,6 +130,27 @@ class BringsSearches(ABC):
         """Return these searches, each a :class:`~pwscont.Search`."""
 
 
+class DecidesCorners(ABC):
+    """A system that may know that a corner has one ray at most to either side of alpha."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
+        """Tell whether at most one ray leads to each side of alpha, and none keeps alpha.
+
+        Asked where the cells that meet at the corner are too many to be tried; False where that is
+        not known.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+        alpha : float
+        zero : frozenset of int
+            The tests that vanish.
+        """
+
+
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""
 
@@ -226,7 +247,7 @@ class Reduction:
         return Character.of(np.where(signs, 1.0, -1.0))
 
 
-ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
+ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners)
 #: The methods of all abilities.
 METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 

@@ -283,7 +283,7 @@ class RateProblem:
             form[k] -= 0.5 * row
             form[:, k] -= 0.5 * row
         open_ = [i for i in left if not self.sign[i] and self.tangent[i] >= 0]
-        if not open_ and _is_positive(form):
+        if not open_ and self._is_positive(form, columns):
             return None
         rows = np.array([int(self.normal[i]) for i in left])
         friction = np.where(self.tangent[left] >= 0, self.friction[left], 0.0)
@@ -317,13 +317,14 @@ class RateProblem:
         n, F = normal[rubs], friction[rubs]
         at = np.array([place[int(self.tangent[i])] for i in nodes], dtype=np.intp)
         usual = F / self._scale[self.normal[nodes]]
-        size = 1.0 / np.sqrt(self._scale[sorted(place)])
+        columns = np.array(sorted(place), dtype=np.intp)
+        size = 1.0 / np.sqrt(self._scale[columns])
         worst, before = np.zeros(len(form)), -np.inf
         for turn in range(MOST_THETAS):
             theta = self._theta[nodes] * usual
             whole = form - 0.5 * (n.T * theta) @ n
             whole[at, at] -= 0.5 * F**2 / theta
-            if _is_positive(whole):
+            if self._is_positive(whole, columns):
                 return None
             values, vectors = np.linalg.eigh(size[:, np.newaxis] * whole * size)
             worst = size * vectors[:, 0]
@@ -334,6 +335,13 @@ class RateProblem:
             step = 0.5 / (1 + 0.1 * turn) / max(float(np.abs(gain).max()), 1e-300)
             self._theta[nodes] *= np.exp(step * gain)
         return self._heaviest(normal @ worst, worst, left, place)
+
+    def _is_positive(self, form: Array, columns: Indices) -> bool:
+        """Tell whether a form is positive definite by more than rounding, in natural units."""
+        unit = 1.0 / np.sqrt(self._scale[columns])
+        scaled = unit[:, np.newaxis] * form * unit
+        scaled[np.diag_indices_from(scaled)] -= ZERO * (1.0 + float(self.friction.max(initial=0.0)))
+        return bool(lapack.dpotrf(scaled, lower=1)[1] == 0)
 
     def _heaviest(self, phi: Array, x: Array, left: list[int], place: Mapping[int, int]) -> int:
         """Return the node that contributes most to a negative direction."""
@@ -444,18 +452,6 @@ def _different(found: list[Rates], usual: float) -> tuple[Rates, ...]:
 
 def _symmetric(matrix: Array) -> Array:
     return 0.5 * (matrix + matrix.T)
-
-
-def _is_positive(form: Array) -> bool:
-    """Tell whether a symmetric matrix is positive definite by more than rounding."""
-    if not len(form):
-        return True
-    size = np.diag(form)
-    if not (size > 0.0).all():
-        return False
-    unit = form / np.sqrt(np.outer(size, size))
-    unit[np.diag_indices_from(unit)] -= len(form) * GUARD * EPS
-    return bool(lapack.dpotrf(unit, lower=1)[1] == 0)
 
 
 def _is_singular(lu: Array, sizes: Array) -> bool:
