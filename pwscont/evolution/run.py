@@ -172,7 +172,7 @@ class Run:
         return False
 
     def _just_before(self, number: int, t: float) -> set[int]:
-        """Return the nodes at a time from which pieces lead to a node: to merge would be a circle."""
+        """Return the nodes at a time that lead to a node: to merge these would make a circle."""
         found: set[int] = set()
         left = [number]
         while left:
