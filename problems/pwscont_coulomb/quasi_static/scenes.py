@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont import EvolutionScene, InvalidInputError, LoadHistory
-from pwscont.extending import Array
-from pwscont_coulomb.quasi_static.half_plane import half_plane
+from pwscont.extending import CONVERGED, Array
+from pwscont_coulomb.quasi_static.half_plane import FAR, half_plane
 from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 from pwscont_coulomb.scenes import one_node, two_nodes
 
@@ -61,15 +61,21 @@ def cattaneo(
         return float(-z[-nodes:].sum())
 
     def shifted(z: Array, t: float) -> float:
-        return float(np.interp(t, history.times, [way[1] for way in ways]))
+        far = FAR / (np.pi * MODULUS) * force(z, t)  # the compliance far away is left out
+        return float(np.interp(t, history.times, [way[1] for way in ways])) - far
+
+    def sticking(z: Array, t: float) -> float:
+        bound = -friction * z[-2 * nodes : -nodes]
+        sticks = np.abs(z[-nodes:]) < bound * (1.0 - CONVERGED)
+        return float(sticks.sum() / max(1, np.count_nonzero(bound)))
 
     return EvolutionScene(
         "cattaneo",
         f"a round body, pressed and sheared to and fro, {nodes} strips, F = {friction:g}",
         QuasiStaticCoulomb(body, history, friction),
         history.interval,
-        record={"force": force, "shift": shifted},
-        panels=(("force", "shift"),),
+        record={"force": force, "shift": shifted, "stick zone": sticking},
+        panels=(("force", "shift"), ("stick zone", "t")),
         period=2.0,
     )
 
