@@ -77,8 +77,8 @@ def test_a_large_body_is_traced_when_condensed():
 @pytest.fixture
 def always(monkeypatch):
     """Condense bodies of every size."""
-    monkeypatch.setattr("pwscont_coulomb.interior.LARGE", 1)
-    monkeypatch.setattr("pwscont_coulomb.interior.PER_NODE", 1)
+    monkeypatch.setattr("pwscont_coulomb.condensed.LARGE", 1)
+    monkeypatch.setattr("pwscont_coulomb.condensed.PER_NODE", 1)
 
 
 @pytest.mark.usefixtures("always")

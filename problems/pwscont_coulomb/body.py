@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from copy import copy
+from functools import cached_property
 from itertools import chain
 from typing import Any, final
 
@@ -14,7 +15,7 @@ from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite_array
-from pwscont_coulomb.condensed import Condensation, checked_load
+from pwscont_coulomb.condensed import Condensation, checked_load, is_worth_condensing
 from pwscont_coulomb.fixed import Fixed
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
@@ -122,11 +123,16 @@ class ContactBody(Fixed):
         >>> small.recover(state.z, load=[1.0, 1.0, 0.5]).round(6).tolist()
         [0.0, 0.375, 0.4375]
         """
-        way = Condensation(self.A, self.N, self.T)
+        way = self._own_condensation
         one = np.eye(2 * self.p)
         small = ContactBody(way.stiffness, one[: self.p], one[self.p :], self.gap, self.guided)
         small.numbers, small._whole = self.numbers, way
         return small
+
+    @cached_property
+    def _own_condensation(self) -> Condensation:
+        """The condensation of this body, with a factorisation that is made once."""
+        return Condensation(self.A, self.N, self.T)
 
     def reduced(self, load: Any) -> Array:
         """Return a load of the whole body as a load of this condensed body.
@@ -185,6 +191,9 @@ class ContactBody(Fixed):
         body, by_node = copy(self), ("N", "T", "gap", "guided", "stiffness")
         body.__setstate__({name: getattr(self, name)[kept] for name in by_node})
         body.p, body.numbers = len(kept), tuple(self.numbers[i] for i in kept)
+        body._whole = None
+        if (way := vars(body).pop("_own_condensation", None)) is not None:
+            vars(body)["_own_condensation"] = way.with_nodes(kept)
         return body
 
     def reach(self, loads: Array) -> Array:
@@ -238,6 +247,8 @@ class ContactBody(Fixed):
 
     def solve(self, forces: Array) -> Array:
         """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""
+        if is_worth_condensing(self.n, self.p):
+            return self._own_condensation.solve(forces)
         if self.is_sparse:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 

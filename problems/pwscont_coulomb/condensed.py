@@ -21,10 +21,19 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Matrix, dense, finite_array
+from pwscont.extending import Array, Indices, Matrix, dense, finite_array
 
 #: Right-hand sides solved at once.
 BLOCK = 64
+#: A body is condensed from so many displacements on, and so many per contact node.
+LARGE, PER_NODE = 1000, 8
+#: Beyond so many displacements times contact nodes, a body is condensed when asked only.
+MOST = 2e7
+
+
+def is_worth_condensing(n: int, p: int) -> bool:
+    """Tell whether a body has so many displacements beside its contact nodes that time is saved."""
+    return n >= max(LARGE, PER_NODE * p) and n * p <= MOST
 
 
 @final
@@ -45,8 +54,17 @@ class Condensation:
         """Leave factorisations behind in copies, also those for other processes."""
         return Condensation, (self._A, self._N, self._T)
 
+    def with_nodes(self, kept: Indices) -> Condensation:
+        """Return the same for some contact nodes, with the same factorisation."""
+        twin = Condensation(self._A, self._N[kept], self._T[kept])
+        if "_factor" in vars(self):
+            vars(twin)["_factor"] = self._factor
+        return twin
+
     @cached_property
-    def _picks(self) -> Array:
+    def _picks(self) -> Matrix:
+        if sp.issparse(self._A):
+            return sp.vstack([sp.csr_matrix(self._N), sp.csr_matrix(self._T)]).tocsr()
         return np.vstack([dense(self._N), dense(self._T)])
 
     @cached_property
@@ -64,7 +82,9 @@ class Condensation:
     def stiffness(self) -> Array:
         """The condensed stiffness, shape (2 p, 2 p)."""
         B, columns = self._picks, range(0, 2 * self.p, BLOCK)
-        solved = [B @ self._factor.solve(np.asfortranarray(B[k : k + BLOCK].T)) for k in columns]
+        solved = [
+            B @ self._factor.solve(np.asfortranarray(dense(B[k : k + BLOCK].T))) for k in columns
+        ]
         C = np.hstack(solved)
         inverse = np.linalg.inv(0.5 * (C + C.T))
         return 0.5 * (inverse + inverse.T)

@@ -45,11 +45,12 @@ from pwscont.extending import (
 )
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.condensed import is_worth_condensing
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
-from pwscont_coulomb.interior import is_worth_condensing, without_interior
+from pwscont_coulomb.interior import without_interior
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
@@ -270,10 +271,11 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         """
         loads = self._extreme_loads(lo, hi) if self._has_gap else None
         near = None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
-        if not is_worth_condensing(self.body):
+        if not is_worth_condensing(self.body.n, self.body.p):
             return near
         every = np.arange(self.body.p) if near is None else near.tests[::3] // 3
-        found = without_interior(self.body, every, self.load_at, self.condensed_on)
+        ends = None if self._extreme_loads(lo, hi) is None else (lo, hi)
+        found = without_interior(self.body, every, self.load_at, self.condensed_on, ends)
         return found if near is None else replace(found, reasons=near.reasons + found.reasons)
 
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:

@@ -12,9 +12,6 @@ from pwscont.extending import Array, Indices, Recovery, Reduction, counted
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import SIGNS, Mode
 
-#: A body is condensed from so many displacements on, and so many per contact node.
-LARGE, PER_NODE = 1000, 8
-
 
 @final
 class InteriorRecovery(Recovery):
@@ -28,9 +25,11 @@ class InteriorRecovery(Recovery):
         These nodes.
     load_at : callable
         alpha -> load of the whole body, shape (n,).
+    ends : tuple of float or None
+        Two alphas between which and beyond which the load is affine.
     """
 
-    __slots__ = ("_load_at", "_nodes", "_small", "_whole")
+    __slots__ = ("_ends", "_load_at", "_nodes", "_small", "_whole")
 
     def __init__(
         self,
@@ -38,8 +37,10 @@ class InteriorRecovery(Recovery):
         small: ContactBody,
         nodes: Indices,
         load_at: Callable[[float], Array],
+        ends: tuple[float, float] | None = None,
     ) -> None:
         self._whole, self._small, self._nodes, self._load_at = whole, small, nodes, load_at
+        self._ends = ends
 
     def points(self, points: Array) -> Array:
         """Return points (..., u, lam_nu, lam_t, alpha) of the whole body."""
@@ -47,10 +48,18 @@ class InteriorRecovery(Recovery):
         forces, alphas = flat[:, -1 - 2 * len(self._nodes) : -1], flat[:, -1]
         if not len(flat):
             return self._placed(points, np.zeros((0, self._whole.n)))
-        values, which = np.unique(alphas, return_inverse=True)
-        free = self._small.displacements_of([self._load_at(float(a)) for a in values])
-        u = free[which] + self._small.displacements_by(forces)
+        u = self._free(alphas) + self._small.displacements_by(forces)
         return self._placed(points, u)
+
+    def _free(self, alphas: Array) -> Array:
+        """Return the displacements without contact, shape (k, n)."""
+        if self._ends is None:
+            return self._small.displacements_of([self._load_at(float(a)) for a in alphas])
+        lo, hi = self._ends
+        first, last = self._small.displacements_of([self._load_at(lo), self._load_at(hi)])
+        part = (alphas[:, np.newaxis] - lo) / (hi - lo)
+        free: Array = (1.0 - part) * first + part * last
+        return free
 
     def errors(self, errors: Array) -> Array:
         """Return errors, with that of the worst contact displacement for every displacement."""
@@ -77,16 +86,12 @@ class InteriorRecovery(Recovery):
         return np.concatenate(parts)
 
 
-def is_worth_condensing(body: ContactBody) -> bool:
-    """Tell whether a body has so many displacements beside its contact nodes that time is saved."""
-    return bool(body.n >= max(LARGE, PER_NODE * body.p))
-
-
 def without_interior(
     body: ContactBody,
     nodes: Indices,
     load_at: Callable[[float], Array],
     on: Callable[[ContactBody, Indices], PiecewiseSystem],
+    ends: tuple[float, float] | None,
 ) -> Reduction:
     """Return the problem in the contact unknowns of some nodes.
 
@@ -98,9 +103,11 @@ def without_interior(
         alpha -> load of the body.
     on : callable
         Returns the problem of the condensed body, which knows how loads are reduced.
+    ends : tuple of float or None
+        Two alphas, if the load is affine in alpha.
     """
     small = body.with_nodes(nodes).condensed()
-    recovery = InteriorRecovery(body, small, nodes, load_at)
+    recovery = InteriorRecovery(body, small, nodes, load_at, ends)
     eliminated = counted(body.n - 2 * len(nodes), "displacement")
     return Reduction(
         system=on(small, nodes),
