@@ -79,15 +79,25 @@ class Condensation:
         return _DenseFactor(self._A)
 
     @cached_property
-    def stiffness(self) -> Array:
-        """The condensed stiffness, shape (2 p, 2 p)."""
+    def flexibility(self) -> Array:
+        """The contact displacements by contact forces, shape (2 p, 2 p)."""
         B, columns = self._picks, range(0, 2 * self.p, BLOCK)
         solved = [
             B @ self._factor.solve(np.asfortranarray(dense(B[k : k + BLOCK].T))) for k in columns
         ]
-        C = np.hstack(solved)
-        inverse = np.linalg.inv(0.5 * (C + C.T))
+        C: Array = np.hstack(solved)
+        symmetric: Array = 0.5 * (C + C.T)
+        return symmetric
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """The condensed stiffness, shape (2 p, 2 p)."""
+        inverse = np.linalg.inv(self.flexibility)
         return 0.5 * (inverse + inverse.T)
+
+    def contact_displacements(self, u: Array) -> Array:
+        """Return N u and T u, shape (2 p, k), of displacements, shape (n, k)."""
+        return np.asarray(self._picks @ u)
 
     def reduced(self, load: Array) -> Array:
         """Return the condensed load, shape (2 p,) or (2 p, k), of loads, shape (n,) or (n, k)."""

@@ -27,9 +27,9 @@ from pwscont.extending import (
     Moments,
     Way,
     WaysOn,
-    dense,
     finite_array,
 )
+from pwscont_coulomb.condensed import Condensation
 from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static import nodes as node
 from pwscont_coulomb.quasi_static.active import ActiveInverse, Flags
@@ -57,12 +57,10 @@ class CoulombEvolver(Evolver):
         self.problem, self.interval = problem, interval
         body, history = problem.body, problem.history
         self.p, self._gap, self._friction = body.p, body.gap, problem.friction
-        picks = np.vstack([dense(body.N), dense(body.T)])
-        solved = body.solve(np.hstack([picks.T, history.loads.T]))
-        self._follow, self._free = solved[:, : 2 * body.p], solved[:, 2 * body.p :]
-        C = picks @ self._follow
-        self._C: Array = 0.5 * (C + C.T)
-        self._at_loads = picks @ self._free
+        self._condensation = Condensation(body.A, body.N, body.T)
+        self._C: Array = self._condensation.flexibility
+        self._free = self._condensation.solve(history.loads.T)
+        self._at_loads = self._condensation.contact_displacements(self._free)
         self._inverse = ActiveInverse(self._C)
         scale = problem.restated(problem.slip).scale(*interval)
         self._length, self._force = float(scale[0]), float(scale[-1])
@@ -80,7 +78,8 @@ class CoulombEvolver(Evolver):
     def shown(self, z: Array, t: float) -> Array:
         """Return (u, lam_nu, lam_t)."""
         forces = z[: 2 * self.p]
-        u = self._free @ self.problem.history.weights(t) + self._follow @ forces
+        u = self._free @ self.problem.history.weights(t)
+        u += self._condensation.by_forces(forces[np.newaxis])[0]
         return np.concatenate([u, forces])
 
     def names(self) -> tuple[str, ...]:
