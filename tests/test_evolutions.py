@@ -80,6 +80,16 @@ def test_a_truss_without_hardening_collapses():
     assert loss.t == pytest.approx(0.5, rel=1e-14)  # both bars yield under 2
 
 
+def test_many_bars_that_yield_at_once_are_certain():
+    """Thirty equal bars yield together: hardening makes every rate unique."""
+    load = LoadHistory([[0.0], [50.0], [-50.0]])
+    evolution = evolve(PlasticTruss(np.ones((30, 1)), load, 1.0, 1.0, 0.3), (0.0, 2.0))
+    assert evolution.is_complete
+    # yield at u = 1 under 30 (1 + 0.3); then 50 = 30 (1 + 0.3 u)
+    (state,) = evolution.states(1.0)
+    assert state["u_1"] == pytest.approx((50.0 / 30.0 - 1.0) / 0.3, rel=1e-13)
+
+
 def test_a_truss_of_three_bars_shakes_down_after_one_reversal():
     angles = np.array([-0.7, 0.0, 0.7])
     B = np.column_stack([np.sin(angles), np.cos(angles)])

@@ -46,6 +46,8 @@ class PlasticLaw(PiecewiseLinearSystem):
         self.m, self.n = B.shape
         self.size = self.n + self.m
         self._hardened = B.T @ (hardening[:, np.newaxis] * B)
+        # with hardening everywhere the force grows strictly with the displacements
+        self.unique = bool((hardening > 0.0).all() and np.linalg.matrix_rank(B) == self.n)
 
     def _trial(self, z: Array) -> Array:
         trial: Array = self.k * (self.B @ z[: self.n] - self.plastic)

@@ -28,6 +28,7 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, is_same
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
+from pwscont.curve.semismooth import semismooth_newton
 from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import solve_surely
@@ -118,6 +119,10 @@ class ByRays(Evolver):
 
     def _solutions(self, memory: Array, t: float) -> Moments:
         law = self.law(memory)
+        if law.unique:
+            one = semismooth_newton(law, self._metric, np.zeros(law.size), t)
+            if not isinstance(one, Failure):
+                return Moments((self._moment(one[0][:-1], t, np.atleast_2d(one[1])),))
         found = solve_surely(law, self._metric, t)
         moments = tuple(self._moment(p.x[:-1], t, p.error) for p in found.points)
         certain = not (found.undecided or found.faces)
