@@ -14,6 +14,7 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any, final
 
 import numpy as np
@@ -38,6 +39,8 @@ from pwscont_coulomb.quasi_static.rates import ZERO, RateProblem, Rates
 
 #: Of bodies with so many contact nodes all states at one time are enumerated.
 MOST_ENUMERATED = 6
+#: Of bodies with so few, all modes are tried where rounding leaves the enumeration in doubt.
+MOST_TRIED = 4
 #: A given start is in equilibrium up to this part of typical forces.
 GIVEN = 1e-8
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
@@ -144,8 +147,11 @@ class CoulombEvolver(Evolver):
             states = [self._contact(s.z) for s in found]
             words = found.guarantee
             complete = words.startswith("complete") and "infinitely" not in words
+            if not complete:
+                states += self._tried(slip, t)
             why = "" if complete else f"states at t = {t:.10g}: {found.guarantee}"
-            return Moments(tuple(self._moment(y, t, slack) for y in states), complete, why)
+            different = self._different(states)
+            return Moments(tuple(self._moment(y, t, slack) for y in different), complete, why)
         one = self._one_state(slip, t)
         moments = () if one is None else (self._moment(one, t, slack),)
         if self._is_unique():
@@ -159,6 +165,39 @@ class CoulombEvolver(Evolver):
         body = self.problem.body
         u, forces = z[: body.n], z[body.n :]
         return np.concatenate([forces, body.N @ u, body.T @ u])
+
+    def _tried(self, slip: Array, t: float) -> list[Array]:
+        """Return the states of all modes of few nodes that hold to rounding, each once."""
+        states: list[Array] = []
+        held, g = (
+            np.concatenate([self._gap, slip]),
+            self._at_loads @ self.problem.history.weights(t),
+        )
+        for modes in product(range(4), repeat=self.p) if self.p <= MOST_TRIED else ():
+            try:
+                y = self._clean(self._solved(np.array(modes), held, g), np.array(modes))
+            except np.linalg.LinAlgError:
+                continue
+            states += [y] if self._holds(y, np.array(modes), slip) else []
+        return states
+
+    def _different(self, states: list[Array]) -> list[Array]:
+        """Return each state once."""
+        near, found = ZERO * self.sizes(), list[Array]()
+        for y in states:
+            if not any((np.abs(y - other) <= near).all() for other in found):
+                found.append(y)
+        return found
+
+    def _holds(self, y: Array, modes: Indices, slip: Array) -> bool:
+        """Tell whether the inequalities of some modes hold up to rounding."""
+        normal, tangential, u_nu, u_t = y.reshape(4, -1)
+        force, length = ZERO * self._force, ZERO * self._length
+        sign = np.select([modes == int(Mode.SLIP_PLUS), modes == int(Mode.SLIP_MINUS)], [1.0, -1.0])
+        rests = np.abs(tangential) <= -self._friction * normal + force * (1.0 + self._friction)
+        slips = sign * (u_t - slip) >= -length
+        fits = (normal <= force) & (u_nu <= self._gap + length) & rests & slips
+        return bool(fits.all())
 
     def _is_unique(self) -> bool:
         """Tell whether there certainly is one state under every load, with every slip and gap."""
