@@ -16,6 +16,7 @@ solutions are states of a body draws the states on the body by a :class:`BodyPic
 """
 
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
+from pwscont.basics.budget import check_budget
 from pwscont.basics.looks import card, counted, named
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
@@ -28,6 +29,8 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.evolution.states import EvolutionState
+from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
@@ -40,8 +43,10 @@ from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
     BringsSearches,
     Compact,
+    DecidesCorners,
     Ending,
     HidesUnknowns,
+    Recovery,
     Reducible,
     Reduction,
 )
@@ -71,7 +76,10 @@ __all__ = [
     "Corrector",
     "Curve",
     "CurvedSegment",
+    "DecidesCorners",
     "Ending",
+    "EvolutionState",
+    "Evolver",
     "Factor",
     "Failure",
     "FailureReason",
@@ -85,10 +93,13 @@ __all__ = [
     "Look",
     "Matrix",
     "Metric",
+    "Moment",
+    "Moments",
     "Piece",
     "Predictor",
     "Ray",
     "Reading",
+    "Recovery",
     "Reducible",
     "Reduction",
     "Report",
@@ -112,8 +123,11 @@ __all__ = [
     "StructuredJacobian",
     "TransitionDetector",
     "Updating",
+    "Way",
+    "WaysOn",
     "accepted",
     "card",
+    "check_budget",
     "checked_magnitudes",
     "counted",
     "dense",

@@ -45,6 +45,11 @@ from pwscont.transitions.user_event import Stop
 
 if TYPE_CHECKING:
     from pwscont.continuation.kit import check_detector, check_search, check_stepper
+    from pwscont.evolution.evolve import evolve
+    from pwscont.evolution.graph import EvolutionGraph
+    from pwscont.evolution.history import LoadHistory
+    from pwscont.evolution.memory import SystemWithMemory
+    from pwscont.evolution.scene import EvolutionScene
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.scenes.panels import Panel, ParameterPath
@@ -84,6 +89,8 @@ __all__ = [
     "CountAt",
     "CriticalValue",
     "EndPoints",
+    "EvolutionGraph",
+    "EvolutionScene",
     "ExactLinear",
     "FirstFold",
     "FoldLocus",
@@ -93,6 +100,7 @@ __all__ = [
     "InvalidSystemError",
     "Journal",
     "Limits",
+    "LoadHistory",
     "MaxCount",
     "Measure",
     "MissingPackageError",
@@ -123,6 +131,7 @@ __all__ = [
     "StudyResult",
     "Switched",
     "SystemNeededError",
+    "SystemWithMemory",
     "Tangent",
     "TransitionDetector",
     "TransitionLocus",
@@ -134,6 +143,7 @@ __all__ = [
     "check_system",
     "draw_counts",
     "enumerate_solutions",
+    "evolve",
     "explore",
     "plane",
     "plot",
@@ -148,9 +158,12 @@ LATER = {
     "Complementarity": "pwscont.notation.problems",
     "CountAt": "pwscont.studies.measures",
     "CriticalValue": "pwscont.studies.measures",
+    "EvolutionGraph": "pwscont.evolution.graph",
+    "EvolutionScene": "pwscont.evolution.scene",
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
+    "LoadHistory": "pwscont.evolution.history",
     "MaxCount": "pwscont.studies.measures",
     "Measure": "pwscont.studies.measures",
     "NonUnique": "pwscont.studies.measures",
@@ -163,6 +176,7 @@ LATER = {
     "Study": "pwscont.studies.study",
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",
+    "SystemWithMemory": "pwscont.evolution.memory",
     "TransitionLocus": "pwscont.two_parameters.locus",
     "View": "pwscont.view.view",
     "check_detector": "pwscont.continuation.kit",
@@ -170,6 +184,7 @@ LATER = {
     "check_stepper": "pwscont.continuation.kit",
     "check_system": "pwscont.system.check",
     "draw_counts": "pwscont.scenes.paths",
+    "evolve": "pwscont.evolution.evolve",
     "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
 }

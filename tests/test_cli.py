@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from sweeps import swept
 
-from pwscont import BranchGraph, PiecewiseSystem, Scene
+from pwscont import BranchGraph, EvolutionGraph, EvolutionScene, PiecewiseSystem, Scene
 from pwscont.basics.errors import SceneNotFoundError
 from pwscont.commands import run as running
 from pwscont.commands.cli import main
@@ -28,7 +28,13 @@ NAMES = scene_names()
 ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
 PLANES = ("fig4", "fig5", "fig6", "example1-load-plane", "example1-critical-friction")
 CURVES = [name for name in NAMES if isinstance(load_scene(name), Scene)]
-WRITTEN = ("fig7", "fig5", "block")  # one of each kind whose files are written even if quick
+HISTORIES = [name for name in NAMES if isinstance(load_scene(name), EvolutionScene)]
+WRITTEN = (
+    "fig7",
+    "fig5",
+    "block",
+    "hysteresis",
+)  # one of each kind whose files are written even if quick
 # with this scope tests of one scene follow each other, and share its answer
 CONTACT = [point.name for point in entry_points(group=GROUP) if "coulomb" in point.value]
 OF_CONTACT = [name for name in NAMES if name in CONTACT]
@@ -158,7 +164,7 @@ def test_json_follows_the_schema(capsys, name):
     lo, hi = data["parameter"]["lo"], data["parameter"]["hi"]
     assert isinstance(data["parameter"]["name"], str)
     assert data["seconds"] >= 0.0
-    assert data["balance"] == {"value": 1, "constant": True} or name in OTHERS
+    assert data["balance"] == {"value": 1, "constant": True} or name in (*OTHERS, *HISTORIES)
     rows = data["multiplicity"]
     assert (rows[0][0], rows[-1][1]) == (lo, hi)
     assert all(before[1] == after[0] for before, after in pairwise(rows))
@@ -196,6 +202,8 @@ def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
     if name in PLANES:
         data = data.with_suffix(".json")
         assert json.loads(data.read_text(encoding="utf-8"))["scene"] == name
+    elif name in HISTORIES:
+        assert EvolutionGraph.load(data).interval == load_scene(name).interval
     else:
         assert BranchGraph.load(data).interval == load_scene(name).interval
     assert picture.read_bytes().startswith(PNG)

@@ -46,7 +46,7 @@ WRITTEN = {"curve.png", "curve.npz", "curve.html", "run.journal", "most.png", "s
 @pytest.mark.slow
 def test_the_cheat_sheet_runs(tmp_path):
     _, answers = run("cheatsheet.rst")
-    assert answers == 42
+    assert answers == 46
     assert {file.name for file in tmp_path.iterdir()} >= WRITTEN
 
 
@@ -91,6 +91,11 @@ def test_the_page_for_beginners_runs(tmp_path):
     _, answers = run("getting_started.rst")
     assert answers == 11
     assert (tmp_path / "arch.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(("name", "answers"), [("histories.rst", 14), ("matrices.rst", 5)])
+def test_pages_of_histories_and_matrices_run(name, answers):
+    assert run(name)[1] == answers
 
 
 def test_the_page_for_beginners_names_every_extra():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from copy import copy
+from functools import cached_property
 from itertools import chain
 from typing import Any, final
 
@@ -14,6 +15,7 @@ from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite_array
+from pwscont_coulomb.condensed import Condensation, checked_load, is_worth_condensing
 from pwscont_coulomb.fixed import Fixed
 
 #: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
@@ -78,6 +80,8 @@ class ContactBody(Fixed):
         self.numbers = tuple(range(1, p + 1))
         self.gap = finite_array("gap", np.zeros(p) if gap is None else gap, (p,))
         self.guided = _flags("guided", guided, p)
+        #: What leads back to the body that was condensed; None for a body that was not.
+        self._whole: Condensation | None = None
         self._has_guided = bool(self.guided.any())
         self._check()
         self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
@@ -98,11 +102,98 @@ class ContactBody(Fixed):
         """Whether A is a sparse matrix; the Jacobians then are, too."""
         return bool(sp.issparse(self.A))
 
+    def condensed(self) -> ContactBody:
+        """Return the body with its contact unknowns alone, dense of size 2 p.
+
+        The unknowns are the normal displacements of all contact nodes, then the tangential ones;
+        contact forces are those of this body. Solutions are the same, and take far less time where
+        n is much larger than 2 p. The condensed body turns loads into its own by :meth:`reduced`,
+        and states into displacements of this body by :meth:`recover`.
+
+        Examples
+        --------
+        >>> from pwscont import explore
+        >>> from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
+        >>> A = [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]
+        >>> body = ContactBody(A, N=[[1, 0, 0]], T=[[0, 1, 0]])
+        >>> f0, f1 = [1.0, 0.0, 0.5], [0.0, 1.0, 0.0]
+        >>> small = body.condensed()
+        >>> load = AffineLoad(small.reduced(f0), small.reduced(f1))
+        >>> (state,) = explore(CoulombLoad(small, load, 0.5), (0.0, 2.0)).solutions(1.0)
+        >>> small.recover(state.z, load=[1.0, 1.0, 0.5]).round(6).tolist()
+        [0.0, 0.375, 0.4375]
+        """
+        way = self._own_condensation
+        one = np.eye(2 * self.p)
+        small = ContactBody(way.stiffness, one[: self.p], one[self.p :], self.gap, self.guided)
+        small.numbers, small._whole = self.numbers, way
+        return small
+
+    @cached_property
+    def _own_condensation(self) -> Condensation:
+        """The condensation of this body, with a factorisation that is made once."""
+        return Condensation(self.A, self.N, self.T)
+
+    def reduced(self, load: Any) -> Array:
+        """Return a load of the whole body as a load of this condensed body.
+
+        Parameters
+        ----------
+        load : array_like, shape (n,) or (n, k)
+            Forces at the displacements of the body that was condensed.
+
+        Returns
+        -------
+        ndarray, shape (2 p,) or (2 p, k)
+
+        Raises
+        ------
+        InvalidInputError
+            If this body was not condensed, or the load does not fit.
+        """
+        whole = self._condensation()
+        return whole.reduced(checked_load("load", load, whole.n))
+
+    def recover(self, z: Any, load: Any) -> Array:
+        """Return all displacements of the body that was condensed, shape (n,).
+
+        Parameters
+        ----------
+        z : array_like, shape (4 p,)
+            A state of this condensed body.
+        load : array_like, shape (n,)
+            The load of the whole body in that state.
+
+        Raises
+        ------
+        InvalidInputError
+            If this body was not condensed, or the state or the load does not fit.
+        """
+        whole = self._condensation()
+        state = finite_array("z", z, (4 * self.p,))
+        return whole.recovered(state[2 * self.p :], finite_array("load", load, (whole.n,)))
+
+    def displacements_of(self, loads: list[Array]) -> Array:
+        """Return the displacements of the body that was condensed under loads, shape (k, n)."""
+        return np.atleast_2d(self._condensation().solve(np.stack(loads, axis=1)).T)
+
+    def displacements_by(self, forces: Array) -> Array:
+        """Return the displacements, shape (k, n), under contact forces, shape (k, 2 p)."""
+        return self._condensation().by_forces(forces)
+
+    def _condensation(self) -> Condensation:
+        if self._whole is None:
+            raise InvalidInputError("this ContactBody was not condensed; call condensed() first")
+        return self._whole
+
     def with_nodes(self, kept: Indices) -> ContactBody:
         """Return the same body with only some of its contact nodes."""
         body, by_node = copy(self), ("N", "T", "gap", "guided", "stiffness")
         body.__setstate__({name: getattr(self, name)[kept] for name in by_node})
         body.p, body.numbers = len(kept), tuple(self.numbers[i] for i in kept)
+        body._whole = None
+        if (way := vars(body).pop("_own_condensation", None)) is not None:
+            vars(body)["_own_condensation"] = way.with_nodes(kept)
         return body
 
     def reach(self, loads: Array) -> Array:
@@ -156,6 +247,8 @@ class ContactBody(Fixed):
 
     def solve(self, forces: Array) -> Array:
         """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""
+        if is_worth_condensing(self.n, self.p):
+            return self._own_condensation.solve(forces)
         if self.is_sparse:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 

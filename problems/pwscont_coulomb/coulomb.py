@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -34,6 +35,7 @@ from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.extending import (
     Array,
     BringsSearches,
+    DecidesCorners,
     Indices,
     Matrix,
     Reducible,
@@ -43,10 +45,12 @@ from pwscont.extending import (
 )
 from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
+from pwscont_coulomb.condensed import is_worth_condensing
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
+from pwscont_coulomb.interior import without_interior
 from pwscont_coulomb.kept import Kept
 from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
@@ -69,7 +73,7 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 MANY_NODES = 32
 
 
-class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCorners):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -130,6 +134,10 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     @abstractmethod
     def along_friction(self, alpha: float) -> Coulomb:
         """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+
+    @abstractmethod
+    def condensed_on(self, small: ContactBody, kept: Indices) -> Coulomb:
+        """Return the same problem on the body condensed onto some of its contact nodes."""
 
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
@@ -257,13 +265,29 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
         return f"kappa{test % 3 + 1} of node {self.body.numbers[test // 3]}"
 
     def reduction(self, lo: float, hi: float) -> Reduction | None:
-        """Leave out contact nodes that cannot reach the obstacle, by an energy bound."""
+        """Leave out contact nodes that cannot reach the obstacle, and the interior of large bodies.
+
+        Nodes are left out by an energy bound; the interior is eliminated where that saves time.
+        """
         loads = self._extreme_loads(lo, hi) if self._has_gap else None
-        return None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
+        near = None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
+        if not is_worth_condensing(self.body.n, self.body.p):
+            return near
+        every = np.arange(self.body.p) if near is None else near.tests[::3] // 3
+        ends = None if self._extreme_loads(lo, hi) is None else (lo, hi)
+        found = without_interior(self.body, every, self.load_at, self.condensed_on, ends)
+        return found if near is None else replace(found, reasons=near.reasons + found.reasons)
 
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:
         """Return loads, shape (n, k), whose convex hull holds all loads, None if unknown."""
         return None
+
+    def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
+        """Tell whether rates are unique at a corner (docs/theory, F17)."""
+        from pwscont_coulomb.corner_rates import has_one_ray  # noqa: PLC0415  at few corners
+
+        modes = self.modes(self.character(z, alpha))
+        return has_one_ray(self.body, self.friction_at(alpha), modes, zero)
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.

@@ -76,6 +76,11 @@ class CoulombFriction(Coulomb):
         body = self.body.with_nodes(kept)
         return CoulombFriction(body, self.force, self.r[kept], self.profile[kept])
 
+    def condensed_on(self, small: ContactBody, kept: Indices) -> Coulomb:
+        """Return the same problem on the body condensed onto some of its contact nodes."""
+        force, profile = small.reduced(self.force), self.profile[kept]
+        return CoulombFriction(small, force, self.r[kept], profile)
+
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | dH/dF]; F enters the tangential rows of slipping nodes."""
         column = np.zeros(self.size)

@@ -118,6 +118,16 @@ class CoulombLoad(Coulomb):
         body = self.body.with_nodes(kept)
         return CoulombLoad(body, self.load, self.friction[kept], self.r[kept])
 
+    def condensed_on(self, small: ContactBody, kept: Indices) -> Coulomb:
+        """Return the same problem on the body condensed onto some of its contact nodes."""
+        return CoulombLoad(small, self._reduced(small), self.friction[kept], self.r[kept])
+
+    def _reduced(self, small: ContactBody) -> Any:
+        """Return the load of the condensed body."""
+        if isinstance(self.load, AffineLoad):
+            return AffineLoad(small.reduced(self.load.f0), small.reduced(self.load.f1))
+        return lambda alpha: small.reduced(self.load_at(alpha))
+
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return [dH/dz | -f'(alpha)]."""
         rate, (matrix, at_rest) = self._load_rate(alpha), self._of_cell(character, alpha)

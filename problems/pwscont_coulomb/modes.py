@@ -110,7 +110,7 @@ TRIPLES = {
 
 def label(character: Character) -> str:
     """Return the modes of all nodes: ``node 1 slip-, nodes 2 to 5 stick``."""
-    return _listed([WORDS[mode] for mode in modes(character).tolist()])
+    return listed([WORDS[mode] for mode in modes(character).tolist()])
 
 
 def word(node: int, character: Character) -> str:
@@ -121,10 +121,10 @@ def word(node: int, character: Character) -> str:
 def describe(character: Character) -> str:
     """Return the modes with their triples, such as ``node 1 slip- (1, 1, 0)``."""
     found = [Mode(mode) for mode in modes(character)]
-    return _listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
+    return listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
 
 
-def _listed(words: list[str]) -> str:
+def listed(words: list[str]) -> str:
     """Return the word of each node; three or more equal ones in a row are named together."""
     if len(words) == 1:
         return words[0]

@@ -6,9 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from pwscont import Character, InvalidInputError, Panel, Scene
+from pwscont import (
+    Character,
+    EvolutionScene,
+    InvalidInputError,
+    LoadHistory,
+    Panel,
+    Scene,
+)
 from pwscont.extending import Array
 from pwscont_structures.obstacle import ObstacleProblem, string
+from pwscont_structures.plastic import PlasticTruss
 from pwscont_structures.softening import SofteningBar
 from pwscont_structures.strut import Strut, Support
 from pwscont_structures.truss import TrussChain
@@ -147,3 +155,27 @@ def _deflection(system: Strut, place: float, z: Array, load: float) -> float:
 
 def _shortening(system: Strut, z: Array, load: float) -> float:
     return system.shortening(z)
+
+
+def play(springs: int = 5, hardening: float = 0.2) -> EvolutionScene:
+    """Return elastic-plastic springs in parallel (Prandtl and Ishlinskii), loaded to and fro."""
+    if springs < 1:
+        raise InvalidInputError(f"springs must be at least 1, got {springs}")
+    loads = [[0.0], [1.2], [-0.6], [0.9], [-1.2], [1.2], [-1.2]]
+    history, one = LoadHistory(loads), np.ones((springs, 1))
+    strength = np.linspace(0.4, 1.6, springs) / springs
+    system = PlasticTruss(one, history, 1.0 / springs, strength, hardening / springs)
+
+    def load(z: Array, t: float) -> float:
+        return float(history(t)[0])
+
+    return EvolutionScene(
+        "play",
+        f"{springs} elastic-plastic springs in parallel",
+        system,
+        history.interval,
+        record={"load": load},
+        at=(1.0, 2.0),
+        panels=(("load", "u_1"),),
+        period=2.0,
+    )

@@ -25,3 +25,7 @@ CONFIDENCE = 10.0
 
 #: Parameter values closer than SAME_ALPHA times the scale of the parameter are one value.
 SAME_ALPHA = 64.0 * EPS
+
+#: States of two evolutions are one state when they differ by less than SAME_STATE times their size:
+#: the rounding errors of some thousand events, each of GUARD units, add up to less.
+SAME_STATE = 2.0**10 * GUARD * EPS

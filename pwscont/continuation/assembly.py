@@ -216,7 +216,7 @@ def assemble(
     """
     show = partial(_shown, system, reduction)
     whole = reduction.character if reduction else _unchanged
-    places = _shown_places(discovery, show)
+    places = _shown_places(discovery, show, partial(_shown_errors, system, reduction))
     edges = list(_in_order([_directed(edge, places, show) for edge in discovery.edges]))
     numbers = _numbers(edges, discovery)
     lo, hi = metric.interval
@@ -252,8 +252,14 @@ def assemble(
 
 
 def _shown(system: PiecewiseSystem, reduction: Reduction | None, points: Array) -> Array:
-    """Return points (..., z, alpha) of the followed system, or errors, with the user's unknowns."""
+    """Return points (..., z, alpha) of the followed system with the user's unknowns."""
     whole = points if reduction is None else reduction.points(points, system.size)
+    return shown_points(system, whole)
+
+
+def _shown_errors(system: PiecewiseSystem, reduction: Reduction | None, errors: Array) -> Array:
+    """Return errors of points of the followed system, with the user's unknowns."""
+    whole = errors if reduction is None else reduction.errors(errors, system.size)
     return shown_points(system, whole)
 
 
@@ -269,7 +275,7 @@ def _shown_metric(system: PiecewiseSystem, metric: Metric) -> Metric:
     return Metric(shown_points(system, metric.scale), metric.interval, period)
 
 
-def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
+def _shown_places(discovery: Discovery, show: Show, spread: Show) -> dict[Place, Place]:
     """Return each place of a discovery with the user's unknowns, by the place itself."""
     nodes, edges = discovery.nodes.values(), discovery.edges
     known = [place for edge in edges for place in (edge.track.start, edge.track.end, edge.begun_at)]
@@ -278,7 +284,7 @@ def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
     if not places or show(places[0].x) is places[0].x:  # no unknown is left out or put back
         return {place: place for place in places}
     points = show(np.array([place.x for place in places]))
-    errors = show(np.array([place.error for place in places]))
+    errors = spread(np.array([place.error for place in places]))
     return dict(zip(places, map(Place, points, errors), strict=True))
 
 

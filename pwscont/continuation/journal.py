@@ -202,8 +202,8 @@ class Journal:
             raise self._refusal(f"it is damaged (its pages have no end); {ADVICE}") from error
 
     def __len__(self) -> int:
-        """Return the number of finished pieces."""
-        return len(self._numbers["walk"])
+        """Return the number of finished pieces; of an evolution, the number of finished events."""
+        return len(self._numbers["walk"]) + len(self._numbers["ways"])
 
     def __enter__(self) -> Journal:
         """Return the journal; the file is closed at the end of the ``with`` block."""
@@ -265,6 +265,14 @@ class Journal:
             if checksum == _digest(repr((number, kind, text)).encode(), rows):
                 return kind, text, rows
         raise self._refusal(f"it is damaged (record {number} is missing or changed); {ADVICE}")
+
+    def recorded(self, kind: str, n: int) -> tuple[str, bytes] | None:
+        """Return text and rows of the n-th record of a kind, None if there are not so many."""
+        return self._nth(kind, n)
+
+    def record(self, kind: str, text: str, rows: bytes) -> None:
+        """Write a record of a kind, unless there was trouble."""
+        self._add(kind, text, rows)
 
     def _nth(self, kind: str, n: int) -> tuple[str, bytes] | None:
         """Return text and rows of a record of a kind, None if there are not so many."""

@@ -117,7 +117,7 @@ def write(path: str | Path, contents: Contents) -> None:
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
-        _replace(Path(path), content.getbuffer())
+        replace_file(Path(path), content.getbuffer())
     except (OSError, TypeError, ValueError) as error:  # the last two: it is no path of a file
         why = getattr(error, "strerror", None) or error
         raise GraphFileError(f"cannot write {path}: {why}") from error
@@ -141,7 +141,7 @@ def _header(contents: Contents) -> dict[str, Any]:
     return header if contents.names is None else header | {"names": contents.names}
 
 
-def _replace(target: Path, content: memoryview) -> None:
+def replace_file(target: Path, content: memoryview) -> None:
     """Write a file that appears whole or not at all, and leaves nothing else behind."""
     temporary = target.with_name(target.name + ".part")
     try:

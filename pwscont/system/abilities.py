@@ -130,6 +130,27 @@ class BringsSearches(ABC):
         """Return these searches, each a :class:`~pwscont.Search`."""
 
 
+class DecidesCorners(ABC):
+    """A system that may know that a corner has one ray at most to either side of alpha."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
+        """Tell whether at most one ray leads to each side of alpha, and none keeps alpha.
+
+        Asked where the cells that meet at the corner are too many to be tried; False where that is
+        not known.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+        alpha : float
+        zero : frozenset of int
+            The tests that vanish.
+        """
+
+
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""
 
@@ -146,6 +167,24 @@ class Reducible(ABC):
 def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
     """Return what remains of a system on an interval, None where nothing can be left out."""
     return system.reduction(*interval) if isinstance(system, Reducible) else None
+
+
+class Recovery(ABC):
+    """How the unknowns that a reduction left out follow from the unknowns of the smaller system."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def points(self, points: Array) -> Array:
+        """Return points (..., z, alpha) of the full system from those of the smaller system."""
+
+    @abstractmethod
+    def errors(self, errors: Array) -> Array:
+        """Return errors of points of the full system from those of the smaller system."""
+
+    @abstractmethod
+    def state(self, z: Array) -> Array:
+        """Return the state of the smaller system of a state of the full system."""
 
 
 @final
@@ -166,6 +205,8 @@ class Reduction:
         A character of the full system with the signs of the parts left out.
     reasons : tuple of str
         For every part left out, the proof in words.
+    recovery : Recovery, optional
+        How unknowns that are left out follow from the others, where they are not zero.
     """
 
     system: PiecewiseSystem
@@ -173,15 +214,29 @@ class Reduction:
     tests: Indices
     idle: Character
     reasons: tuple[str, ...]
+    recovery: Recovery | None = None
 
     def points(self, points: Array, size: int) -> Array:
-        """Return points (..., z, alpha) with the unknowns left out put back as zeros."""
+        """Return points (..., z, alpha) with the unknowns left out put back."""
+        if self.recovery is not None:
+            return self.recovery.points(points)
+        return self._put_back(points, size)
+
+    def errors(self, errors: Array, size: int) -> Array:
+        """Return errors of points, with the errors of the unknowns left out."""
+        if self.recovery is not None:
+            return self.recovery.errors(errors)
+        return self._put_back(errors, size)
+
+    def _put_back(self, points: Array, size: int) -> Array:
         full = np.zeros((*points.shape[:-1], size + 1))
         full[..., self.kept], full[..., -1] = points[..., :-1], points[..., -1]
         return full
 
     def state(self, z: Array) -> Array:
         """Return the unknowns that remain of a state of the full system."""
+        if self.recovery is not None:
+            return self.recovery.state(z)
         kept: Array = z[self.kept]
         return kept
 
@@ -192,7 +247,7 @@ class Reduction:
         return Character.of(np.where(signs, 1.0, -1.0))
 
 
-ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns)
+ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners)
 #: The methods of all abilities.
 METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 

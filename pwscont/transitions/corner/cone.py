@@ -20,6 +20,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude_of_values
+from pwscont.system.abilities import DecidesCorners
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.corner.cells import Corner, Direction
@@ -97,8 +98,16 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
-    exact = corner.system.unique and to_both_sides
+    exact = to_both_sides and _has_one_ray(corner)
     return TangentCone(rays, 1, _any_along_interface(rays), exact)
+
+
+def _has_one_ray(corner: Corner) -> bool:
+    """Tell whether a system promises one ray at most to either side of alpha."""
+    system, x = corner.system, corner.x
+    if system.unique or not isinstance(system, DecidesCorners):
+        return system.unique
+    return system.has_one_ray(x[:-1], float(x[-1]), corner.zero)
 
 
 def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:

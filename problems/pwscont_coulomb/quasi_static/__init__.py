@@ -1,0 +1,1 @@
+"""Quasi-static contact with Coulomb friction: friction opposes the rate of slip."""

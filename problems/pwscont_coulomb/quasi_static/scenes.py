@@ -1,0 +1,116 @@
+"""Scenes with a loading history."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pwscont import EvolutionScene, InvalidInputError, LoadHistory
+from pwscont.extending import CONVERGED, Array
+from pwscont_coulomb.quasi_static.half_plane import FAR, half_plane
+from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
+from pwscont_coulomb.scenes import one_node, two_nodes
+
+#: Strips, half of their width, radius, modulus and approach of the round body.
+HALF_WIDTH, RADIUS, MODULUS, APPROACH = 1.25, 20.0, 1.0, 0.275
+
+
+def hysteresis(friction: float = 4.0) -> EvolutionScene:
+    """Return one node that is loaded and unloaded; at F = 4 four evolutions are possible."""
+    history = LoadHistory([[0.0, 0.0], [0.5, -1.5], [0.0, 2.0]])
+    return EvolutionScene(
+        "hysteresis",
+        f"one node, loaded and unloaded, F = {friction:g}",
+        QuasiStaticCoulomb(one_node(), history, friction),
+        history.interval,
+        at=(0.5, 1.5),
+        panels=(("u_t", "t"), ("λ_t", "u_t")),
+    )
+
+
+def shakedown(slip: float = 1.0, friction: float = 0.5, cycles: int = 4) -> EvolutionScene:
+    """Return two nodes under a cyclic load: the outcome depends on the slip at the beginning.
+
+    Starting with a slip of 1 at node 1, slip ceases; starting without slip, slip never ceases.
+    """
+    _at_least_two(cycles)
+    middle, amplitude = np.array([4.0, 0.0, 1.5, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
+    history = LoadHistory([middle, *[middle + amplitude, middle - amplitude] * cycles])
+    return EvolutionScene(
+        "shakedown",
+        f"two nodes, cyclic load, slip {slip:g} at the beginning, F = {friction:g}",
+        QuasiStaticCoulomb(two_nodes(), history, friction, [slip, 0.0]),
+        history.interval,
+        at=(2.0 * cycles,),
+        panels=(("u_t,1", "t"), ("u_t,2", "t")),
+        period=2.0,
+    )
+
+
+def cattaneo(
+    nodes: int = 200, friction: float = 0.5, shift: float = 0.06, cycles: int = 2
+) -> EvolutionScene:
+    """Return a round body, pressed and then sheared to and fro (Cattaneo 1938, Mindlin 1949)."""
+    _at_least_two(cycles)
+    body = half_plane(nodes, HALF_WIDTH, RADIUS, MODULUS)
+    ways = [(0.0, 0.0), (APPROACH, 0.0), (APPROACH, shift)]
+    ways += [(APPROACH, -shift), (APPROACH, shift)] * cycles
+    moved = [np.repeat(way, nodes) for way in ways]
+    history = LoadHistory(np.array(moved) @ body.A)
+
+    def force(z: Array, t: float) -> float:
+        return float(-z[-nodes:].sum())
+
+    def shifted(z: Array, t: float) -> float:
+        far = FAR / (np.pi * MODULUS) * force(z, t)  # the compliance far away is left out
+        return float(np.interp(t, history.times, [way[1] for way in ways])) - far
+
+    def sticking(z: Array, t: float) -> float:
+        bound = -friction * z[-2 * nodes : -nodes]
+        sticks = np.abs(z[-nodes:]) < bound * (1.0 - CONVERGED)
+        return float(sticks.sum() / max(1, np.count_nonzero(bound)))
+
+    return EvolutionScene(
+        "cattaneo",
+        f"a round body, pressed and sheared to and fro, {nodes} strips, F = {friction:g}",
+        QuasiStaticCoulomb(body, history, friction),
+        history.interval,
+        record={"force": force, "shift": shifted, "stick zone": sticking},
+        panels=(("force", "shift"), ("stick zone", "t")),
+        period=2.0,
+    )
+
+
+def block_cycle(
+    nodes: int = 12, friction: float = 0.3, pressed: float = 1.0, shear: float = 1.0
+) -> EvolutionScene:
+    """Return a block from a mesh, pressed and then sheared in cycles, with its damping.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of contact nodes.
+    friction : float
+    pressed : float
+        How far the top is pressed down, in percent of the height: the preload.
+    shear : float
+        How far the top is moved to and fro, in percent of the height.
+    """
+    from pwscont_coulomb.elastic.scenes import block_body  # noqa: PLC0415  it needs scikit-fem
+
+    problem = block_body(nodes, friction).condensed()
+    press, side = pressed * problem.load.f0, shear * problem.load.f1
+    loads = [0.0 * press, press, *[press + side, press - side] * 3]
+    history = LoadHistory(loads)
+    return EvolutionScene(
+        "block-cycle",
+        f"a block, pressed and sheared in cycles, {nodes} contact nodes, F = {friction:g}",
+        QuasiStaticCoulomb(problem.body, history, problem.friction),
+        history.interval,
+        panels=(("u_t,1", "t"), ("λ_t,1", "u_t,1")),
+        period=2.0,
+    )
+
+
+def _at_least_two(cycles: int) -> None:
+    if cycles < 2:
+        raise InvalidInputError(f"cycles must be at least 2, got {cycles}")

@@ -1,0 +1,1 @@
+"""Evolutions of systems with memory: all ways on, from event to event."""

@@ -1,0 +1,188 @@
+"""The file of a graph of evolutions: written whole or not at all, checked when read.
+
+Failure modes and answers
+-------------------------
+- The file is cut off, changed or something else: a zip holds a checksum of every entry, and types,
+  shapes and references are checked.
+- A piece is straight in the unknowns of the evolver; the states that users see are straight, too,
+  where the evolver's are: so a graph that was read needs no system.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.errors import GraphFileError
+from pwscont.evolution.exports import ends_of
+from pwscont.evolution.states import KINDS, EvolutionNode, EvolutionPiece
+from pwscont.evolution.structure import EvolutionStructure
+from pwscont.evolution.ways import StateReader
+from pwscont.graph.exports import DamagedError, Fields
+from pwscont.graph.storage import replace_file
+
+FORMAT = "pwscont evolution"
+VERSION = 1
+ARRAYS = ("z", "memory", "ends", "memories")
+
+
+@final
+class StoredStates(StateReader):
+    """The unknowns of a graph that was read from a file: those that users see, then the memory.
+
+    Parameters
+    ----------
+    names : tuple of str
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self._names = names
+
+    def memory(self, z: Array, t: float) -> Array:
+        """Return what stands behind the unknowns."""
+        return z[len(self._names) :]
+
+    def shown(self, z: Array, t: float) -> Array:
+        """Return the unknowns."""
+        return z[: len(self._names)]
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names."""
+        return self._names
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class StoredGraph:
+    """The content of a file."""
+
+    nodes: list[EvolutionNode]
+    pieces: list[EvolutionPiece]
+    interval: tuple[float, float]
+    reader: StoredStates
+    guarantee: str
+
+
+def write(path: str | Path, graph: EvolutionStructure) -> None:
+    """Write a graph.
+
+    Raises
+    ------
+    GraphFileError
+        If the file cannot be written.
+    """
+    states = graph.events()
+    ends = [z for i in range(len(graph.pieces)) for z in ends_of(graph, i)]
+    memories = [m for i in range(len(graph.pieces)) for m in _memories(graph, i)]
+    arrays = {
+        "z": _stack([state.z for state in states]),
+        "memory": _stack([state.memory for state in states]),
+        "ends": _stack(ends),
+        "memories": _stack(memories),
+    }
+    content = BytesIO()
+    named: dict[str, Any] = {"header": np.array(json.dumps(_header(graph))), **arrays}
+    np.savez(content, **named)
+    try:
+        replace_file(Path(path), content.getbuffer())
+    except (OSError, TypeError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise GraphFileError(f"cannot write {path}: {why}") from error
+
+
+def _memories(graph: EvolutionStructure, number: int) -> list[Array]:
+    piece = graph.pieces[number]
+    return [graph.memory_at(piece.first, piece.start), graph.memory_at(piece.last, piece.end)]
+
+
+def _stack(rows: list[Array]) -> Array:
+    return np.vstack(rows) if rows else np.empty((0, 0))
+
+
+def _header(graph: EvolutionStructure) -> dict[str, Any]:
+    nodes = [
+        {"t": node.t, "kind": node.kind, "name": node.name, "remark": node.remark}
+        for node in graph.nodes
+    ]
+    pieces = [
+        {"start": p.start, "end": p.end, "label": p.label, "jump": p.is_jump} for p in graph.pieces
+    ]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "interval": list(graph.interval),
+        "names": list(graph.names),
+        "guarantee": graph.guarantee,
+        "nodes": nodes,
+        "pieces": pieces,
+    }
+
+
+def read(path: str | Path) -> StoredGraph:
+    """Read what :func:`write` wrote.
+
+    Raises
+    ------
+    GraphFileError
+        If the file cannot be read, is damaged, or is something else.
+    """
+    try:
+        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in ("header", *ARRAYS)}
+        header = json.loads(str(arrays["header"]))
+    except OSError as error:
+        raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
+    except Exception as error:  # a damaged zip fails in a dozen ways
+        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged") from error
+    try:
+        return _graph(Fields("the header", header), arrays)
+    except DamagedError as error:
+        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
+
+
+def _graph(header: Fields, arrays: dict[str, Any]) -> StoredGraph:
+    if header.entry("format") != FORMAT or header.entry("version") != VERSION:
+        raise DamagedError(f"it holds {header.entry('format')!r}, {header.entry('version')!r}")
+    nodes, pieces = header.objects("nodes"), header.objects("pieces")
+    names = tuple(str(name) for name in header.items("names"))
+    tables = {name: _table(name, arrays[name]) for name in ARRAYS}
+    z, memory = tables["z"], tables["memory"]
+    both = np.hstack([tables["ends"], tables["memories"]]) if pieces else np.empty((0, 0))
+    if len(z) != len(nodes) or len(memory) != len(nodes) or len(both) != 2 * len(pieces):
+        raise DamagedError("the numbers of states, nodes and pieces do not fit")
+    if nodes and z.shape[1] != len(names):
+        raise DamagedError(f"{len(names)} names for {z.shape[1]} unknowns")
+    found = [_node(*row) for row in zip(nodes, np.hstack([z, memory]), memory, strict=True)]
+    linked = [_piece(f, both[2 * i : 2 * i + 2], len(nodes)) for i, f in enumerate(pieces)]
+    lo, hi = header.numbers("interval").tolist()
+    return StoredGraph(found, linked, (lo, hi), StoredStates(names), header.text("guarantee"))
+
+
+def _table(name: str, values: Any) -> Array:
+    if not isinstance(values, np.ndarray) or values.dtype != float or values.ndim != 2:
+        raise DamagedError(f"{name} must be rows of numbers")
+    if not np.isfinite(values).all():
+        raise DamagedError(f"{name} must be finite")
+    return values
+
+
+def _node(fields: Fields, z: Array, memory: Array) -> EvolutionNode:
+    kind = fields.word("kind")
+    if kind not in KINDS:
+        raise DamagedError(f"kind of {fields.name} is {kind!r}")
+    words = fields.text("name"), fields.text("remark")
+    return EvolutionNode(fields.finite("t"), z, memory, kind, *words)
+
+
+def _piece(fields: Fields, ends: Array, nodes: int) -> EvolutionPiece:
+    start, end = fields.integer("start", 0), fields.integer("end", 0)
+    if max(start, end) >= nodes:
+        raise DamagedError(f"{fields.name} refers to a node that is not there")
+    label = fields.text("label")
+    return EvolutionPiece(start, end, label, ends[0], ends[1], bool(fields.entry("jump")))

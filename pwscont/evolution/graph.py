@@ -1,0 +1,211 @@
+"""The graph of evolutions, with all queries as methods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import card, counted
+from pwscont.basics.quantities import Quantities
+from pwscont.evolution import exports, file
+from pwscont.evolution.cycle import Cycle, cycle_of
+from pwscont.evolution.paths import EvolutionPath, EvolutionPaths
+from pwscont.evolution.states import SAME_TIME, EvolutionPiece, EvolutionState
+from pwscont.evolution.structure import EvolutionStructure
+
+if TYPE_CHECKING:
+    import networkx as nx
+    from matplotlib.figure import Figure
+
+    from pwscont.evolution.memory import SystemWithMemory
+
+
+@final
+class EvolutionGraph(EvolutionStructure):
+    """Everything that a system with memory can do in an interval of time.
+
+    Made by :func:`pwscont.evolve`; not changed afterwards. Nodes are states at events, edges are
+    smooth pieces. States that agree are one node, however many evolutions lead there.
+
+    Attributes
+    ----------
+    interval : tuple of float
+    guarantee : str
+        What is known about completeness, in words. "all evolutions with finitely many events"
+        where every way on of every event was found; an evolution that begins with infinitely many
+        events in a finite time is not among these.
+
+    Examples
+    --------
+    >>> from pwscont import evolve
+    >>> from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
+    >>> body = ContactBody([[2, -1], [-1, 2]], N=[[1, 0]], T=[[0, 1]])
+    >>> load = LoadHistory([[1, 0], [1, 3], [1, -3]])
+    >>> evolution = evolve(QuasiStaticCoulomb(body, load, 0.5), (0.0, 2.0))
+    >>> evolution.count(1.5), [state.label for state in evolution.states(1.1)]
+    (1, ['stick'])
+    >>> evolution.branchings(), evolution.losses()
+    ([], [])
+    >>> evolution.nx.number_of_edges(), len(evolution.paths())
+    (5, 1)
+    """
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the ways on from every event were all found."""
+        return self.guarantee.startswith("all ")
+
+    def branchings(self) -> list[EvolutionState]:
+        """Return the states with several ways on, those of kind "start" included."""
+        several = (i for i, pieces in enumerate(self.out_of) if _smooth(pieces) > 1)
+        return [self.node(i) for i in several]
+
+    def losses(self) -> list[EvolutionState]:
+        """Return the states with no way on."""
+        return self.events("loss")
+
+    def paths(self) -> EvolutionPaths:
+        """Return all evolutions, each from a start to an end, a loss or an undecided state.
+
+        The evolutions may be very many; they are made one by one as they are asked for.
+        """
+        return EvolutionPaths(self)
+
+    # -- what engineers read off -----------------------------------------------------------
+
+    def dissipated(self, t0: float, t1: float) -> list[float]:
+        """Return the energy dissipated between two times, for every evolution of :meth:`paths`.
+
+        Raises
+        ------
+        SystemNeededError
+            If the system does not know its dissipation, or the graph was loaded without a system.
+        """
+        return [path.dissipated(t0, t1) for path in self.paths()]
+
+    def cycle(self, period: float) -> list[Cycle]:
+        """Return what a periodic load leads to, for every evolution of :meth:`paths`.
+
+        Parameters
+        ----------
+        period : float
+            The period of the load. The last periods of the interval are compared.
+
+        Returns
+        -------
+        list of Cycle
+            With ``kind`` "shakedown", "cyclic slip", "ratchetting" or "not yet".
+
+        Raises
+        ------
+        InvalidInputError
+            If the period is not positive, or longer than half of the interval.
+        """
+        lo, hi = self.interval
+        if not 0.0 < period <= 0.5 * (hi - lo) * (1.0 + SAME_TIME):
+            raise InvalidInputError(
+                f"period must be positive and at most half of the interval, got {period!r}"
+            )
+        return [cycle_of(path, hi, period) for path in self.paths()]
+
+    # -- other programs ------------------------------------------------------------------
+
+    @cached_property
+    def nx(self) -> nx.DiGraph:
+        """The graph as a new networkx graph with plain attributes.
+
+        Nodes have ``t``, ``kind``, ``name``, ``remark``, and ``z`` and ``memory`` as JSON lists.
+        Edges have ``label``, ``t0``, ``t1`` and ``jump``.
+        """
+        return exports.networkx_graph(self)
+
+    def to_dataframe(self, rows: str) -> Any:
+        """Return a pandas data frame.
+
+        Parameters
+        ----------
+        rows : {"events", "pieces"}
+            "events": a row for each node, with id, kind, name, t and all unknowns by name.
+            "pieces": a row for each piece, with start, end, label, t0, t1 and jump.
+
+        Raises
+        ------
+        InvalidInputError
+            If ``rows`` is another word.
+        MissingPackageError
+            If pandas is not installed.
+        """
+        return exports.data_frame(self, rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the graph as plain lists and numbers."""
+        return exports.as_dict(self)
+
+    def plot(self, y: str | int = 0, x: str | int = "t") -> Figure:
+        """Return a picture of a quantity over time, or over another quantity.
+
+        Parameters
+        ----------
+        y, x : str or int
+            The name of an unknown or of a recorded quantity, or the place of an unknown; "t" is
+            the time.
+        """
+        from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
+
+        return draw(self, [(y, x)])
+
+    def save(self, path: str | Path) -> None:
+        """Write the graph to one portable file (a zip of arrays and JSON; no pickle).
+
+        Raises
+        ------
+        GraphFileError
+            If the file cannot be written.
+        """
+        file.write(path, self)
+
+    @classmethod
+    def load(cls, path: str | Path, system: SystemWithMemory | None = None) -> EvolutionGraph:
+        """Read a graph written by :meth:`save`.
+
+        Parameters
+        ----------
+        path : str or Path
+        system : SystemWithMemory, optional
+            Needed for :meth:`dissipated` alone.
+
+        Raises
+        ------
+        GraphFileError
+            If the file is missing, damaged, or no evolution.
+        """
+        parts = file.read(path)
+        quantities = Quantities(parts.reader.names)
+        return cls(
+            parts.nodes,
+            parts.pieces,
+            parts.interval,
+            parts.reader,
+            quantities,
+            parts.guarantee,
+            system,
+        )
+
+    def __iter__(self) -> Iterator[EvolutionPath]:
+        return iter(self.paths())
+
+    def __repr__(self) -> str:
+        lo, hi = self.interval
+        events, pieces = counted(len(self.nodes), "node"), counted(len(self.pieces), "piece")
+        return f"EvolutionGraph: t in [{lo:g}, {hi:g}], {events}, {pieces}; {self.guarantee}"
+
+    def _repr_html_(self) -> str:
+        rows = [("nodes", len(self.nodes)), ("pieces", len(self.pieces))]
+        return card("EvolutionGraph", [*rows, ("guarantee", self.guarantee)])
+
+
+def _smooth(pieces: Sequence[EvolutionPiece]) -> int:
+    return sum(not piece.is_jump for piece in pieces)

@@ -1,0 +1,342 @@
+"""The graph of evolutions: merged states, queries, files, journal; plastic springs."""
+
+import json
+from math import inf
+
+import networkx as nx
+import numpy as np
+import pytest
+from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
+from pwscont_structures import PlasticTruss
+from sweeps import swept
+
+from pwscont import (
+    EvolutionGraph,
+    GraphFileError,
+    InvalidInputError,
+    InvalidSystemError,
+    Journal,
+    LoadHistory,
+    PiecewiseLinearSystem,
+    Stop,
+    Switched,
+    SystemNeededError,
+    SystemWithMemory,
+    evolve,
+)
+
+
+def springs(seed):
+    """Return a random model of Prandtl and Ishlinskii, and its load."""
+    rng = np.random.default_rng([7, seed])
+    m = int(rng.integers(1, 6))
+    k, y = rng.uniform(0.5, 2.0, m), rng.uniform(0.2, 1.5, m)
+    hardening, loads = rng.uniform(0.1, 1.0, m), 3.0 * rng.normal(size=int(rng.integers(2, 7)))
+    loads[0] = 0.0
+    return PlasticTruss(np.ones((m, 1)), LoadHistory(loads[:, np.newaxis]), k, y, hardening)
+
+
+def stops(truss):
+    """Return (u, s) at the corners of the load by stop operators, in closed form.
+
+    Between two corners the displacement is monotone and each force is a stop of its increment, so
+    the displacement solves a monotone piecewise linear equation, whose kinks are tried in turn.
+    """
+    k, y, H = truss.stiffness, truss.strength, truss.hardening.sum()
+    u, s, states = 0.0, np.zeros(len(k)), []
+    for (f,) in truss.history.loads:
+        kinks = np.concatenate([u + (y - s) / k, u + (-y - s) / k])
+        known = np.sort(kinks)
+
+        def force(v, u=u, s=s):
+            return H * v + np.clip(s + k * (v - u), -y, y).sum()
+
+        values = np.array([force(v) for v in known])
+        right = int(np.searchsorted(values, f))
+        left = known[right - 1] if right else known[0] - 1.0 - abs(f - values[0]) / H
+        far = known[right] if right < len(known) else known[-1] + 1.0 + abs(f - values[-1]) / H
+        slope = (force(far) - force(left)) / (far - left)
+        new = left + (f - force(left)) / slope
+        s, u = np.clip(s + k * (new - u), -y, y), new
+        states.append(np.append(u, s))
+    return states
+
+
+@pytest.mark.parametrize("seed", swept(range(25), range(25, 200)))
+def test_springs_follow_the_stop_operators(seed):
+    truss = springs(seed)
+    evolution = evolve(truss, truss.history.interval)
+    assert evolution.is_complete
+    for t, expected in zip(truss.history.times, stops(truss), strict=True):
+        (state,) = evolution.states(t)
+        assert np.abs(state.z - expected).max() < 1e-12 * max(1.0, np.abs(expected).max())
+
+
+def test_a_truss_without_hardening_collapses():
+    load = LoadHistory([[0.0], [4.0]])
+    truss = PlasticTruss([[1.0], [1.0]], load, [1.0, 2.0], [1.0, 1.0])
+    evolution = evolve(truss, (0.0, 1.0))
+    (loss,) = evolution.losses()
+    assert loss.t == pytest.approx(0.5, rel=1e-14)  # both bars yield under 2
+
+
+def test_many_bars_that_yield_at_once_are_certain():
+    """Thirty equal bars yield together: hardening makes every rate unique."""
+    load = LoadHistory([[0.0], [50.0], [-50.0]])
+    evolution = evolve(PlasticTruss(np.ones((30, 1)), load, 1.0, 1.0, 0.3), (0.0, 2.0))
+    assert evolution.is_complete
+    # yield at u = 1 under 30 (1 + 0.3); then 50 = 30 (1 + 0.3 u)
+    (state,) = evolution.states(1.0)
+    assert state["u_1"] == pytest.approx((50.0 / 30.0 - 1.0) / 0.3, rel=1e-13)
+
+
+def test_a_truss_of_three_bars_shakes_down_after_one_reversal():
+    angles = np.array([-0.7, 0.0, 0.7])
+    B = np.column_stack([np.sin(angles), np.cos(angles)])
+    loads = [[0.0, 0.0], *[[0.0, 2.6], [0.0, 0.5]] * 3]
+    truss = PlasticTruss(B, LoadHistory(loads), 1.0, 1.0, 0.05)
+    evolution = evolve(truss, (0.0, 6.0))
+    (cycle,) = evolution.cycle(2.0)
+    assert cycle.kind == "shakedown"
+    (energy,) = evolution.dissipated(0.0, 6.0)
+    assert energy > 0.0
+    assert evolution.dissipated(2.0, 6.0) == [pytest.approx(0.0, abs=1e-12)]
+
+
+def test_cyclic_yield_dissipates_the_area_of_the_loop():
+    """A spring of stiffness and yield 1 beside one of stiffness 1, under a load between -4 and 4.
+
+    Then u runs between -3 and 3, and the spring yields over 4 of these 6, twice in each cycle.
+    """
+    truss = PlasticTruss([[1.0]], LoadHistory([[0.0], *[[4.0], [-4.0]] * 3]), 1.0, 1.0, 1.0)
+    evolution = evolve(truss, (0.0, 6.0))
+    (cycle,) = evolution.cycle(2.0)
+    assert (cycle.kind, cycle.periods) == ("cyclic slip", 1)
+    assert evolution.dissipated(4.0, 6.0) == [pytest.approx(8.0, rel=1e-13)]
+
+
+class Slider(PiecewiseLinearSystem):
+    """z = (force, plastic stretch) of a spring of stiffness 1 pulled by w(t), |force| <= 1."""
+
+    size = 2
+
+    def __init__(self, slip):
+        self.slip = slip
+
+    def test_functions(self, z, t):
+        return np.array([1.0 - (t - self.slip), 1.0 + t - self.slip])
+
+    def residual(self, z, t, character):
+        below, above = character.signs
+        trial = t - self.slip
+        force = trial if below and above else (1.0 if above else -1.0)
+        return np.array([z[0] - force, z[1] - (t - force)])
+
+
+class Pulled(SystemWithMemory):
+    def remembering(self, memory):
+        return Slider(memory[0])
+
+    def memory(self, z, t):
+        return z[1:]
+
+    def initial_memory(self):
+        return np.zeros(1)
+
+
+class Notated(SystemWithMemory):
+    """A spring pulled to and fro, written with switches: its law has hidden unknowns."""
+
+    def remembering(self, memory):
+        def law(z, t, sw):
+            w = 2.0 - sw.abs(t - 2.0)
+            return [z[0] - sw.clip(w - memory[0], -1.0, 1.0), z[1] - (w - z[0])]
+
+        return Switched(2, law, linear=True)
+
+    def memory(self, z, t):
+        return z[1:]
+
+    def initial_memory(self):
+        return np.zeros(1)
+
+
+def test_a_law_with_switches_remembers():
+    evolution = evolve(Notated(), (0.0, 5.0))
+    assert evolution.is_complete
+    values = [(1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (3.0, 0.0), (4.0, -1.0), (5.0, -1.0)]
+    for t, force in values:
+        (state,) = evolution.states(t)
+        assert state.z[0] == pytest.approx(force, abs=1e-12)
+    assert evolution.states(5.0)[0].memory == pytest.approx([0.0], abs=1e-12)
+
+
+def test_events_of_users_and_recorded_quantities():
+    evolution = evolve(
+        Pulled(),
+        (0.0, 3.0),
+        events={"half": lambda z, t: z[0] - 0.5, "far": Stop(lambda z, t: z[1] - 1.5)},
+        record={"work": lambda z, t: z[0] * t},
+    )
+    named = [(state.name, round(state.t, 12)) for state in evolution.events() if state.name]
+    assert named == [("half", 0.5), ("far", 2.5)]
+    assert evolution.states(2.0)[0]["work"] == pytest.approx(2.0)
+    assert evolution.count(2.9) == 0
+    with pytest.raises(InvalidInputError, match="event"):
+        evolve(Pulled(), (0.0, 3.0), events={"bad": 3.0})
+
+
+# -- graphs ----------------------------------------------------------------------------------------
+
+
+def one_node():
+    return ContactBody([[2.0, -1.0], [-1.0, 2.0]], N=[[1.0, 0.0]], T=[[0.0, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def branching():
+    """Return evolutions of one node at F = 4, with several states at the beginning."""
+    loads = [[0.25, -0.75], [0.25, 2.0], [0.25, -2.0], [0.25, 2.0]]
+    return evolve(QuasiStaticCoulomb(one_node(), LoadHistory(loads), 4.0), (0.0, 3.0))
+
+
+def test_the_graph_is_a_plain_networkx_graph(branching, tmp_path):
+    graph = branching.nx
+    assert isinstance(graph, nx.DiGraph)
+    assert nx.is_directed_acyclic_graph(graph)
+    assert set(nx.get_node_attributes(graph, "kind").values()) <= {
+        "start", "event", "branching", "loss", "jump", "undecided", "end",
+    }  # fmt: skip
+    nx.write_graphml(graph, tmp_path / "evolution.graphml")
+    first = branching.events("start")[0]
+    assert json.loads(graph.nodes[first.node]["z"]) == first.z.tolist()
+    sinks = [node for node in graph if not graph.out_degree(node)]
+    sources = [node for node in graph if not graph.in_degree(node)]
+    number = sum(
+        len(list(nx.all_simple_paths(graph, a, b))) for a in sources for b in sinks if a != b
+    )
+    number += sum(a in sinks for a in sources)
+    assert branching.paths().number == number
+
+
+def test_paths_lead_from_starts_to_sinks(branching):
+    paths = list(branching.paths())
+    assert len({tuple(path.nodes) for path in paths}) == len(paths) == len(branching.paths())
+    for path in paths:
+        for a, b in zip(path.pieces[:-1], path.pieces[1:], strict=True):
+            assert a.end == b.start
+        assert path.state(path.start).t == 0.0
+    with pytest.raises(IndexError):
+        branching.paths()[len(paths)]
+
+
+def test_states_say_how_they_were_reached(branching):
+    for state in branching.states(1.5):
+        assert branching.nodes[state.history[0]].kind == "start"
+        times = [branching.nodes[i].t for i in state.history]
+        assert times == sorted(times)
+
+
+def test_files_keep_everything(branching, tmp_path):
+    file = tmp_path / "evolution.npz"
+    branching.save(file)
+    loaded = EvolutionGraph.load(file)
+    assert loaded.to_dict() == branching.to_dict()
+    for t in (0.3, 1.0, 2.2):
+        for a, b in zip(loaded.states(t), branching.states(t), strict=True):
+            assert np.abs(a.z - b.z).max() < 1e-14
+            assert np.abs(a.memory - b.memory).max() < 1e-14
+    with pytest.raises(SystemNeededError):
+        loaded.dissipated(0.0, 3.0)
+    again = EvolutionGraph.load(file, branching.system)
+    assert again.dissipated(0.0, 3.0) == pytest.approx(branching.dissipated(0.0, 3.0))
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(GraphFileError, match="damaged"):
+        EvolutionGraph.load(damaged)
+    with pytest.raises(GraphFileError, match="cannot read"):
+        EvolutionGraph.load(tmp_path / "nowhere.npz")
+
+
+def test_pictures_and_tables(branching):
+    pytest.importorskip("pandas")
+    assert branching.plot("u_t").axes
+    assert branching.plot("λ_t", "u_t").axes
+    assert len(branching.to_dataframe("pieces")) == len(branching.pieces)
+    assert list(branching.to_dataframe("events")["t"]) == [node.t for node in branching.nodes]
+    with pytest.raises(InvalidInputError, match="rows"):
+        branching.to_dataframe("points")
+    with pytest.raises(InvalidInputError, match="kind must be"):
+        branching.events("fold")
+    with pytest.raises(InvalidInputError, match="outside"):
+        branching.states(4.0)
+
+
+def test_equal_states_are_one_node():
+    """Three starts with different slip forget their past in one long slip."""
+    loads = [[1.0, 0.0], [1.0, 5.0], [1.0, 4.0]]
+    ends = []
+    for slip in (0.0, 0.3):
+        system = QuasiStaticCoulomb(one_node(), LoadHistory(loads), 0.5, slip)
+        ends.append(evolve(system, (0.0, 2.0)).states(2.0)[0].z)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-13
+
+
+# -- journal ---------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_run_goes_on(tmp_path, branching):
+    class KilledError(Exception):
+        pass
+
+    def kill(pieces, t):
+        if pieces > 4:
+            raise KilledError
+
+    system, file = branching.system, tmp_path / "run.journal"
+    with Journal(file) as journal, pytest.raises(KilledError):
+        evolve(system, (0.0, 3.0), journal=journal, report=kill)
+    with Journal(file) as journal:
+        assert 0 < len(journal) < len(branching.nodes)
+        again = evolve(system, (0.0, 3.0), journal=journal)
+        assert journal.is_finished
+    assert again.to_dict() == branching.to_dict()
+    other = QuasiStaticCoulomb(one_node(), system.history, 3.0)
+    with Journal(file) as journal, pytest.raises(InvalidInputError, match="another run"):
+        evolve(other, (0.0, 3.0), journal=journal)
+
+
+# -- mistakes --------------------------------------------------------------------------------------
+
+
+class Forgetful(Pulled):
+    """The memory is not that of the state."""
+
+    def memory(self, z, t):
+        return z[1:] + 0.3
+
+
+class Curved(Pulled):
+    def remembering(self, memory):
+        return Switched(1, lambda z, t, sw: z - t**2)
+
+
+@pytest.mark.parametrize(
+    ("system", "error", "words"),
+    [
+        (Forgetful(), InvalidSystemError, "does not hold"),
+        (Curved(), InvalidInputError, "PiecewiseLinearSystem"),
+        (None, InvalidInputError, "SystemWithMemory"),
+        (Switched(1, lambda z, t, sw: z - t), InvalidInputError, "SystemWithMemory"),
+    ],
+)
+def test_mistakes_are_named(system, error, words):
+    with pytest.raises(error, match=words):
+        evolve(system, (0.0, 3.0))
+
+
+def test_a_start_that_does_not_hold_is_refused():
+    with pytest.raises(InvalidInputError, match="start"):
+        evolve(Pulled(), (0.0, 3.0), [0.5, 0.0])
+    with pytest.raises(InvalidInputError, match="start"):
+        evolve(Pulled(), (0.0, 3.0), [0.0, inf])

@@ -1,0 +1,426 @@
+"""Quasi-static Coulomb friction against brute force, closed forms, and other parts of pwscont."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from evolution_truth import Problem, TooManyError, evolutions, random_problem
+from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
+from pwscont_coulomb.quasi_static.active import ActiveInverse
+from pwscont_coulomb.quasi_static.rates import RateProblem
+from pwscont_coulomb.quasi_static.scenes import cattaneo, shakedown
+from scipy.optimize import linprog
+from sweeps import swept
+
+from pwscont import InvalidInputError, Limits, SystemWithMemory, evolve
+
+#: Times at which histories are compared; those next to an event are left out.
+PLACES, BESIDE = 20, 1e-6
+
+
+def one_node(a=2.0, b=1.0):
+    return ContactBody([[a, -b], [-b, a]], N=[[1.0, 0.0]], T=[[0.0, 1.0]])
+
+
+def ours(problem, kind=lambda system: system):
+    body = ContactBody(problem.A, problem.N, problem.T, problem.gap)
+    system = QuasiStaticCoulomb(body, LoadHistory(problem.loads), problem.F, problem.slip)
+    return evolve(kind(system), (0.0, len(problem.loads) - 1.0))
+
+
+def compare(truth, evolution, seed):
+    """Compare states at random times, and losses."""
+    lo, hi = evolution.interval
+    events = np.array([t for s in truth.segments for t in (s[0], s[2])])
+    for t in np.random.default_rng(seed).uniform(lo, hi, PLACES):
+        if np.abs(events - t).min(initial=np.inf) < BESIDE:
+            continue
+        expected, found = truth.states(t), [state.z for state in evolution.states(t)]
+        assert evolution.count(t) == len(expected)
+        for z in expected:
+            nearest = min(np.abs(z - other).max() for other in found)
+            assert nearest < 1e-9 * max(1.0, np.abs(z).max())
+    assert len(evolution.losses()) == len(truth.losses)
+
+
+@pytest.mark.parametrize("seed", swept(range(80), range(80, 10000)))
+def test_all_evolutions_are_those_of_brute_force(seed):
+    problem = random_problem(seed)
+    try:
+        truth = evolutions(problem)
+    except TooManyError:
+        pytest.skip("too many evolutions for brute force")
+    compare(truth, ours(problem), seed)
+
+
+def test_brute_force_meets_branchings_and_losses():
+    """The comparison would mean little without."""
+    truths = [evolutions(random_problem(seed)) for seed in range(80)]
+    assert sum(truth.branchings > 0 for truth in truths) >= 2
+    assert sum(bool(truth.losses) for truth in truths) >= 10
+
+
+class Plain(SystemWithMemory):
+    """The same law without the evolver that knows contact."""
+
+    def __init__(self, system):
+        self.system = system
+
+    def remembering(self, memory):
+        return self.system.remembering(memory)
+
+    def memory(self, z, t):
+        return self.system.memory(z, t)
+
+    def initial_memory(self):
+        return self.system.initial_memory()
+
+
+@pytest.mark.parametrize("seed", swept(range(12), range(12, 200)))
+def test_the_rays_of_the_restated_law_are_the_rates(seed):
+    """docs/theory, F16."""
+    problem = random_problem(seed)
+    fast, plain = ours(problem), ours(problem, Plain)
+    for t in np.random.default_rng(seed).uniform(*fast.interval, PLACES):
+        one, other = fast.states(t), plain.states(t)
+        assert len(one) == len(other)
+        for state in one:
+            assert min(np.abs(state.z - z.z).max() for z in other) < 1e-8
+    assert len(fast.losses()) == len(plain.losses())
+
+
+# -- one node in closed form -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 1.5, 1.9])
+def test_one_node_slips_in_closed_form(friction):
+    """Pressed by f_nu, pushed by f_t: slip begins at f_t = F f_nu, u_t = (f_t - F lam) / a."""
+    load = LoadHistory([[1.0, 0.0], [1.0, 3.0]])
+    evolution = evolve(QuasiStaticCoulomb(one_node(), load, friction), (0.0, 1.0))
+    (state,) = evolution.states(1.0)
+    # slip+ with u_nu = 0: -u_t = 1 + lam_nu, 2 u_t = 3 + F lam_nu
+    lam = -5.0 / (2.0 + friction)
+    assert state["u_ν"] == pytest.approx(0.0, abs=1e-14)
+    if lam < 0.0 and -1.0 - lam > 0.0:
+        assert state["λ_ν"] == pytest.approx(lam, rel=1e-13)
+        assert state["λ_t"] == pytest.approx(friction * lam, rel=1e-13)
+        assert state["u_t"] == pytest.approx(-1.0 - lam, rel=1e-12)
+
+
+def rates_in_closed_form(friction, slope, direction, a=2.0, b=1.0):
+    """Return the number of rates of one node at its bound: 0, 1 or 2."""
+    f_nu, f_t = slope
+    # slip: a v = f_t + s F lam, -b v = f_nu + lam; stick: lam_nu = -f_nu, lam_t = -f_t
+    stiffness = a + direction * friction * b
+    v = (f_t - direction * friction * f_nu) / stiffness
+    slips = direction * v > 0.0
+    sticks = direction * -f_t + friction * f_nu > 0.0
+    return int(slips) + int(sticks)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_rates_of_one_node_at_its_bound(seed):
+    """The count is 0 or 2 where F exceeds a / b against the coupling, else 1."""
+    rng = np.random.default_rng(seed)
+    friction, direction = rng.uniform(0.2, 6.0), rng.choice([-1.0, 1.0])
+    start = np.array([0.0, 0.0, -1.0, -direction * friction])
+    f0 = np.array([1.0, direction * friction])
+    slope = rng.normal(size=2)
+    history = LoadHistory([f0, f0 + 1e-3 * slope])
+    system = QuasiStaticCoulomb(one_node(), history, friction)
+    evolution = evolve(system, (0.0, 1.0), start)
+    expected = rates_in_closed_form(friction, slope, direction)
+    assert len(evolution.nodes[0:1]) == 1
+    assert len(evolution.out_of[0]) == expected
+    assert (evolution.nodes[0].kind == "loss") == (expected == 0)
+
+
+def test_slip_of_undetermined_speed_is_no_certain_answer():
+    """At F = a / b a node that slips against the coupling has a singular rate problem."""
+    start, f0 = [0.0, 0.0, -1.0, 2.0], np.array([1.0, -2.0])
+    history = LoadHistory([f0, 2.0 * f0])
+    evolution = evolve(QuasiStaticCoulomb(one_node(), history, 2.0), (0.0, 1.0), start)
+    assert not evolution.is_complete
+    assert "infinitely many" in evolution.guarantee
+
+
+def test_a_loss_is_an_answer_and_jumps_are_marked():
+    start, f0 = np.array([0.0, 0.0, -1.0, 4.0]), np.array([1.0, -4.0])
+    history = LoadHistory([f0, [0.5, -4.0]])
+    system = QuasiStaticCoulomb(one_node(), history, 4.0)
+    lost = evolve(system, (0.0, 1.0), start)
+    (loss,) = lost.losses()
+    assert loss.t == 0.0
+    assert lost.is_complete
+    jumped = evolve(system, (0.0, 1.0), start, jumps="nearest")
+    assert [state.kind for state in jumped.events()][:2] == ["loss", "jump"]
+    assert "jumps by the rule 'nearest'" in jumped.guarantee
+    assert jumped.count(0.5) == 1
+    with pytest.raises(InvalidInputError, match="jumps must be"):
+        evolve(system, (0.0, 1.0), start, jumps="far")
+
+
+# -- ties, units, large bodies ---------------------------------------------------------------------
+
+
+def integer_problem(seed):
+    """Return a history of small integers, in which many things happen at once."""
+    rng = np.random.default_rng([9, seed])
+    p = int(rng.integers(1, 4))
+    root = rng.integers(-1, 2, (2 * p, 2 * p))
+    A = root @ root.T + np.eye(2 * p) * int(rng.integers(1, 3))
+    loads = rng.integers(-2, 3, (int(rng.integers(2, 5)), 2 * p)).astype(float)
+    loads[0] *= rng.random() < 0.6
+    gap = rng.integers(0, 2, p) * 0.5 * (rng.random() < 0.3)
+    F = float(rng.choice([0.0, 0.5, 1.0, 2.0, 3.0])) * np.ones(p)
+    pick = np.eye(2 * p)
+    return Problem(A.astype(float), pick[0::2], pick[1::2], gap, loads, F, np.zeros(p))
+
+
+@pytest.mark.parametrize("seed", swept(range(40), range(40, 1000)))
+def test_ties_are_those_of_brute_force(seed):
+    problem = integer_problem(seed)
+    try:
+        truth = evolutions(problem)
+    except TooManyError:
+        pytest.skip("too many evolutions for brute force")
+    evolution = ours(problem)
+    if evolution.is_complete:
+        compare(truth, evolution, seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("length", "force"), [(1e-6, 1e9), (1e5, 1e-7)])
+def test_units_change_nothing(seed, length, force):
+    problem = random_problem(seed)
+    scaled = replace(
+        problem,
+        A=problem.A * force / length,
+        gap=problem.gap * length,
+        slip=problem.slip * length,
+        loads=problem.loads * force,
+    )
+    one, other = ours(problem), ours(scaled)
+    assert [node.kind for node in one.nodes] == [node.kind for node in other.nodes]
+    unit = np.repeat([length, force], [len(problem.A), 2 * problem.p])
+    for a, b in zip(one.events(), other.events(), strict=True):
+        assert a.t == pytest.approx(b.t, abs=1e-10)
+        assert np.abs(a.z - b.z / unit).max() < 1e-8 * max(1.0, np.abs(a.z).max())
+
+
+def rate_problem(seed):
+    """Return a random rate problem of nodes without force and nodes at the bound."""
+    rng = np.random.default_rng(seed)
+    free, bound = int(rng.integers(0, 3)), int(rng.integers(1, 4))
+    p = free + bound
+    root = rng.normal(size=(2 * p, 2 * p))
+    K, node = root @ root.T + 0.2 * np.eye(2 * p), np.arange(p)
+    columns = np.concatenate([node[:free], p + node])
+    rows = np.concatenate([columns, node[free:]])
+    row = {int(r): k for k, r in enumerate(rows)}
+    sign = np.concatenate([np.zeros(free), rng.choice([-1, 1], bound)]).astype(int)
+    places = [np.array([row[int(i)] for i in some]) for some in (node, p + node)]
+    h = rng.normal(size=len(rows))
+    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, 5.0, p), sign, *places)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_two_searches_for_rates_agree(seed):
+    """Uniqueness with decided nodes, and linear programs over all modes (docs/theory, F17)."""
+    problem = rate_problem(seed)
+    one = problem.all_rates(dict.fromkeys(range(problem.count), 1))
+    other = problem.listed()
+    assert len(one.found) == len(other.found)
+    for rates in one.found:
+        assert min(np.abs(rates.x - o.x).max() for o in other.found) < 1e-9
+
+
+@pytest.mark.parametrize("nodes", swept([60], [200]))
+def test_a_round_body_slips_as_cattaneo_and_mindlin_say(nodes):
+    """Stick zone sqrt(1 - Q / (F P)) on loading, sqrt(1 - dQ / (2 F P)) after the reversal."""
+    scene = cattaneo(nodes)
+    evolution = scene.run()
+    assert evolution.is_complete
+    (cycle,) = evolution.cycle(2.0)
+    assert (cycle.kind, cycle.periods) == ("cyclic slip", 1)
+    before, after = evolution.states(4.0)[0].z, evolution.states(6.0)[0].z
+    assert np.abs(before - after).max() < 1e-12 * np.abs(before).max()
+    friction, largest = 0.5, evolution.states(2.0)[0]["force"]
+    for t, amplitude in ((1.3, 1.0), (1.7, 1.0), (2.0, 1.0), (2.4, 2.0), (2.8, 2.0)):
+        (state,) = evolution.states(t)
+        normal, tangential = -state.z[-2 * nodes : -nodes], state.z[-nodes:]
+        in_contact = normal > 0.0
+        slips = np.abs(tangential) > friction * normal * (1.0 - 1e-10)
+        change = state["force"] if amplitude == 1.0 else largest - state["force"]
+        part = np.sqrt(1.0 - change / (amplitude * friction * normal.sum()))
+        expected = part * in_contact.sum()
+        assert abs((in_contact & ~slips).sum() - expected) <= 2.0  # one node at either end
+
+
+@pytest.mark.parametrize("nodes", swept([12], [50, 200]))
+def test_a_block_is_certain_at_every_event(nodes):
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(nodes).condensed()
+    press, side = problem.load.f0, 0.6 * problem.load.f1
+    history = LoadHistory([press, press + side, press - side, press + side])
+    system = QuasiStaticCoulomb(problem.body, history, 0.3)
+    evolution = evolve(system, history.interval)
+    assert not [node.remark for node in evolution.nodes if node.remark]
+    assert evolution.paths().number == 1
+    assert len(evolution.nodes) > nodes / 2
+    for state in evolution.events():
+        check_equilibrium(problem.body, history, 0.3, state)
+
+
+def check_equilibrium(body, history, friction, state):
+    n, p = body.n, body.p
+    u, normal, tangential = state.z[:n], state.z[n : n + p], state.z[n + p :]
+    rest = body.A @ u - history(state.t) - body.N.T @ normal - body.T.T @ tangential
+    size = np.abs(history.loads).max()
+    assert np.abs(rest).max() < 1e-11 * size
+    assert (normal <= 1e-11 * size).all()
+    assert (np.abs(tangential) <= friction * np.abs(normal) + 1e-11 * size).all()
+    assert (body.N @ u <= body.gap + 1e-11 * np.abs(u).max()).all()
+
+
+def test_the_unloaded_wedge_has_all_its_ways_on():
+    """All eighteen nodes touch without force: the modes are searched by linear programs."""
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").wedge_body(4).condensed()
+    history = LoadHistory([0.0 * problem.load.f0, problem.load.f0])
+    evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.5), (0.0, 1.0))
+    assert evolution.is_complete
+    assert evolution.guarantee.endswith("from the state without contact forces")
+
+
+# -- shakedown -------------------------------------------------------------------------------------
+
+
+def two_nodes(seed):
+    """Return a random two-node body with its load between two states, both pressing the nodes."""
+    rng = np.random.default_rng([2008, seed])
+    root = rng.normal(size=(4, 4))
+    pick = np.eye(4)
+    body = ContactBody(root @ root.T + np.eye(4), pick[0::2], pick[1::2])
+    middle = np.array([3.0, 0.0, 3.0, 0.0]) + rng.normal(size=4)
+    return body, middle, 1.2 * rng.normal(size=4), float(rng.uniform(0.2, 0.9))
+
+
+def safe_slip_exists(body, loads, friction):
+    """Tell by a linear program whether a slip exists with which no node slips (Ahn et al. 2008).
+
+    With both nodes held, lam = A u - f with u_nu = 0: abs(lam_t) <= -F lam_nu for all loads.
+    """
+    held = body.A @ body.T.T  # forces by slip
+    rows, right = [], []
+    for f in loads:
+        for i in range(body.p):
+            n, t = body.N[i], body.T[i]
+            rows += [s * t @ held + friction * n @ held for s in (1.0, -1.0)]
+            right += [s * t @ f + friction * n @ f for s in (1.0, -1.0)]
+            rows.append(n @ held)
+            right.append(n @ f)
+    found = linprog(np.zeros(body.p), rows, right, bounds=[(None, None)] * body.p)
+    return found.status == 0
+
+
+def outcomes(seed):
+    """Return the cycles of a random body from some slips, and whether a safe slip exists."""
+    body, middle, amplitude, friction = two_nodes(seed)
+    loads = [middle + amplitude, middle - amplitude]
+    history, found = LoadHistory([middle, *loads * 6]), []
+    for slip in ([0.0, 0.0], [0.5, 0.0], [0.0, -0.5]):
+        evolution = evolve(QuasiStaticCoulomb(body, history, friction, slip), history.interval)
+        touches = all("no contact" not in piece.label for piece in evolution.pieces)
+        if touches and evolution.paths().number == 1 and not evolution.losses():
+            found.append(evolution.cycle(2.0)[0].kind)
+    return found, safe_slip_exists(body, loads, friction)
+
+
+@pytest.mark.parametrize("seed", swept(range(15), range(15, 400)))
+def test_no_shakedown_without_a_safe_slip(seed):
+    kinds, is_safe = outcomes(seed)
+    assert is_safe or "shakedown" not in kinds
+
+
+def test_the_outcome_may_depend_on_the_initial_slip():
+    """Both outcomes of one coupled body under one load: Melan's theorem does not hold."""
+    ends = [shakedown(slip).run().cycle(2.0)[0].kind for slip in (0.0, 1.0)]
+    assert ends == ["cyclic slip", "shakedown"]
+
+
+# -- the inverse of the active part ----------------------------------------------------------------
+
+
+def test_the_active_inverse_follows_changes():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(8, 8))
+    C = root @ root.T + np.eye(8)
+    inverse = ActiveInverse(C)
+    for _ in range(60):
+        active = rng.random(8) < 0.6
+        K, which = inverse.at(active), np.flatnonzero(active)
+        assert np.allclose(K[np.ix_(which, which)], np.linalg.inv(C[np.ix_(which, which)]))
+        assert not K[~active].any()
+        assert not K[:, ~active].any()
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: LoadHistory([[1.0, 0.0]]), "at least two loads"),
+        (lambda: LoadHistory([[1.0, 0.0]] * 3, times=[0.0, 2.0, 1.0]), "times must grow"),
+        (lambda: LoadHistory([[1.0, 0.0]] * 2, times=[0.0]), "times has shape"),
+        (lambda: QuasiStaticCoulomb(one_node(), [[0.0, 1.0]] * 2, 0.5), "must be a LoadHistory"),
+        (lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 3))), 0.5), "3 components"),
+        (
+            lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 2))), lambda t: t),
+            "cannot change in time",
+        ),
+        (
+            lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 2))), -1.0),
+            "must not be negative",
+        ),
+    ],
+)
+def test_bad_input_is_refused_in_words(make, words):
+    with pytest.raises(InvalidInputError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ([0.0, 0.0, 0.0, 0.0], "no equilibrium"),
+        ([0.0, 0.0, -1.0, -0.9], "exceeds the bound of friction"),
+        ([0.0, 0.0, 1.0, 0.0], "pulls on the obstacle"),
+        ([1.0, 0.0, 1.0, -1.0], "beyond the obstacle"),
+        ([0.0, 0.0], "shape"),
+    ],
+)
+def test_a_start_that_is_no_state_is_refused(start, words):
+    given = np.array(start)
+    load = [1.0, 0.0]
+    if words != "no equilibrium" and len(given) == 4:
+        load = [2.0 * given[0] - given[1] - given[2], 2.0 * given[1] - given[0] - given[3]]
+    system = QuasiStaticCoulomb(one_node(), LoadHistory([load, [1.0, 1.0]]), 0.5)
+    with pytest.raises(InvalidInputError, match=words):
+        evolve(system, (0.0, 1.0), given)
+
+
+@pytest.mark.parametrize("interval", [(0.0, 2.0), (1.0, 0.0), (-1.0, 1.0), (0.0, np.nan), 3.0])
+def test_an_interval_must_fit_the_history(interval):
+    system = QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 2))), 0.5)
+    with pytest.raises(InvalidInputError, match="interval"):
+        evolve(system, interval)
+
+
+def test_limits_keep_what_was_found():
+    load = LoadHistory([[1.0, 0.0], [1.0, 3.0], [1.0, -3.0]])
+    system = QuasiStaticCoulomb(one_node(), load, 0.5)
+    whole = evolve(system, (0.0, 2.0))
+    part = evolve(system, (0.0, 2.0), limits=Limits(pieces=2))
+    assert len(part.pieces) == 2 < len(whole.pieces)
+    assert "limit of 2 pieces was reached" in part.guarantee
+    assert part.events("undecided")
