@@ -1,4 +1,4 @@
-"""A circuit of named elements, and what may be wrong with one."""
+"""Circuits of named elements, and the mistakes that a circuit may have."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Circuit:
     Raises
     ------
     InvalidInputError
-        If a name is used twice, nothing is at ground, a node is met by one element alone or floats,
+        If a name is used twice, nothing is at ground, a node floats or belongs to a single element,
         or voltage sources and outputs of op-amps form a loop.
 
     Examples
@@ -54,11 +54,11 @@ class Circuit:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """V(node) of all nodes but ground, then the I(name) that are unknowns."""
+        """The unknowns: V(node) of all nodes except ground, then the I(name) that are unknown."""
         return self._stamps.names
 
     def sweep(self, source: str) -> SourceSweep:
-        """Return the system of all operating points while the value of one source varies.
+        """Return the system of all operating points, with the value of a source as parameter.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Circuit:
             )
 
     def _refuse_lone_nodes(self) -> None:
-        """Refuse a node that one element alone mentions, unless that gives its voltage."""
+        """Refuse a node of a single element, unless the element is a source of its voltage."""
         users = [(node, element.name) for element in self.elements for node in _nodes(element)]
         times = Counter(node for node, _ in users)
         given = {node for _, *ends in self._stamps.fixed for node in ends}
@@ -132,7 +132,7 @@ class Circuit:
 
 
 def _nodes(element: Element) -> Iterable[str]:
-    """Return the nodes of an element but ground, each once."""
+    """Return the nodes of an element except ground, each once."""
     alone = Stamps()
     element.stamp(alone)
     return alone.nodes
