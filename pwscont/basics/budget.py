@@ -43,7 +43,7 @@ class Limits:
     pieces : int, optional
         The most pieces that the graph may have; default any number.
     seconds : float, optional
-        The time after which the run ends; default no limit. The run first finishes its current step
+        The time after which the run ends; default no limit. The run first finishes the current step
         of the search or of a piece, which takes longer for large systems.
 
     Raises
@@ -103,7 +103,7 @@ def check_budget() -> None:
 
 @final
 class Budget:
-    """The budget of one run, which lasts as long as the ``with`` block of the budget.
+    """The budget of a run, which lasts as long as the ``with`` block of the budget.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Budget:
     Attributes
     ----------
     spent : str
-        What ran out, in words; empty while nothing has.
+        What ran out, in words; empty while every limit allows more.
     """
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
@@ -139,7 +139,7 @@ class Budget:
 
     @property
     def spent(self) -> str:
-        """What ran out, in words; empty while nothing has."""
+        """What ran out, in words; empty while every limit allows more."""
         return self._reason or (INTERRUPTED if self._is_interrupted else "")
 
     @property
@@ -157,7 +157,7 @@ class Budget:
             self._outer.check()
 
     def allows(self, pieces: int) -> bool:
-        """Tell whether a run that has followed ``pieces`` pieces may follow one more."""
+        """Tell whether a run that has followed ``pieces`` pieces may follow another piece."""
         most = self._limits.pieces
         if most is not None and pieces >= most and not self.spent:
             self._reason = f"the limit of {most} piece{'' if most == 1 else 's'} was reached"

@@ -34,7 +34,7 @@ class InvalidInputError(PwscontError, ValueError):
 
 
 class InvalidSystemError(PwscontError, ValueError):
-    """A user's system breaks its contract; the message names the method and the point.
+    """A user's system breaks the contract; the message names the method and the point.
 
     Examples
     --------
@@ -110,7 +110,7 @@ class SystemNeededError(PwscontError, RuntimeError):
     Examples
     --------
     >>> from pwscont import PwscontError, SystemNeededError
-    >>> issubclass(SystemNeededError, PwscontError)  # a loaded graph has no system unless given one
+    >>> issubclass(SystemNeededError, PwscontError)  # a loaded graph may have no system
     True
     """
 

@@ -9,7 +9,7 @@ from typing import final
 
 @final
 class Kind(StrEnum):
-    """The kind of a special point; its value is the word that users read and query by."""
+    """The kind of a special point; the value is the word that users read and query by."""
 
     START = "start"
     END = "end"
@@ -41,7 +41,7 @@ ON_BOUND = "a branch ends on its bound"
 
 @final
 class FailureReason(Enum):
-    """The reason of a failure; its value is the advice that a user reads."""
+    """The reason of a failure; the value is the advice that a user reads."""
 
     NOT_CONVERGED = (
         "Newton did not converge down to the smallest step; check the Jacobian with "
@@ -101,7 +101,7 @@ class Failure:
     Attributes
     ----------
     trouble : FailureReason or str
-        What a user reads: a :class:`FailureReason`, or the words of a user's own stepper.
+        Advice to the user: a :class:`FailureReason`, or the words of a user's own stepper.
     """
 
     trouble: FailureReason | str
@@ -114,7 +114,7 @@ class Failure:
 class Guarantee(IntEnum):
     """How much of the zero set a search finds; larger is more.
 
-    UNIQUE is the system's own promise: at every alpha at most one solution.
+    UNIQUE is a promise of the system: at every alpha at most one solution.
     """
 
     NOTHING = 0

@@ -19,9 +19,9 @@ CONVERGED = 1e-11
 GUARD = 64.0
 
 #: A quantity is zero when it is below CONFIDENCE times the quantity's estimated error. The estimate
-#: is the root of the sum of squares of a few samples, or of all columns of the inverse where these
-#: are few; the chance that the true error is ten times as large is negligible.
+#: is the root of the sum of squares of a few samples, or of all columns of an inverse with few
+#: columns; the chance that the true error is ten times as large is negligible.
 CONFIDENCE = 10.0
 
-#: Parameter values closer than SAME_ALPHA times the scale of the parameter are one value.
+#: Parameter values closer than SAME_ALPHA times the scale of the parameter are the same value.
 SAME_ALPHA = 64.0 * EPS
