@@ -78,7 +78,7 @@ class Search(ABC):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield solutions (z, alpha) with their errors; a component may be hit repeatedly."""
+        """Yield solutions (z, alpha) with errors; a component may be hit repeatedly."""
 
     def starts_beside(
         self,
@@ -113,7 +113,7 @@ class Search(ABC):
 @final
 @dataclass(frozen=True, slots=True)
 class CombinedSearch(Search):
-    """Two searches, one after the other."""
+    """Two searches in turn."""
 
     first: Search
     second: Search
@@ -136,7 +136,7 @@ class CombinedSearch(Search):
         yield from starts_of(self.second, system, metric, interval, known)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return both descriptions and the better promise."""
+        """Return the two descriptions and the better promise."""
         a, b = scope_of(self.first, system), scope_of(self.second, system)
         return SearchScope(f"{a.what}; {b.what}", max(a.promise, b.promise))
 
@@ -184,7 +184,7 @@ def starts_of(
 
 
 def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
-    """Return a start if it is a pair (x, error) of arrays with x in the interval."""
+    """Return a pair (x, error) of arrays with x in the interval; refuse any other start."""
     if isinstance(start, np.ndarray) and start.shape == (size + 1,):
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
     if not (isinstance(start, tuple | list) and len(start) == 2):

@@ -11,7 +11,7 @@ Failure modes and answers
   passed on.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
 - Solutions beside a fold are closer together than solutions deflated away may be: a solution found
-  is compared with all known solutions, not only with those deflated away.
+  is compared with all known solutions, not only with the deflated solutions.
 - The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
@@ -42,21 +42,21 @@ from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
 EVALUATIONS = 12_000
-#: Newton iterations of one start, on average.
+#: Newton iterations of a start, on average.
 USUAL = 20
-#: Two solutions closer than this, in typical magnitudes and relative to one plus their length, are
-#: one.
+#: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
+#: length of a solution.
 SAME_SOLUTION = EPS**0.5
-#: Two rough known solutions closer than this, measured in the same way, are one.
+#: Distance below which two rough known solutions coincide, measured in the same way.
 DISTINCT = 1e-5
-#: Most solutions from one start, where solutions fill a line.
+#: Most solutions from a start, needed where solutions fill a line.
 MOST_FROM_ONE = 100
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
-#: Starts are spread over one typical magnitude, over WIDER times as much, and so on for WIDTHS
-#: widths in turn.
+#: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
+#: in turn.
 WIDER, WIDTHS = 4.0, 3
-#: Largest correction of a point that a pursuit found, relative to one plus the length of the point.
+#: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
 MOST_CORRECTIONS = 8
@@ -65,12 +65,12 @@ MOST_CORRECTIONS = 8
 @final
 @dataclass(frozen=True, slots=True)
 class Throughout(Search):
-    """Newton from many starts at both ends and at values of alpha between, deflated.
+    """Newton from many starts at the ends and at values of alpha between, deflated.
 
     Attributes
     ----------
     ends : MultiStart
-        The starts at both ends.
+        The starts at the ends.
     slices, count : int
         Number of values of alpha between the ends, and of starts at each value.
     """
@@ -133,7 +133,7 @@ class Throughout(Search):
 
 @final
 class _Looking:
-    """The search in one run."""
+    """The search in a single run."""
 
     def __init__(
         self,
@@ -148,7 +148,7 @@ class _Looking:
         self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
-        """Yield the new solutions to which starts at one alpha lead."""
+        """Yield the new solutions to which starts at an alpha lead."""
         here = list[Array]()
         known = self._solutions(alpha)
         for number, rough in enumerate(guesses):
@@ -201,7 +201,7 @@ class _Looking:
         return self._usable((root.x, root.error[np.newaxis]), x)
 
     def _solutions(self, alpha: float) -> list[Array]:
-        """Return the known solutions at one alpha, in typical magnitudes."""
+        """Return the known solutions at an alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
             self._reach = np.maximum(self._reach, np.abs(x[:-1]))
@@ -228,7 +228,7 @@ class _Looking:
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails.
 
-        Typical magnitudes may be the magnitudes of one branch, and another branch lie far away.
+        Typical magnitudes may be the magnitudes of a single branch, with other branches far away.
         """
         even = _filling(number, self._system.size)
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
