@@ -1,4 +1,4 @@
-"""Choices of options, and the subspaces that their equations leave.
+"""Choices of options, and the subspaces that the equations of options leave.
 
 Failure modes and answers
 -------------------------
@@ -29,7 +29,7 @@ SLACK = 1e-5
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Choices:
-    """Choices of options for the first m blocks, with the points that satisfy their equations.
+    """Choices of options for the first m blocks, with the points that satisfy the equations.
 
     The points of choice i are ``starts[i] + directions[i] @ s``.
 

@@ -65,7 +65,7 @@ class Echelon:
         return self.rows[-1][self.columns[-1]] if self.rows else self.level
 
     def solved(self, side: int, D: int | None = None, y: Row | None = None) -> Row:
-        """Return y, integers with A y + D b = 0, for the right side in one of the columns.
+        """Return y, integers with A y + D b = 0, for the right side b in a given column.
 
         Parameters
         ----------
