@@ -87,7 +87,7 @@ class Box:
         return cls(lower, upper, period)
 
     def contains(self, z: Array, error: Array) -> bool:
-        """Tell whether z is inside, or outside by at most ``error``, both of shape (n,)."""
+        """Tell whether z, shape (n,), is inside, or outside by at most ``error``, shape (n,)."""
         return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
 
     def centre(self, scale: Array) -> Array:
@@ -105,7 +105,7 @@ class Box:
 
         ``normal`` are normally distributed, ``even`` evenly in (-1/2, 1/2). The point is normally
         distributed with this deviation around ``near``, or around the centre. Around the centre, an
-        unknown with a narrow range or a short period is distributed evenly over its range.
+        unknown with a narrow range or a short period is distributed evenly over the range.
         """
         if near is not None:
             return self.inside(near + deviation * normal)

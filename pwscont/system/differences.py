@@ -2,11 +2,11 @@
 
 Failure modes and answers
 -------------------------
-- A step that fits an unknown of size one is rounding to an unknown of size 1e20, and too long for
+- A step that fits an unknown of size 1 is rounding to an unknown of size 1e20, and too long for
   an unknown of size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the
   interval.
 - A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
-  end differences are one-sided, with the same order of accuracy.
+  end, differences are one-sided, with the same order of accuracy.
 - x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
   difference of the rounded arguments, which is exact.
 - A direction may be long (a null vector of a matrix that is nearly regular): a step has a length
@@ -15,7 +15,7 @@ Failure modes and answers
   or not at all, however short the steps along the curve. A caller who sees slow convergence asks
   for finer steps, and puts the usual steps back where finer steps do not help: beside an end of the
   model, or with noise.
-- A function may return the same array at every call: its values are copied.
+- A function may return the same array at every call: the values are copied.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FINE_STEP = EPS**0.2
 REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
 #: A change of a value by at most this part of the value is rounding.
 ROUNDED = 4.0 * EPS
-#: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
+#: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
 
@@ -162,7 +162,7 @@ class Differences:
         return self.by_parameter(at, float(x[-1]))
 
     def _beside_an_end(self, function: Callable[[float], Array], alpha: float, h: float) -> Array:
-        """Return a one-sided derivative where central differences would leave the interval."""
+        """Return a one-sided derivative near an end that central differences would cross."""
         h *= self._inward(alpha, h)
         near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
@@ -183,7 +183,7 @@ def _central(function: Function, x: Array, j: int, h: float) -> Array:
 
 
 def _change(before: Array, after: Array) -> Array:
-    """Return the difference of two values, or raise an error if their shapes differ."""
+    """Return the difference of two values, or raise an error if the shapes differ."""
     if before.shape != after.shape:
         raise InvalidSystemError(
             f"arrays of shape {before.shape} and of shape {after.shape} were returned at different "
@@ -198,7 +198,7 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
 
 
 def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
-    """Return the slopes of ``function`` as one entry of ``x`` at a time moves to ``ends``.
+    """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``.
 
     Where entries are changed from zero to powers of two, the quotients are not rounded.
     """

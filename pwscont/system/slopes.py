@@ -1,7 +1,7 @@
-"""Whether derivatives that a user gives are those of the user's functions.
+"""Whether derivatives that a user gives are the derivatives of the user's functions.
 
-A Jacobian with one wrong number sends every step astray, or turns the wrong way at a fold, without
-a word. A single generic direction shows a wrong number in its row, at the cost of two values.
+A Jacobian with a single wrong number sends every step astray, or turns the wrong way at a fold,
+without a word. A generic direction shows the row of a wrong number, at the cost of two values.
 
 Failure modes and answers
 -------------------------
@@ -31,7 +31,7 @@ from pwscont.system.system import PiecewiseSystem
 DISTANCE_TO_POINT = 0.01
 #: Lengths of steps; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: A derivative that is off by more than the part WRONG_SLOPE of its terms is wrong; quotients that
+#: A derivative that is off by more than the part WRONG_SLOPE of the terms is wrong; quotients that
 #: differ by at most the part EQUAL_QUOTIENTS of the terms agree.
 WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
 
@@ -57,7 +57,7 @@ def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Arra
 
 
 def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
-    """Refuse gradients that are not those of the tests next to a point, as for H.
+    """Refuse gradients that are not the derivatives of the tests next to a point, as for H.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
 
 
 def _is_inherited(method: Callable[..., Matrix], default: Callable[..., Matrix]) -> bool:
-    """Tell whether a method is the default, replaced neither in a class nor on the instance."""
+    """Tell whether a method is the default, not replaced in a class or on the instance."""
     return getattr(method, "__func__", None) is default
 
 

@@ -1,4 +1,4 @@
-"""A user's function that raises an error outside its domain, as math.exp(1000) does.
+"""A user's function that raises an error outside the domain, as math.exp(1000) does.
 
 Where NumPy returns an infinite number or none, math and plain Python raise. Trial points lie
 anywhere: such an error there says what nan says, that H is not defined at the point.
@@ -6,7 +6,7 @@ anywhere: such an error there says what nan says, that H is not defined at the p
 Failure modes and answers
 -------------------------
 - A mistake of the user raises a ValueError as well, for shapes that do not fit: only errors of
-  arithmetic and those that functions of math raise are taken for nan.
+  arithmetic and errors that functions of math raise are taken for nan.
 - The number of test functions is not known where the tests raise: the tests are called elsewhere.
 """
 
@@ -25,7 +25,7 @@ from pwscont.basics.errors import InvalidSystemError
 
 #: What is guarded: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
-#: What functions of math say of an argument outside their domain, in all versions of Python.
+#: Messages of functions of math about an argument outside the domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
 #: Points at which tests are counted if the tests are not defined at the first points.
 PROBES = 8
