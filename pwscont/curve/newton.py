@@ -20,7 +20,7 @@ Failure modes and answers
   rounding of B. H is evaluated next to the root, at three places on a line, where rounding shows as
   a second difference. The difference has a part from curvature as well; that part is measured
   farther away in the same direction, and removed.
-- The selection is undefined far from its cell: non-finite values are a failure, and the caller
+- The selection is undefined far from the cell: non-finite values are a failure, and the caller
   shortens the step.
 - H need not be defined outside the interval of alpha: an iterate that leaves the interval is a
   failure.
@@ -31,7 +31,7 @@ Failure modes and answers
 - Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
   there, and the error estimate says how few digits are left.
 - A needless iteration costs as much as the rest of a step: where quadratic convergence predicts
-  that one or two further corrections suffice, these corrections use the old factorisation (each
+  that two further corrections at most suffice, these corrections use the old factorisation (each
   correction shrinks by the relative change of the Jacobian). The factorisation is marked as stale:
   next to a branch point the tangent turns within these corrections.
 """
@@ -129,7 +129,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
-        # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for one
+        # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = (size / before) ** 2 if before > 0.0 else size, False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
@@ -179,7 +179,7 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
 
 
 def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
-    """Return a nearly exact point after one correction, and the error of the point.
+    """Return a nearly exact point after a single correction, and the error of the point.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     Returns
     -------
     Root and ndarray, or None
-        The error is that of :func:`uncertainty`; None where the correction is more than rounding,
+        The error as from :func:`uncertainty`; None where the correction is more than rounding,
         or cannot be computed.
     """
     metric = curve.metric
@@ -215,7 +215,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
 def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     """Return a factorisation at a root, and the unit tangent along which the border grows.
 
-    The factorisation is made afresh where that of the root is too old.
+    The factorisation is made afresh if the root's factorisation is too old.
     """
     metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
@@ -241,9 +241,9 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
 #: How far from a root H is evaluated, as a part of typical magnitudes: near enough for rounding to
 #: show, and far enough for curvature to show.
 ROUNDING_SHOWS, CURVATURE_SHOWS = EPS**0.5, EPS ** (1.0 / 3.0)
-#: At so many places near a root H is evaluated.
+#: Number of places near a root at which H is evaluated.
 ROUNDING_PLACES = 4
-#: Third derivatives make the curvature near a root differ from that farther away by this factor.
+#: Third derivatives make the curvatures near a root and farther away differ by this factor.
 CURVATURE_VARIES = 4.0
 
 
@@ -251,15 +251,16 @@ def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
     """Return independent contributions to the error of ``root.x``, shape (k, n + 1).
 
     The root of the sum of squares of the contributions, component by component or through a linear
-    function, is the estimated error. ``unseen`` is rounding of the rows beyond that of their terms.
+    function, is the estimated error. ``unseen`` is rounding of the rows beyond the rounding of the
+    terms.
     """
-    # the last correction was solved with errors of its largest parts everywhere
+    # the last solve made errors as large as the largest part of the correction everywhere
     size = np.abs(root.x) + largest(root.error / root.scale) * root.scale
     return root.factor.solve_all(_rounding(root.jacobian, root.row, size, unseen))
 
 
 def is_rounding(root: Root) -> bool:
-    """Tell whether the last correction was nothing but rounding, as ill conditioning makes it."""
+    """Tell whether the last correction was only rounding, which ill conditioning enlarges."""
     return is_within(root, uncertainty(root))
 
 

@@ -1,4 +1,4 @@
-"""One step of pseudo-arclength continuation: predict, correct, accept or say why not.
+"""The step of pseudo-arclength continuation: predict, correct, accept or say why not.
 
 :meth:`PseudoArclength.step` halves the step until :func:`accepted` calls the corrected prediction a
 true step; where a prediction leaves the interval of alpha, the step ends at the end of the interval
@@ -21,7 +21,7 @@ Failure modes and answers
 - Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
   of the point is estimated, and measures no larger than that error tell nothing.
 - The check must be cheap: a point inside costs a residual and a solution with the factorisation
-  that the corrector leaves. One well chosen point is enough: where the cubic has crossed a golden
+  that the corrector leaves. A well chosen point is enough: where the cubic has crossed a golden
   section of the distance between the sheets. Of all parts, the multiples of the golden section stay
   farthest from whole numbers, so that no sheet between passes for the curve.
 - A jump over many sheets at once may pass even so: for Fibonacci numbers the golden multiple is
@@ -82,7 +82,7 @@ NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureRe
 @final
 @dataclass(frozen=True, slots=True)
 class PseudoArclength(Stepper):
-    """Predict along the curve behind, correct normal to its tangent; turns at folds.
+    """Predict along the curve behind, correct normal to the tangent; turns at folds.
 
     Keller (1977), Allgower and Georg (1990), chapters 2 to 6.
 
