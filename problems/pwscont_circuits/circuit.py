@@ -16,7 +16,7 @@ from pwscont_circuits.sweep import SourceSweep
 
 @final
 class Circuit:
-    """A circuit of elements that meet where their nodes have the same name; ``0`` is ground.
+    """A circuit of elements, which meet at nodes of the same name; ``0`` is ground.
 
     Parameters
     ----------
@@ -84,8 +84,9 @@ class Circuit:
 
         In a circuit of sources and monotone elements with two ends, products of the differences of
         voltages and currents of two operating points are nowhere negative, and sum to zero (Duffin,
-        *Nonlinear networks IIa*, Bulletin of the AMS 53, 1947): all are zero, and so are the
-        differences of voltages along every way of strictly monotone elements and voltage sources.
+        *Nonlinear networks IIa*, Bulletin of the AMS 53, 1947): all products are zero, and with
+        them the differences of voltages along every way of strictly monotone elements and voltage
+        sources.
         """
         stiff = Joined(self._stamps.stiff)
         return self._stamps.is_monotone and stiff.are(GROUND, *self._stamps.nodes)
@@ -119,7 +120,7 @@ class Circuit:
             )
 
     def _refuse_lone_nodes(self) -> None:
-        """Refuse a node of a single element, unless the element is a source of its voltage."""
+        """Refuse a node of a single element, except a node whose voltage is given."""
         users = [(node, element.name) for element in self.elements for node in _nodes(element)]
         times = Counter(node for node, _ in users)
         given = {node for _, *ends in self._stamps.fixed for node in ends}

@@ -354,7 +354,7 @@ class MosfetSwitch(Element):
 class OpAmp(Element):
     """An operational amplifier that saturates: V(out) = clip(gain (V(plus) - V(minus)), low, high).
 
-    The inputs take no current; the output gives whatever is asked for.
+    The inputs take no current; the output gives any current.
 
     Examples
     --------

@@ -14,7 +14,7 @@ suffix::
     .model name NMOS(vto= ron=), or PMOS    .model name OPAMP(gain= low= high=)
     .dc source from to [step]               .end
 
-X is an op-amp: netlists have no letter of their own for op-amps. The step of ``.dc`` is not needed,
+X is an op-amp: netlists have no letter for op-amps. The step of ``.dc`` is not needed,
 and not used.
 """
 
@@ -55,7 +55,7 @@ BIPOLAR = {
 }
 MOSFET = {"vto": "threshold", "ron": "resistance"}
 OPAMP = {"gain": "gain", "low": "low", "high": "high"}
-#: Type of model -> the letter of its elements, their class, and SPICE's names of the parameters.
+#: Type of model -> letter of elements, class of elements, and SPICE's name -> name of a parameter.
 MODELS: dict[str, tuple[str, Callable[..., Element], dict[str, str]]] = {
     "d": ("d", elements.Diode, DIODE),
     "tunnel": ("d", elements.TunnelDiode, TUNNEL),
@@ -78,7 +78,7 @@ ENDS = {"r": 2, "v": 2, "i": 2, "d": 2, "q": 3, "m": 3, "x": 3}
 @final
 @dataclass(frozen=True, slots=True)
 class Netlist:
-    r"""What a netlist says.
+    r"""The contents of a netlist: title, circuit and sweep.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ def read_netlist(path: str | Path) -> Netlist:
 
 
 def parse_netlist(text: str) -> Netlist:
-    r"""Return what a netlist says.
+    r"""Return the title, the circuit and the sweep of a netlist.
 
     Raises
     ------
@@ -222,7 +222,7 @@ class _Reader:
         return self._modelled(letter, rest[0])(spelled, *ends)
 
     def _spelled(self, word: str) -> str:
-        """Return a name as first written, whatever its letters here."""
+        """Return a name as first written, with the same capital letters."""
         return self._spelling.setdefault(word.lower(), word)
 
     def _modelled(self, letter: str, model: str) -> Callable[..., Element]:

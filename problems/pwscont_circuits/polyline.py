@@ -18,9 +18,9 @@ class Polyline:
     Parameters
     ----------
     knots : sequence of float, shape (k,)
-        Where the slope changes, ascending.
+        Places at which the slope changes, ascending.
     slopes : sequence of float, shape (k + 1,)
-        Of the segments from left to right, any sign.
+        Slopes of the segments from left to right, any sign.
     value : float
         The function at the first knot.
 

@@ -1,9 +1,9 @@
 """The equations of a circuit, summed up from the elements.
 
 Modified nodal analysis (Ho, Ruehli and Brennan, *The modified nodal approach to network analysis*,
-IEEE Transactions on Circuits and Systems 22, 1975): the unknowns are the voltages of all nodes but
-ground, and the currents that are no linear function of voltages. The row of a voltage says that the
-currents that leave the node sum to zero; the row of a current is the law of the element.
+IEEE Transactions on Circuits and Systems 22, 1975): the unknowns are the voltages of all nodes
+except ground, and the currents that are no linear function of voltages. The row of a voltage says
+that the currents that leave the node sum to zero; the row of a current is the law of the element.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Stamps:
     entries : list of (row, unknown, factor)
         The linear part, summed where entries repeat.
     sources : list of (row, source, factor)
-        What the values of sources add to rows.
+        Factors with which the values of sources are added to rows.
     constants : list of (row, value)
     ramps : list of Ramp
     curves : list of (row, number of knots)

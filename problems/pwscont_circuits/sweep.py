@@ -35,7 +35,7 @@ class SourceSweep(PiecewiseLinearSystem):
     values : mapping of str to float
         The values of all other sources.
     unique : bool
-        Whether there is at most one operating point at each value of the parameter.
+        Whether operating points are unique at each value of the parameter.
 
     Examples
     --------

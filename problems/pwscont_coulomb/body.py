@@ -128,8 +128,8 @@ class ContactBody(Fixed):
 
         By Cauchy and Schwarz f.A^-1 f >= (f.v)^2 / v.A v for every v, here the displacements under
         f if A were diagonal, and (N A^-1 N^T)_ii is at least (N N^T)_ii by the stiffness of node i.
-        Where A hardly resists v, rounding could make v.A v too small: a bound of the rounding is
-        added, for |A_ij| <= (A_ii A_jj)^(1/2).
+        Rounding could make v.A v too small if A hardly resists v: a bound of the rounding is added,
+        for |A_ij| <= (A_ii A_jj)^(1/2).
 
         Parameters
         ----------

@@ -14,9 +14,9 @@ slip-          r (u_nu - gap)        lam_t + F kappa1
 after the rows A u - f - N^T lam_nu - T^T lam_t of equilibrium (paper, equations 4 to 7). All
 rows are forces.
 
-A guided node (:class:`~pwscont_coulomb.ContactBody`) is either in no contact or in stick, with the
-tangential row lam_t in either mode; kappa1 alone bounds the modes, and kappa2 = 1 and kappa3 = -1
-are constant.
+A guided node (:class:`~pwscont_coulomb.ContactBody`) is in no contact or in stick, with the
+tangential row lam_t in each mode; kappa1 alone bounds the modes, and kappa2 = 1 and kappa3 = -1 are
+constant.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     """
 
     _given = frozenset({"body", "r", "load", "friction", "force", "profile"})
-    #: Nodes with F = 0 whatever the parameter, shape (p,).
+    #: Nodes with F = 0 at every parameter value, shape (p,).
     _without_friction: contact.Flags
     #: Solutions with positive determinant less solutions with negative determinant, for every f and
     #: every F >= 0.
@@ -183,7 +183,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
         """Return the tests that bound the modes of all nodes.
 
         Bounding tests are kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and kappa2 for
-        slip+, kappa1 and kappa3 for slip-. Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0.
+        slip+, kappa1 and kappa3 for slip-. If F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0.
         Without friction kappa1 bounds stick, too: otherwise points with tension would count as
         solutions.
         """

@@ -48,7 +48,7 @@ class GradientRows(sp.csr_matrix):  # type: ignore[misc]
     """
 
     def __getitem__(self, key: Any) -> Matrix:
-        """Return rows by number; for other keys whatever scipy returns."""
+        """Return rows by number; for other keys the same as scipy's matrices."""
         if not isinstance(key, np.ndarray) or key.dtype.kind != "i":
             return super().__getitem__(key)
         entries, counts = _entries(self.indptr, key)

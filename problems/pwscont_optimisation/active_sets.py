@@ -102,7 +102,7 @@ class ActiveSets(PiecewiseLinearSystem):
         )
 
     def necessary(self, alpha: float) -> tuple[Array, Array]:
-        """Return what is not negative at solutions, whatever the modes."""
+        """Return the affine functions that are not negative at solutions in any mode."""
         rows = self._always
         return rows[:, :-2], rows[:, -1] + alpha * rows[:, -2]
 

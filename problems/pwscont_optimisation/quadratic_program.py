@@ -25,7 +25,7 @@ class QuadraticProgram(ActiveSets):
     maxima and saddle points of the feasible set, too. Constraint j is active where mu_j >= r_j s_j,
     with r_j = |Q| / |A_j|^2 for the sake of units.
 
-    Where Q is positive definite and the rows of A are linearly independent, x and mu are unique.
+    If Q is positive definite and the rows of A are linearly independent, x and mu are unique.
 
     Parameters
     ----------

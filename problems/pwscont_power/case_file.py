@@ -1,9 +1,10 @@
 """Files of MATPOWER cases: the tables, and the statements behind the tables.
 
 A case file is a function in MATLAB. Many public files hold resistances in ohm and loads in kW, and
-convert the units in the last lines; read without the last lines such a case is another network. So
-every statement is read: values and parts of tables that are assigned, the names of columns, and
-``if`` with a condition that is known. Any other statement is refused with the number of its line.
+convert the units in the last lines; read without the last lines such a case is another network.
+Therefore every statement is read: values and parts of tables that are assigned, the names of
+columns, and ``if`` with a condition that is known. Any other statement is refused with the line's
+number.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def read_case_file(file: Path) -> dict[str, Array]:
     Raises
     ------
     InvalidInputError
-        If the file cannot be opened, or a statement is not known; the message has its line.
+        If the file cannot be opened, or a statement is not known; the message gives the line.
     """
     try:
         text = file.read_text(encoding="utf-8-sig")

@@ -1,7 +1,7 @@
-"""Expressions of MATLAB, as files of numbers hold them, computed without running anything.
+"""Expressions of MATLAB, as in files of numbers, computed without running anything.
 
 Every value is a table of numbers, shape (rows, columns); a number is a table of a single entry. Any
-other operation, a matrix product for example, is refused with the number of its line.
+other operation, a matrix product for example, is refused with the line's number.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ BINARY: tuple[dict[str, Callable[[Array, Array], Array]], ...] = (
     {"+": np.add, "-": np.subtract},
     {"*": np.multiply, "/": np.divide, ".*": np.multiply, "./": np.divide},
 )
-#: Signs that mean more than an operation entry by entry -> the side that must be a number, and the
-#: check of both sides.
+#: Sign that means more than an operation entry by entry -> the side that must be a number, and the
+#: check of the two sides.
 NEEDS_NUMBER: dict[str, tuple[str, Callable[[Array, Array], bool]]] = {
     "*": ("one side", lambda a, b: 1 in (a.size, b.size)),
     "/": ("its right", lambda a, b: b.size == 1),
@@ -150,7 +150,7 @@ class Reader:
     # -- expressions ---------------------------------------------------------------------
 
     def expression(self, level: int = 0) -> Array:
-        """Return the value of what comes next."""
+        """Return the value of the next expression."""
         if level == len(BINARY):
             return self._signed()
         value = self.expression(level + 1)

@@ -6,7 +6,7 @@ At bus i the power that the network takes equals the injected power,
 
 with S = fixed + loading growing, and Q_i at generators only. A generator holds the voltage V_set
 until the reactive power meets a limit; then the voltage falls below V_set (at Q_max) or rises above
-V_set (at Q_min): Q is the median of Q_min, Q_max and Q - r (V - V_set), for any r > 0. So the last
+V_set (at Q_min): Q is the median of Q_min, Q_max and Q - r (V - V_set), for any r > 0. The last
 rows are, per generator,
 
 ===========  ==================  ==========================================
@@ -162,8 +162,8 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     def start(self) -> Array:
         """Return a state to start from, shape (n,), near the upper branch of most networks.
 
-        Generators hold their voltages, and all other buses have the voltages of the network without
-        load; reactive powers are zero, or at the limit next to zero.
+        Generators hold the given voltages, and all other buses have the voltages of the network
+        without load; reactive powers are zero, or at the limit next to zero.
         """
         z = np.zeros(self.size)
         voltage = self._without_load()[self._others]
@@ -250,7 +250,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         return pattern.filled(np.concatenate([finite, -finite * np.tile(self._r, 2)]))
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return two tests for each generator within limits, a single test for others."""
+        """Return the two tests of each generator within limits, the single test of a limit met."""
         at_low, at_high = self._modes(character)
         bounds = np.concatenate([~at_high, ~at_low]) & self._finite
         found: list[int] = np.flatnonzero(bounds).tolist()
@@ -262,7 +262,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
             yield Character(tuple(np.transpose(modes).ravel().tolist()))
 
     def _possible(self, i: int) -> list[tuple[bool, bool]]:
-        """Return the signs of the tests of a generator in its modes, except at infinite limits."""
+        """Return the signs of a generator's tests in all modes, except at infinite limits."""
         low, high = self._finite[[i, self._g + i]].tolist()
         return [(False, False)] * low + [(True, False)] + [(True, True)] * high
 

@@ -31,7 +31,7 @@ SAME = 1e-6
 
 @final
 class Crossing(StrEnum):
-    """What the loading does at a locus."""
+    """The behaviour of the loading at a locus."""
 
     LIMIT = "limit, the loading goes on"
     LIMIT_NOSE = "limit and nose at once"
@@ -156,7 +156,7 @@ def _parts(locus: Locus, graph: BranchGraph, cuts: Array) -> Iterator[Part]:
 
 
 def _crossing(locus: Locus, solution: Solution) -> Crossing:
-    """Return what the loading does: turn at a limit if det(dH/dz) changes sign there."""
+    """Return the behaviour of the loading: a turn at a limit if det(dH/dz) changes sign."""
     if isinstance(locus, FoldLocus):
         return Crossing.NOSE
     system, z, loading = locus.at(solution.alpha), solution.z[:-1], float(solution.z[-1])

@@ -76,7 +76,7 @@ class Generator:
     V : float
         The voltage to hold.
     Q_min, Q_max : float
-        Limits of the reactive power, Q_min < Q_max; either may be infinite.
+        Limits of the reactive power, Q_min < Q_max; a limit may be infinite.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class Network:
         Numbers of the buses, the slack first or anywhere.
     branches : tuple of Branch
     generators : tuple of Generator
-        At most one at each bus. The generator of the slack bus gives the voltage of the slack, and
+        No two at the same bus. The generator of the slack bus gives the voltage of the slack, and
         has no limits.
     slack : int
         The bus whose voltage is given, at angle zero.

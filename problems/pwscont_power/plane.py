@@ -79,7 +79,7 @@ class LimitPlaneAnswer(Answer):
 
     @property
     def searched(self) -> str:
-        """What was looked for, in words."""
+        """The search for loci in words."""
         return SEARCHED.format(", ".join(f"{level:g}" for level in self.scene.levels))
 
     def as_text(self) -> str:

@@ -41,14 +41,15 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
     case : mapping, str or Path
         ``baseMVA``, ``bus``, ``gen`` and ``branch``, as in MATPOWER and PYPOWER; or a file ``.m``
         with these tables written out in numbers. Statements behind the tables, such as the
-        conversion of ohm and kW, are carried out as far as they assign values and parts of tables.
+        conversion of ohm and kW, are carried out if the statements assign values or parts of
+        tables.
 
     Returns
     -------
     Network
         Per unit of ``baseMVA``. Parts out of service are left out, generators at the same bus are
-        added up; the slack has no limits. Generators at buses without voltage control, and those
-        whose reactive limits are equal, are loads of fixed power.
+        added up; the slack has no limits. Generators at buses without voltage control, and
+        generators with equal reactive limits, are loads of fixed power.
 
     Raises
     ------

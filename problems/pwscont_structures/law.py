@@ -1,4 +1,4 @@
-"""The force of a von Mises truss, with or without a stop under it."""
+"""The force of a von Mises truss, with or without a stop."""
 
 from __future__ import annotations
 

@@ -78,11 +78,11 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return height
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return what is positive at nodes on the obstacle: reaction less height."""
+        """Return reaction less height of all nodes, positive on the obstacle."""
         return self.reaction(z, alpha) - self.height(z)
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return what vanishes: the height on the obstacle, the reaction above."""
+        """Return the height of nodes on the obstacle, the reaction of nodes above."""
         return np.where(character.array, self.height(z), self.reaction(z, alpha))
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Any:
@@ -101,7 +101,7 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return (self._free - self._held).tocsr()
 
     def kink(self, before: Character, after: Character, test: int) -> Array:
-        """Return c, shape (n,): a node that comes to lie on the obstacle loses its test."""
+        """Return c, shape (n,): the row of a node that touches the obstacle loses the test."""
         c = np.zeros(self.size)
         c[test] = -1.0 if after.array[test] else 1.0
         return c
@@ -111,7 +111,7 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return tuple(Block((i,), (i,), MODES) for i in range(self.size))
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return that neither heights nor reactions are negative."""
+        """Return the inequalities height >= 0 and reaction >= 0 of all nodes."""
         rows = sp.vstack([self._held[:, :-1], self._free[:, :-1]]).tocsr()
         load = self.rest + alpha * self.load
         return rows, np.concatenate([-self.diagonal * self.obstacle, load])

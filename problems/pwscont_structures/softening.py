@@ -1,8 +1,8 @@
 """A bar of softening elements in series with a spring, under a given displacement of the end.
 
-Where an element softens faster than the rest of the bar can follow, the displacement of the end
-must go back for equilibrium: a snap-back (Bazant and Cedolin, *Stability of Structures*, 1991,
-ch. 13). Of several equal elements any may soften first, and deformation localises.
+If an element softens faster than the rest of the bar can follow, the displacement of the end must
+go back for equilibrium: a snap-back (Bazant and Cedolin, *Stability of Structures*, 1991, ch. 13).
+Any of several equal elements may soften first, and deformation localises.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class SofteningBar(PiecewiseLinearSystem):
         force, of each element; the longest sequence gives the number of elements.
     remaining : float
         The slope of broken elements, below the modulus; positive where there are several elements,
-        because two that carry nothing could share their elongation in any way.
+        because two elements without force could share an elongation in any way.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class SofteningBar(PiecewiseLinearSystem):
     3
     """
 
-    degree = 1  # forces fall without bound with all elongations, and stay bounded as they grow
+    degree = 1  # forces fall without bound with falling elongations, else stay bounded
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class SofteningBar(PiecewiseLinearSystem):
         return np.concatenate([z - self.peak, z - self.ultimate])
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the force of each element less that of the spring."""
+        """Return the force of each element less the force of the spring."""
         soft, broken = character.array.reshape(2, -1)
         falling = self.strength + self.softening * (self.peak - z)
         softened = np.where(broken, self.remaining * z, falling)
@@ -104,7 +104,7 @@ class SofteningBar(PiecewiseLinearSystem):
         return balance
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return the peak tests of unbroken elements, then the ultimate tests of softened ones."""
+        """Return the tests e - e_peak of unbroken and e - e_ultimate of softened elements."""
         n, signs = self.size, character.signs
         peaks = [i for i in range(n) if not signs[n + i]]
         return peaks + [n + i for i in range(n) if signs[i]]

@@ -37,7 +37,7 @@ class Support:
     place : float
         Along the rod, between 0 and 1, moved to the next end of an element.
     height : float
-        Where the support is, in units of length: above the straight rod if positive.
+        Height of the support, in units of length: above the straight rod if positive.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Strut(PiecewiseSystem):
             raise InvalidInputError(f"support {number} must be off the unloaded rod: change height")
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return what is positive at supports in contact: reaction less gap."""
+        """Return reaction less gap of all supports, positive in contact."""
         return self._reactions(z) - self.gaps(z)
 
     def test_jacobian(self, z: Array, alpha: float) -> Array:

@@ -20,7 +20,7 @@ class AllEquilibria(Search):
 
     The compression d of each truss is a root of force(d) = load. A branch turns only where the
     force of a truss turns, so that the loads of a closed loop range from limit load to limit load,
-    with a load that is tried inside. So the search finds every branch.
+    with a load that is tried inside. The search therefore finds every branch.
 
     Examples
     --------

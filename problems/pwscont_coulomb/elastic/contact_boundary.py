@@ -12,7 +12,7 @@ Failure modes and answers
 - A given normal that points out of the obstacle into the body would turn contact inside out, and is
   refused.
 - Gaps computed from positions err by rounding. A negative gap would be refused; tiny positive gaps
-  would close in turn, within rounding. So a gap within rounding counts as zero.
+  would close in turn, within rounding. A gap within rounding counts as zero.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ WHAT = "the contact boundary"
 @final
 @dataclass(frozen=True, slots=True)
 class ContactBoundary:
-    """Where a body may touch a rigid obstacle.
+    """The boundary on which a body may touch a rigid obstacle.
 
     Attributes
     ----------

@@ -98,7 +98,7 @@ class DiscretisedBody:
 
     @cached_property
     def contact_unknowns(self) -> Indices:
-        """Where u_x, u_y of each contact node stand among the free unknowns, shape (2 p,)."""
+        """The places of u_x and u_y of each contact node among the free unknowns, shape (2 p,)."""
         both = (2 * self.contact.nodes[:, np.newaxis] + np.arange(2)).ravel()
         return np.searchsorted(self.free, both)
 

@@ -74,7 +74,7 @@ def dissect(A: Matrix, unknowns: Indices, positions: Array) -> Dissection:
 
 
 def _right_half(part: Indices, positions: Array) -> Indices:
-    """Tell for each unknown whether the unknown lies in the right half of its part."""
+    """Tell for each unknown whether the unknown lies in the right half of a part."""
     first = np.lexsort((part,))
     starts = np.flatnonzero(np.diff(part[first], prepend=-1))
     extent = np.stack(

@@ -25,7 +25,7 @@ NUMBERS = ("gmsh:physical", "medit:ref", "cell_tags")
 def read_mesh(path: Path) -> Any:
     """Return a scikit-fem mesh; physical groups become boundaries and subdomains.
 
-    A group without a name is named by its number.
+    A group without a name gets the number of the group as name.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """Elimination by dense fronts along a nested dissection (multifrontal Cholesky).
 
-Every front gathers the entries of its own unknowns and the Schur complements of its children,
-factorises its own block by LAPACK's Cholesky, and leaves a Schur complement on the later unknowns
-that the own unknowns are coupled with (Duff and Reid 1983). The kept unknowns come last and are
-never eliminated: the complement left on the kept unknowns is the result, without a single extra
-solution. Each factor is stored once.
+Every front owns some unknowns. A front gathers the entries of the own unknowns and the Schur
+complements of the children, factorises the own block by LAPACK's Cholesky, and leaves a Schur
+complement on the later unknowns that are coupled with the own unknowns (Duff and Reid 1983). The
+kept unknowns come last and are never eliminated: the complement left on the kept unknowns is the
+result, without a single extra solution. Each factor is stored once.
 
 Failure modes and answers
 -------------------------

@@ -202,7 +202,7 @@ def _counted(entries: int) -> int:
 
 
 def _words(solver: Any, size: int) -> str:
-    """Return what a failure of MUMPS means."""
+    """Return the meaning of a failure of MUMPS, in words."""
     code, detail = solver.get_infog(1), solver.get_infog(2)
     if code in SINGULAR:
         return NOT_DEFINITE

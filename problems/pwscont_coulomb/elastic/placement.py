@@ -66,9 +66,9 @@ class Placement:
     factor : float
         By which displacements and gaps are magnified.
     rest : ndarray, shape (2, nodes)
-        Where the body is drawn without displacements.
+        Drawn places of the nodes without displacements.
     obstacle : ndarray, shape (2, p)
-        Where the obstacle of each contact node is drawn.
+        Drawn place of the obstacle at each contact node.
     into : ndarray, shape (2, p)
         Unit normals into the obstacle, as drawn.
     """
@@ -126,7 +126,7 @@ def _outline(line: Array, normals: Array, depth: float) -> tuple[Array, Array]:
 
 
 def _straightened(line: Array) -> tuple[Array, float]:
-    """Return the normal of the line closest to points, shape (2, k), and their distance."""
+    """Return the normal of the line closest to points, shape (2, k), and the size of the bend."""
     centred = line - line.mean(axis=1, keepdims=True)
     axes, sizes, _ = np.linalg.svd(centred, full_matrices=False)
     return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0

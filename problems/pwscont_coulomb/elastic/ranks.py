@@ -7,7 +7,8 @@ processor cores to other processes while rank 0 follows branches.
 
 Failure modes and answers
 -------------------------
-- A script that was started on several ranks, of which none serves: refused, with the right command.
+- A script that was started on several ranks without a serving rank: refused, with the right
+  command.
 - A rank that fails ends the whole run by MPI_Abort: the other ranks would wait for ever.
 - A factor that is used after the ranks have ended: refused.
 """

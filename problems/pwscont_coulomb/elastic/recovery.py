@@ -24,7 +24,7 @@ class BodyState:
     alpha : float
         Parameter of the solution.
     displacements : ndarray, shape (k, 2)
-        Of all nodes of the mesh.
+        Displacements of all nodes of the mesh.
     stresses : ndarray, shape (3, elements)
         Mean s_xx, s_yy, s_xy of each element.
     normal_force, tangential_force : ndarray, shape (p,)

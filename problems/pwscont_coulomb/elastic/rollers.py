@@ -79,7 +79,7 @@ def refuse_moving(direction: Indices, nodes: Indices, moves: Array, positions: A
     ----------
     direction, nodes : ndarray of int, shape (p,)
     moves : ndarray, shape (2, 2 k)
-        Constant and growing prescribed displacement of all unknowns, 0 where there is none.
+        Constant and growing prescribed displacement of all unknowns, 0 if not prescribed.
     positions : ndarray, shape (2, p)
     """
     guided = np.flatnonzero(direction >= 0)

@@ -89,7 +89,7 @@ class Slot:
     Attributes
     ----------
     angle : float
-        Of the right wall with the vertical, degrees.
+        Angle between the right wall and the vertical, degrees.
     hanger : float
         Height of the soft block that holds the wedge from above.
     """
@@ -130,7 +130,7 @@ def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> El
     """Return a wedge that jams in a slot: the same pull may leave the wedge inside or outside.
 
     A wedge with E = 1 hangs on a soft block (E = 0.01) clamped on top. A constant body force
-    spreads the wedge, which presses on both walls; alpha is a force that pulls upwards. Friction
+    spreads the wedge, which presses on the walls; alpha is a force that pulls upwards. Friction
     can hold the wedge in the slot under a pull under which the wedge can be out as well.
 
     Parameters
@@ -139,7 +139,7 @@ def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> El
         Number of contact nodes of each wall, at least 2.
     friction : float
     angle : float
-        Of the right wall with the vertical, in degrees, from 0 to less than 90.
+        Angle between the right wall and the vertical, in degrees, from 0 to less than 90.
     """
     _checked(nodes)
     if not 0.0 <= angle < 90.0:

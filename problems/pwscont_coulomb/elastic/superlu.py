@@ -7,7 +7,7 @@ takes a solution per kept unknown, in blocks to bound memory. For many kept unkn
 Failure modes and answers
 -------------------------
 - The interior is singular: an error says so. An indefinite interior would go unnoticed here, but
-  supports and materials, which are checked before, exclude it.
+  the checks of supports and materials exclude an indefinite interior.
 """
 
 from __future__ import annotations
