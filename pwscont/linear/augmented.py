@@ -27,7 +27,7 @@ from pwscont.linear.sparse import SparseFactor
 
 
 def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
-    """Factorise [[J, b], [C, 0]], for solves with the matrix and with its transpose.
+    """Factorise [[J, b], [C, 0]], for solves with the matrix and with the transpose.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class _Turned(Factor):
     Parameters
     ----------
     factor : Factor
-        Of the matrix with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
+        A factorisation with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
     turn : ndarray, shape (2, 2)
         A rotation.
     """

@@ -38,7 +38,7 @@ class Interior:
     Parameters
     ----------
     core : Factor
-        Of B, shape (n, n); solves with the transposed matrix, too.
+        A factorisation of B, shape (n, n); solves with the transposed matrix, too.
     column : ndarray, shape (n,)
         b.
     """
@@ -57,7 +57,7 @@ class Interior:
 
     @classmethod
     def at_once(cls, core: Factor, column: Array, beside: Array | None = None) -> Interior:
-        """Return an interior after one call of ``solve_all``, where many solves cost little more.
+        """Return an interior after a single ``solve_all``, for factors with cheap further solves.
 
         If a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
         """
@@ -176,7 +176,7 @@ class BorderedFactor(Factor):
         return not max(lengths) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
 
     def _generic(self, f: Array, inner: Array) -> Array:
-        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] where that serves."""
+        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] if good enough."""
         return self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
 
 

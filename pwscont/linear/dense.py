@@ -126,7 +126,7 @@ class DenseLU(LU):
     Parameters
     ----------
     lu, pivots : ndarray, shapes (k, k) and (k,)
-        Factors and row exchanges as ``dgetrf`` of LAPACK returns them, see :meth:`of`.
+        Factors and row exchanges in the form of LAPACK's ``dgetrf``, see :meth:`of`.
     """
 
     def __init__(self, lu: Array, pivots: Indices) -> None:

@@ -106,7 +106,7 @@ class ScaledFactor(Factor):
     Parameters
     ----------
     factor : Factor
-        Of M with divided rows and multiplied columns.
+        A factorisation of M with divided rows and multiplied columns.
     rows, columns : ndarray, shape (k,)
         The divisors of the rows and the multipliers of the columns, powers of two.
     """

@@ -100,7 +100,7 @@ class Changes:
         Returns
         -------
         float
-            The pivot 1 + g.w; zero where the change loses too many digits and is not added.
+            The pivot 1 + g.w; zero if the change loses too many digits and is not added.
         """
         k, pivot = self.count, 1.0 + float(g.dot(w))
         if not abs(pivot) > SMALL_PIVOT * (1.0 + _sum_of_terms(g, w)):
@@ -150,7 +150,7 @@ class ProductForm(Factor):
     Parameters
     ----------
     factor : Factor
-        Of the first matrix.
+        A factorisation of the first matrix.
     size : int
         The number of rows of the matrix.
     """
@@ -226,7 +226,7 @@ class RowMatrix(ABC):
         which : ndarray of int, shape (k,)
         last : RowMatrix
         inverse : ndarray, shape (m, m)
-            Of the other matrix.
+            The inverse of the other matrix.
 
         Returns
         -------
@@ -281,7 +281,7 @@ class Updating(RowSolver):
     def __init__(self) -> None:
         self.updates = self.factorisations = 0
         self._last: RowMatrix | None = None
-        self._lu: DenseLU | None = None  # of the last matrix; None where the inverse is kept
+        self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))  # before the changes
         self._changes = Changes(0)
         self._norm = 0.0  # the 1-norm of the factorised matrix
