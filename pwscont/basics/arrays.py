@@ -111,7 +111,7 @@ def by_rows(matrix: Matrix) -> Matrix:
 
 
 def own_dense(matrix: Matrix) -> Array:
-    """Return a dense copy of any matrix: the owner of the matrix may reuse its memory."""
+    """Return a dense copy of any matrix: the owner of the matrix may reuse the memory."""
     return np.array(dense(matrix), dtype=float)
 
 

@@ -1,7 +1,7 @@
 """Limits of a run, and how much of each limit is left.
 
-Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
-method, the loop over steps. The caller does not need to know which run is going on.
+Long work calls :func:`check_budget` now and then: searches, enumeration, Newton's method, the loop
+over steps. The caller does not need to know which run is going on.
 
 Failure modes and answers
 -------------------------
@@ -36,7 +36,7 @@ from pwscont.basics.errors import InvalidInputError
 class Limits:
     """The limits of :func:`pwscont.trace` and :func:`pwscont.explore`.
 
-    Where a limit runs out, everything found so far comes back, and the guarantee says so.
+    If a limit runs out, everything found so far comes back, and the guarantee names the limit.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Budget:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the run; an interrupted run also ends the run around it."""
+        """End the run; an interrupted run also ends an enclosing run."""
         _current.reset(self._token)
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)

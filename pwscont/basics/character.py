@@ -14,7 +14,7 @@ from pwscont.basics.looks import MOST_LETTERS, short
 #: From bytes 0 and 1 to the printed signs, and back.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
-#: The signs as :meth:`Character.among` writes them: 1 for negative, 2 for positive.
+#: The bytes of signs in :meth:`Character.among`: 1 for negative, 2 for positive.
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
@@ -74,7 +74,7 @@ class Character:
 
     @classmethod
     def read(cls, text: str) -> Character:
-        """Return the character from its printed form, ``+`` and ``-``."""
+        """Return the character from the printed form, ``+`` and ``-``."""
         return cls._of_bytes(text.encode("ascii").translate(FROM_TEXT))
 
     @classmethod

@@ -110,7 +110,7 @@ class SystemNeededError(PwscontError, RuntimeError):
     Examples
     --------
     >>> from pwscont import PwscontError, SystemNeededError
-    >>> issubclass(SystemNeededError, PwscontError)  # a loaded graph may have no system
+    >>> issubclass(SystemNeededError, PwscontError)  # a loaded graph has no system unless given one
     True
     """
 

@@ -15,7 +15,7 @@ MOST_UNKNOWNS = 6
 MOST_LETTERS = 72
 #: The first of the default names of unknowns.
 UNNAMED = ("z[0]",)
-#: Significant digits of numbers as users read them, and of the difference of the ends of a narrow
+#: Significant digits of numbers for users, and of the difference of the ends of a narrow
 #: interval.
 DIGITS_SHOWN, DIGITS_OF_DIFFERENCE = 8, 3
 

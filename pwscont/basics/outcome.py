@@ -1,4 +1,4 @@
-"""What a run ends in: kinds of special points, reasons of failure, guarantees."""
+"""The outcome of a run: kinds of special points, reasons of failure, guarantees."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Failure:
 class Guarantee(IntEnum):
     """How much of the zero set a search finds; larger is more.
 
-    UNIQUE is a promise of the system: at every alpha at most one solution.
+    UNIQUE is a promise of the system: the solution at every alpha is unique.
     """
 
     NOTHING = 0
@@ -137,7 +137,7 @@ class SearchScope:
         Why the run ended early, in words; empty if the run was finished.
     gap : float
         Distance along a curve within which two smooth folds may be passed over, where alpha is
-        measured by the interval and each unknown by its typical magnitude; zero if no fold is
+        measured by the interval and each unknown by the typical magnitude; zero if no fold is
         passed over.
     """
 
@@ -148,7 +148,7 @@ class SearchScope:
 
     @property
     def unseen(self) -> str:
-        """What may have been passed over on the pieces that were followed; empty where nothing."""
+        """What may have been passed over on the pieces that were followed; empty for nothing."""
         if not self.gap:
             return ""
         return f"two smooth folds closer together along a curve than {self.gap:.2g} of the interval"

@@ -19,12 +19,13 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError, Unknown
 Function = Callable[[Array, float], float]
 Naming = Callable[[], Iterable[str]] | Sequence[str] | None
 
-#: Names with another meaning in data frames, JSON or networkx: no recorded quantity has them.
+#: Names with another meaning in data frames, JSON or networkx: no recorded quantity has such a
+#: name.
 TAKEN = frozenset(
     {"alpha", "character", "component", "det_sign", "digits", "end", "error", "id", "kind", "label"}
     | {"message", "name", "piece", "points", "start", "z"}
 )
-#: No message lists more names than this.
+#: Most names that a message lists.
 MOST_NAMES = 12
 ONLY_SPECIAL = (
     "the file of this graph has {0!r} at special points only; for other states give its function: "
@@ -224,7 +225,7 @@ def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
 
 
 def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:
-    """Return what a user's function of (z, alpha) returns.
+    """Return the value of a user's function of (z, alpha).
 
     Raises
     ------

@@ -14,11 +14,11 @@ EPS = sys.float_info.epsilon
 #: next correction would be of the order of the square of the last, which is below rounding.
 CONVERGED = 1e-11
 
-#: A quantity is zero when it is below GUARD times the rounding error of the quantity's own terms. A
+#: A quantity is zero if below GUARD times the rounding error of the quantity's own terms. A
 #: dot product of k terms errs by at most k EPS; the solves before the product add a few digits.
 GUARD = 64.0
 
-#: A quantity is zero when it is below CONFIDENCE times the quantity's estimated error. The estimate
+#: A quantity is zero if below CONFIDENCE times the quantity's estimated error. The estimate
 #: is the root of the sum of squares of a few samples, or of all columns of an inverse with few
 #: columns; the chance that the true error is ten times as large is negligible.
 CONFIDENCE = 10.0
