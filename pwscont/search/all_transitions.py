@@ -86,7 +86,7 @@ class AllTransitions(Search):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Promise everything, but nothing for systems with bounds or free unknowns."""
+        """Promise everything, except for systems with bounds or free unknowns."""
         in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
         promise = Guarantee.NOTHING if in_doubt else Guarantee.EVERYTHING
         return SearchScope("all transition points, and all solutions at the lower end", promise)
@@ -138,7 +138,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
 
 
 def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
-    """Tell whether a point lies in the interval; put a point within its error of an end there."""
+    """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
     if interval[0] <= x[-1] <= interval[1]:
         return True
     alpha = _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))

@@ -78,8 +78,8 @@ class Solutions(list[Solution]):
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
     """Return all isolated solutions of a system of linear pieces at a given alpha.
 
-    If infinitely many solutions fill a segment or more, the corners are returned, or any one of the
-    solutions if there is no corner; the ``guarantee`` says so.
+    If infinitely many solutions fill a segment or more, the corners are returned, or some solution
+    if there is no corner; the ``guarantee`` says so.
 
     Parameters
     ----------
@@ -330,8 +330,8 @@ class EndPoints(Search):
     A component of the zero set within the interval is a closed loop or ends at an end of the
     interval. This search therefore finds every component except loops, if the enumeration is
     complete and solutions stay bounded: a component that comes from infinity and returns to
-    infinity within the interval meets no end. Where unknowns have bounds, a component may also end
-    at a bound, and nothing is promised.
+    infinity within the interval meets no end. If unknowns have bounds, a component may also end at
+    a bound, and nothing is promised.
 
     Examples
     --------

@@ -83,7 +83,7 @@ class FewCells:
     ) -> FewCells | None:
         """Return the lines of a system, whose functions are checked to be affine.
 
-        None where cells or unknowns are too many. The blocks of the system have been checked.
+        None if cells or unknowns are too many. The blocks of the system have been checked.
         """
         blocks = system.blocks()
         if number_of_cells(blocks) > FEW_CELLS or system.size > FEW_UNKNOWNS:
@@ -105,8 +105,8 @@ class FewCells:
     def solutions(self) -> list[Found] | None:
         """Return all solutions at the lower end of the interval.
 
-        None where the batch is not certain: where a point lies on an interface, or is known to few
-        digits, where no solution is found, or the signs of det(dH/dz) do not sum to the degree.
+        None if the batch is not certain: if a point lies on an interface, or is known to few
+        digits, if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
         checked_necessary(self.system, float(self.x[-1]))  # refused if wrong, otherwise not needed
         points, _ = self._points
@@ -123,7 +123,7 @@ class FewCells:
     def crossings(self) -> list[tuple[int, Found]] | None:
         """Return all points where a test that bounds a cell vanishes, each with the test.
 
-        Ordered by tests; alpha may be outside the interval by the error of alpha. None where the
+        Ordered by tests; alpha may be outside the interval by the error of alpha. None if the
         batch is not certain.
         """
         _, points = self._points
@@ -153,7 +153,7 @@ class FewCells:
     def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
         """Return where functions vanish on the lines of cells, without points clearly outside.
 
-        None where equations are nearly singular, or corrections do not become rounding.
+        None if equations are nearly singular, or corrections do not become rounding.
         """
         rows = np.concatenate([self.J[cells], self.K[functions, np.newaxis]], axis=1)
         equations = LinearBatch.of(rows, self.scale)

@@ -42,8 +42,8 @@ class MultiStart(Search):
         Number of starts at each end; the first is z = 0, or the point within the bounds near zero.
     seed : int
     spread : float
-        Starts are normally distributed with this many typical magnitudes as deviation, but evenly
-        over a period, and between bounds that are not much further apart than the deviation.
+        Deviation of the normally distributed starts, in typical magnitudes. Starts are spread
+        evenly over a period, and between bounds not much further apart than the deviation.
     around : tuple of tuple of float
         States to start from as well; every other random start is around a given state.
 

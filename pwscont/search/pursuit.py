@@ -202,7 +202,7 @@ class Pursuit:
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return residual and Jacobian in typical magnitudes, rows scaled alike.
 
-        None where H is not finite, and outside the interval, where H need not be defined.
+        None if H is not finite, and outside the interval, where H need not be defined.
         """
         check_budget()
         self.iterations += 1

@@ -95,7 +95,7 @@ class Search(ABC):
         return self.starts(system, metric, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return what this search does for a system, in words, and what the search promises.
+        """Return the work of this search for a system, in words, and the promise.
 
         Default: the name of the class, and no promise.
         """
@@ -142,7 +142,7 @@ class CombinedSearch(Search):
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
-    """Return what a search does for a system.
+    """Return the scope of a search for a system.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
 
 
 def _numbers(what: str, error: Any) -> Array:
-    """Return an estimate of an error as an array, or refuse what is no array of numbers."""
+    """Return an estimate of an error as an array, or refuse a value that is no array of numbers."""
     try:
         return np.asarray(error, dtype=float)
     except (TypeError, ValueError) as why:
