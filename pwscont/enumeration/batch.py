@@ -10,8 +10,8 @@ cut off because a point lies in the cells of all choices.
 Failure modes and answers
 -------------------------
 - Equations of a block depend on equations decided before: the factorisation of the block's
-  equations, on the orthonormal basis of the subspace that is left, finds this, and the choice
-  leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
+  equations, on the orthonormal basis of the subspace that is left, finds the dependence, and the
+  choice leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
 - A pivot is rounding that has grown above what is negligible: exact elimination of the equations
   decides about every pivot that small.
 """

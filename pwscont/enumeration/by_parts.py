@@ -1,4 +1,4 @@
-"""Enumeration part by part, along the graph of which unknowns stand in which rows.
+"""Enumeration part by part, along the graph of rows and the unknowns in each row.
 
 The unknowns that stand in each row, in any mode, make a directed graph. The strongly connected
 components of the graph, in topological order, are the parts: each part depends on earlier parts
@@ -388,7 +388,7 @@ def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
 def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
     """Tell whether every part is small, and has a regular matrix in each cell of the part.
 
-    Then H = 0 with all constants zero has no solution but zero.
+    Then zero is the only solution of H = 0 with all constants zero.
     """
     return all(_is_regular(table, part, scale) for part in parts)
 

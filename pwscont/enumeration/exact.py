@@ -193,7 +193,7 @@ class ExactSlice:
     def solutions(self) -> list[ExactSolution] | None:
         """Return the solutions of regular cells that lie in the cell, or not far outside.
 
-        None where numbers are not finite, and so not rational, or the work takes more than seconds.
+        None for numbers that are not finite, hence not rational, or if the work takes too long.
         """
         if self._price() > MOST_WORK or not self._is_finite():
             return None
@@ -407,9 +407,9 @@ def solve_exactly(
 ) -> Slice | None:
     """Return all isolated solutions by trying every cell in exact arithmetic.
 
-    None where that takes too long, or the system's numbers are not finite. Faces are left out; the
-    points ``known`` lie on faces, and rounding in the system may put such points outside of regular
-    cells.
+    None if exact arithmetic takes too long, or the system's numbers are not finite. Faces are left
+    out; the points ``known`` lie on faces, and rounding in the system may put such points outside
+    of regular cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:

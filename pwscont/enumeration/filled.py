@@ -159,7 +159,7 @@ def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) ->
 def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool] | None:
     """Return the rise to the end of a polyhedron, and whether the end is more than a point.
 
-    None where rounding hides the end.
+    None if rounding hides the end.
     """
     w = flat.farthest(way)
     if w is None:

@@ -97,7 +97,7 @@ class Problem:
     def rank_added(self, picks: tuple[int, ...]) -> int | None:
         """Return how many equations of the last option picked are independent, exactly.
 
-        None where the same question for all choices would take too long.
+        None if the same question for all choices would take too long.
         """
         chosen = [option.rows for option in self.chosen(picks)]
         rows = np.vstack([self.common, *chosen])

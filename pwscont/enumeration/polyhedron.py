@@ -286,7 +286,7 @@ class Polyhedron:
     def _nearly_corners(self, rounding: float) -> Array | None:
         """Return points where some inequalities vanish and all hold to rounding.
 
-        None where the candidates are too many, or the polyhedron may hold a whole line.
+        None if the candidates are too many, or the polyhedron may hold a whole line.
         """
         k, q = self.matrix.shape
         if comb(k, q) > MOST_CORNERS or np.linalg.matrix_rank(self.matrix) < q:
