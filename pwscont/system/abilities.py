@@ -1,8 +1,8 @@
-"""What a system can do besides: a class for each ability, and a single way to ask for an ability.
+"""Further abilities of systems: a class for each ability, and a single way to ask for an ability.
 
 A system has an ability if the system derives from the ability's class, and every room asks by
-``isinstance``. Where a system without the ability has a natural answer, the function beside the
-class gives the answer for all systems.
+``isinstance``. If a system without the ability has a natural answer, the function beside the class
+gives the answer for all systems.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def completed_point(system: PiecewiseSystem, x: Array) -> Array:
 
 
 def shown_points(system: PiecewiseSystem, points: Array) -> Array:
-    """Return points (..., z, alpha), or errors of such, without the unknowns that are hidden."""
+    """Return points (..., z, alpha), or errors of points, without the hidden unknowns."""
     if not isinstance(system, HidesUnknowns) or system.shown == system.size:
         return points
     return np.delete(points, np.s_[system.shown : system.size], axis=-1)
@@ -145,7 +145,7 @@ class Reducible(ABC):
 
 
 def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
-    """Return what remains of a system on an interval, None where nothing can be left out."""
+    """Return the reduction of a system on an interval, None if nothing can be left out."""
     return system.reduction(*interval) if isinstance(system, Reducible) else None
 
 

@@ -22,7 +22,7 @@ from pwscont.basics.errors import InvalidSystemError
 if TYPE_CHECKING:
     from pwscont.system.system import PiecewiseSystem
 
-#: A range of at most this many deviations is narrow: a normal distribution would leave the range
+#: Widest range, in deviations, that counts as narrow: a normal distribution would leave the range
 #: too often.
 MOST_DEVIATIONS = 8.0
 
@@ -35,9 +35,9 @@ class Box:
     Attributes
     ----------
     lower, upper : ndarray, shape (n,)
-        Infinite where there is no bound.
+        Infinite if there is no bound.
     period : ndarray, shape (n,)
-        Infinite where an unknown is not periodic.
+        Infinite if an unknown is not periodic.
     is_bounded, is_periodic : bool
         Whether there is any bound, and any period.
     """
@@ -93,7 +93,7 @@ class Box:
     def centre(self, scale: Array) -> Array:
         """Return the point nearest to zero that is a typical magnitude inside the bounds.
 
-        Of an interval shorter than two magnitudes, the middle.
+        The middle, for an interval shorter than two magnitudes.
         """
         depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
         return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)

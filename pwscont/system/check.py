@@ -57,7 +57,7 @@ class Report:
 def check_system(
     system: PiecewiseSystem, points: Iterable[tuple[Any, float]], radius: float = 0.1
 ) -> Report:
-    """Check what a system promises, at and near some points.
+    """Check the promises of a system, at and near some points.
 
     - Jacobians agree with differences.
     - From every point each test function is followed to the zero set; there the selections of the
@@ -88,7 +88,7 @@ def check_system(
     Returns
     -------
     Report
-        ``bool(report)`` is True where nothing is wrong; ``print(report)`` names the defects.
+        ``bool(report)`` is True if nothing is wrong; ``print(report)`` names the defects.
 
     Raises
     ------

@@ -271,7 +271,7 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as the system states it.
+    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as stated by the system.
 
     The system may reuse the array for the next value.
 

@@ -56,7 +56,7 @@ class Differences:
     scale : ndarray, shape (n + 1,)
         Typical magnitudes of z, and the length of the interval.
     lo, hi : float
-        The interval of alpha outside of which nothing is evaluated; may be infinite.
+        The interval of alpha; nothing is evaluated outside; may be infinite.
     part : float
         What part of the usual steps is taken.
     """
@@ -123,7 +123,7 @@ class Differences:
         ----------
         function : callable
         x, direction : ndarray, shape (n + 1,)
-            The direction may have any length but zero.
+            The direction may have any length except zero.
         """
         fine = self.part * FINE_STEP / float(np.abs(direction / self.scale).max())
         step = fine * direction
@@ -200,7 +200,7 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
 def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
     """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``.
 
-    Where entries are changed from zero to powers of two, the quotients are not rounded.
+    The quotients are not rounded if entries change from zero to powers of two.
     """
     origin, slopes = _value(function, x), []
     for j, end in enumerate(ends):
@@ -208,7 +208,7 @@ def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
         other[j] = end
         value = _value(function, other)
         change = _change(origin, value)
-        # what is rounding of the values is no slope: a singular matrix stays singular
+        # rounding of the values is no slope: a singular matrix stays singular
         change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
         slopes.append(change / (end - x[j]))
     return slopes

@@ -29,7 +29,7 @@ from pwscont.system.promises import check_blocks, check_promises, checked_necess
 from pwscont.system.selection import signs_of_solutions
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
-#: Central differences are right to about EPS^(2/3); a relative difference above this is a defect.
+#: Largest relative difference that is no defect: central differences are right to about EPS^(2/3).
 TOLERANCE = EPS**0.4
 #: Directions along which kinks are looked for, and samples along each.
 KINK_DIRECTIONS, KINK_SAMPLES = 4, 33
@@ -55,7 +55,7 @@ class Defect:
     z, alpha
         The point.
     size : float
-        How far off, relative to the size of what was compared; nan where nothing was.
+        The difference, relative to the size of the compared values; nan without comparison.
     """
 
     what: str

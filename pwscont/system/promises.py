@@ -1,4 +1,4 @@
-"""What a system promises, and what a run refuses because a promise is broken.
+"""The promises of a system, and the errors of a run about broken promises.
 
 Failure modes and answers
 -------------------------
@@ -58,7 +58,7 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
         Fitted to the interval.
     interval : tuple of float
     sample : Sample
-        What the system returned at a point of the interval.
+        The values of the system at a point of the interval.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
 
 
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
-    """Tell whether a point may lie in the closed cells of both selections, by the tests.
+    """Tell whether a point may lie in the closed cells of two selections, by the tests.
 
     A test tells nothing where rounding of a term hides another term: with a friction coefficient of
     1e13 the sign of the test says nothing about the cell.

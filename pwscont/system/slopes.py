@@ -9,7 +9,7 @@ Failure modes and answers
   among themselves, and say nothing. Rounding, and noise of the function, show in the same way.
 - At special points, as z = 0, wrong terms vanish: derivatives are compared next to the point.
 - Far from zero a step may be lost in the rounding of the point: the quotients then say nothing.
-- Beside the point the function may not be defined: what is not finite says nothing.
+- Beside the point the function may not be defined: values that are not finite say nothing.
 """
 
 from __future__ import annotations

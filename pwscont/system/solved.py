@@ -29,7 +29,7 @@ def unexplained(
     ----------
     system : PiecewiseSystem
     character : Character
-        Of the selection that is to hold.
+        The character of the selection that is to hold.
     x, scale : ndarray, shape (n + 1,)
         The point (z, alpha), and typical magnitudes.
     error : ndarray, shape (k, n + 1), optional

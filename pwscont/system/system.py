@@ -56,7 +56,7 @@ def number_of_cells(blocks: Iterable[Block]) -> int:
 def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
     """Yield the characters of all combinations of the modes of some blocks.
 
-    Of the ``tests`` tests, every test that no block decides is positive.
+    Every test of the ``tests`` tests that no block decides is positive.
     """
     positive = Character([True] * tests)
     decided = [test for block in blocks for test in block.tests]
@@ -305,7 +305,7 @@ class PiecewiseSystem(Undefined, ABC):
                 yield character
 
     def test_name(self, test: int) -> str:
-        """Return what a user calls a test function."""
+        """Return a user's name for a test function."""
         return f"test function {test}"
 
     @property
@@ -416,8 +416,8 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
 
         The product of c and the test's gradient is all that changes from a cell to the next cell. A
         system that knows c saves a run two residuals, or a Jacobian, at every transition; default
-        None: a run computes c from these. A system that overrides this method knows c at every
-        interface.
+        None: a run computes c from residuals or Jacobians. A system that overrides this method
+        knows c at every interface.
 
         Parameters
         ----------

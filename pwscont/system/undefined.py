@@ -1,7 +1,7 @@
 """A user's function that raises an error outside the domain, as math.exp(1000) does.
 
-Where NumPy returns an infinite number or none, math and plain Python raise. Trial points lie
-anywhere: such an error there says what nan says, that H is not defined at the point.
+NumPy returns inf or nan, where math and plain Python raise. Trial points lie anywhere: such an
+error means the same as nan, that H is not defined at the point.
 
 Failure modes and answers
 -------------------------
@@ -23,7 +23,7 @@ import numpy as np
 from pwscont.basics.arrays import generic
 from pwscont.basics.errors import InvalidSystemError
 
-#: What is guarded: methods of (z, alpha) that return numbers.
+#: The guarded methods: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
 #: Messages of functions of math about an argument outside the domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
@@ -66,7 +66,7 @@ def _is_of_arithmetic(error: Exception) -> bool:
 
 
 def _shape(system: Any, name: str, args: tuple[Any, ...], error: Exception) -> tuple[int, ...]:
-    """Return the shape of what a method returns elsewhere."""
+    """Return the shape of a method's value elsewhere."""
     rows = _number_of_tests(system, args, error) if name.startswith("test") else system.size
     return (rows, system.size + 1) if name.endswith("jacobian") else (rows,)
 
