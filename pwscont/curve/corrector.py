@@ -167,7 +167,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     border : callable
         x -> (value, gradient).
     x : ndarray, shape (n + 1,)
-        Where Newton begins.
+        The point from which Newton begins.
     """
     root = newton(curve, border, x, MOST_NEWTON)
     if isinstance(root, Failure):
@@ -192,7 +192,7 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     """Return the root once the corrections are rounding, and the uncertainty of the root.
 
     For nearly every root a few corrections with the factorisation of the root leave only rounding.
-    Where these corrections do not shrink, Newton's method begins again with a new factorisation.
+    If these corrections do not shrink, Newton's method begins again with a new factorisation.
     """
     settled = again(curve, border, root)
     unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])

@@ -14,7 +14,7 @@ Failure modes and answers
   distance: no point of the curve is computed here, all matrices stay regular.
 - Poor borders make M singular: each iteration renews the borders from the null vectors.
 - Two curves pass each other without meeting: mu says how far H misses zero at the point.
-- Curves that touch, or more than two that meet: the two by two matrix has no two real
+- Curves that touch, or more than two curves that meet: the two by two matrix has no two real
   directions that are told apart, which is a failure, not a guess.
 """
 

@@ -4,9 +4,9 @@ Failure modes and answers
 -------------------------
 - A function changes within the longer steps of fourth order: if differences of second order err by
   d, differences of fourth order err by RATIO d^2, and are taken only if RATIO d^2 is less than d.
-- Along a vertical piece the slope of alpha is nothing but the errors of differences, and its signs
-  would be folds. These errors depend on the units of alpha and on the length of the interval, and
-  are estimated from the terms of the derivatives.
+- Along a vertical piece the slope of alpha is only the error of differences, and changes of sign
+  would be folds. The errors depend on the units of alpha and on the length of the interval, and are
+  estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def finer_tangent(
     Returns
     -------
     tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
-        None where the bordered matrix is singular.
+        None if the bordered matrix is singular.
     """
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)
@@ -124,8 +124,8 @@ class State:
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     located_by : Factor, optional
-        Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
-        points of the curve close by. A reversed state has none.
+        A factorisation of [J; gradient of the function], for a state at which a function vanishes;
+        corrects points of the curve close by. A reversed state has none.
     """
 
     x: Array

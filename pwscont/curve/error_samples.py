@@ -27,13 +27,13 @@ from pwscont.system.box import Box
 
 #: A solution (z, alpha), and samples of the error or the size of the last correction.
 Found = tuple[Array, Array]
-#: Up to this many unknowns the inverse is formed column by column, instead of sampled.
+#: Most unknowns for which the inverse is formed column by column, instead of sampled.
 MOST_WHOLE_INVERSE = 16
 #: The number of entries up to which ``hypot`` is faster than sums of squares.
 MOST_BY_HYPOT = 256
 #: Largest error, as a part of a number, of a number with a certain digit.
 ONE_DIGIT = 0.1
-#: Numbers below this have squares that lose digits; in any unit.
+#: Smallest number whose square keeps all digits, in any unit.
 SQUARES_UNDERFLOW = 1e-140
 #: Number of samples for larger systems.
 SAMPLES = 4
@@ -67,7 +67,7 @@ def _root_of_squares(error: Array) -> Array:
         spread = np.abs(np.hypot.reduce(error, axis=0))
         return spread
     spread = np.sqrt(_ones(len(error)).dot(np.square(error)))
-    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most of these are zero
+    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most numbers are zero
         lost = spread < SQUARES_UNDERFLOW
         if len(error) and is_anywhere(np.logical_and(error, lost)):
             spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
@@ -109,7 +109,7 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
 def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
     """Tell whether a solution with samples of the error may lie within the bounds of unknowns.
 
-    Rounding of typical magnitudes counts as well: the rounding of an unknown that is zero is none.
+    Rounding of typical magnitudes counts as well: an unknown that is zero has no rounding.
     """
     if not box.is_bounded:
         return True  # nearly always, and magnitudes cost something

@@ -6,12 +6,12 @@ values of H inside the step, next to the bump, show such a bump.
 Failure modes and answers
 -------------------------
 - A bump between two places: neighbouring places are about :attr:`~pwscont.StepSize.gap` apart.
-  What is narrower may be passed over.
+  A narrower bump may be passed over.
 - H repeats itself with the period of the places: the distances between places vary, as multiples of
   the golden section do.
 - At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
   the distances from the cubic vary. Along a smooth curve the distances are u^2 (1 - u)^2 times a
-  polynomial. Where the distances vary otherwise, places around the odd place are looked at, ever
+  polynomial. If the distances vary otherwise, places around the odd place are looked at, ever
   closer.
 - The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
   points of the curve next to the places must be in order. Points out of order are corrected before
@@ -36,7 +36,7 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The largest number of places in a step.
 MOST_PLACES = 256
-#: Up to this many unknowns a look costs little beside a step.
+#: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
 UNEVEN = 0.3
@@ -79,7 +79,7 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     gap : float
         The distance between places, in the metric.
     allowed : float
-        Places are not looked at more closely where the curve is farther from the cubic than this.
+        Largest distance of the curve from the cubic; beyond, no closer look is taken.
     """
     gap = gap_between_looks(segment.curve.selection.system, gap)
     if segment.length <= gap:
@@ -108,7 +108,7 @@ def places(count: int) -> Array:
 
 @lru_cache(maxsize=MOST_PLACES)
 def _rough(count: int) -> Array:
-    """Return the projection on what of distances from the cubic at some places is not smooth."""
+    """Return the projection of distances from the cubic on the part that is not smooth."""
     u = places(count)
     smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH_DEGREE, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]

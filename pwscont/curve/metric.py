@@ -1,4 +1,4 @@
-"""Length and angle in (z, alpha), independent of the units of either."""
+"""Length and angle in (z, alpha), independent of units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NONE = np.zeros(0, dtype=np.intp)
 
 @final
 class Metric:
-    """Euclidean geometry after dividing each unknown by its typical magnitude.
+    """Euclidean geometry after dividing each unknown by the typical magnitude.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Metric:
     def difference(self, x: Array, y: Array) -> Array:
         """Return x - y, up to whole periods: from y to the nearest copy of x.
 
-        Either may be several points, shape (k, n + 1).
+        The arrays x and y may hold several points, shape (k, n + 1).
         """
         apart: Array = x - y
         if len(self._turning):
@@ -145,7 +145,7 @@ class Metric:
         return largest(np.abs(dx) / self.sizes(x))
 
     def sizes(self, x: Array) -> Array:
-        """Return what the components of a correction of ``x`` are relative to, shape (n + 1,)."""
+        """Return the sizes that a correction of ``x`` is compared with, shape (n + 1,)."""
         sizes = np.abs(x)
         sizes[-1] *= ROUNDING_OF_ALPHA
         sizes += self.scale

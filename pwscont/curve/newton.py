@@ -14,8 +14,8 @@ and Laub 1994).
 
 Failure modes and answers
 -------------------------
-- The root is zero where the terms were not (an unloaded body reached from a loaded body): the terms
-  are taken before the last correction as well as after.
+- The root is zero although the terms were not (an unloaded body reached from a loaded body): the
+  terms are taken before the last correction as well as after.
 - Constants in H cancel, and no derivative tells: (z + B) - B moves in stairs as high as the
   rounding of B. H is evaluated next to the root, at three places on a line, where rounding shows as
   a second difference. The difference has a part from curvature as well; that part is measured
@@ -27,7 +27,7 @@ Failure modes and answers
 - Newton converges from far away, to another curve: the ratio of the first two corrections is kept,
   and the caller judges by that ratio (Deuflhard 2011, chapter 5).
 - Scale: convergence is judged by the correction of each unknown relative to the size of the
-  unknown, which neither the units of z nor the units of the equations change.
+  unknown, which does not depend on the units of z or of the equations.
 - Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
   there, and the error estimate says how few digits are left.
 - A needless iteration costs as much as the rest of a step: where quadratic convergence predicts
@@ -60,7 +60,7 @@ Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
 #: A first correction below this relative size is followed by a correction that is rounding.
 NEXT_IS_ROUNDING = CONVERGED**0.5
-#: Corrections with the last factorisation, where so many are expected to be enough.
+#: Most corrections with the last factorisation, if expected to be enough.
 MOST_CHORDS = 2
 #: Corrections with a factorisation from a point close by.
 MOST_CORRECTIONS = 6
@@ -162,7 +162,7 @@ def again(curve: Curve, border: Border, root: Root) -> Root:
 def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     """Return the point of a curve next to ``x``, by a factorisation [J; border] from close by.
 
-    None where corrections do not shrink as fast as with a factorisation that is new enough.
+    None if corrections do not shrink as fast as with a factorisation that is new enough.
     """
     before = math.inf
     for _ in range(MOST_CORRECTIONS):
@@ -184,7 +184,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     Parameters
     ----------
     curve : Curve
-        Of an affine selection.
+        The curve of an affine selection.
     x : ndarray, shape (n + 1,)
     value, row
         The border there and the gradient of the border, as for :func:`newton`.
@@ -192,7 +192,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     Returns
     -------
     Root and ndarray, or None
-        The error as from :func:`uncertainty`; None where the correction is more than rounding,
+        The error as from :func:`uncertainty`; None if the correction is more than rounding,
         or cannot be computed.
     """
     metric = curve.metric

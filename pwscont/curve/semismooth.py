@@ -9,15 +9,15 @@ Failure modes and answers
 - Cycling between cells: the merit function must fall, by Armijo's rule.
 - At a kink, such as the body at rest, the step of a single cell need not reduce the merit at all: a
   few steps are taken undamped, and the rule holds again from there on.
-- A short last step crosses an interface: the solution of the cell that was left is none, however
-  close by. Newton goes on in the cell on the other side.
+- A short last step crosses an interface: the solution of the cell that was left is no solution,
+  however close by. Newton goes on in the cell on the other side.
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - Equations in different units: each row is divided by the row's largest scaled coefficient.
 - Divergence: so far out that rounding hides the residual, no step reduces the residual. A point
   whose error is as large as the point itself is no solution.
 - Ill conditioning: a solution can be so uncertain that corrections never converge. A point is
-  a solution where no step reduces the residual any more and the correction is nothing but rounding.
+  a solution where no step reduces the residual any more and the correction is only rounding.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class _Linearised(NamedTuple):
     rows : ndarray, shape (n,)
         The largest coefficient of z in each row, for unknowns in typical magnitudes.
     factor : Factor
-        Of [J; e_alpha], whose last row holds alpha.
+        A factorisation of [J; e_alpha], whose last row holds alpha.
     is_singular : bool
     """
 
@@ -173,7 +173,7 @@ def _linearised(
 def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
     """Tell whether a residual, divided by coefficients, fits a correction that is rounding.
 
-    Where J is singular the regularised step may vanish although the residual does not. A row is
+    The regularised step of a singular J may vanish although the residual does not. A row is
     flat where the coefficients of z are rounding of the coefficient of alpha, as far outside where
     a start has run away: rounding of the point is no part of the residual of a flat row.
     """

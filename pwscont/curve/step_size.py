@@ -1,4 +1,4 @@
-"""Control of the step length from what the corrector reports."""
+"""Control of the step length from the strain and the turn of the last step."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class CurvedSegment(Segment):
         Parameters
         ----------
         weights : ndarray, shape (k, 3)
-            Of the chord and the tangents at the start and the end, for a segment of length 1.
+            Weights of the chord and the tangents at start and end, for a segment of length 1.
         """
         (leaving, by), (arriving, to), length = self.leaving, self.arriving, self.length
         ways = np.array([self.chord, leaving, arriving])
@@ -173,7 +173,7 @@ class CurvedSegment(Segment):
         return apart <= BESIDE * self.length + rounding
 
     def point(self, s: float, factor: Factor | None) -> Array | None:
-        """Return a point of the curve at about ``s``, shape (n + 1,), None where none is found.
+        """Return a point of the curve at about ``s``, shape (n + 1,), None if not found.
 
         A factorisation [J; border] from close by is used, if given and good enough.
         """
@@ -232,7 +232,7 @@ class Stepper(ABC):
         interval : tuple of float
             No point outside this interval of alpha is computed.
         state : State
-            Where the step starts.
+            The state from which the step begins.
         before : Segment or None
             The step before on the same piece; None on the first.
         longest : float

@@ -2,10 +2,10 @@
 
 With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
 vanishes, the direction beyond follows from the direction before by the solution of J w = c alone.
-The same update holds for everything that was solved for: the samples of the error of a point are
-carried along. From time to time, in small systems always, and where residuals show that directions
-have drifted, an *audit* solves for all samples afresh, together with corrections of point and
-direction. Only audits ask for Jacobians that are large and not at hand.
+The same update holds for all solutions: the samples of the error of a point are carried along. From
+time to time, in small systems always, and where residuals show that directions have drifted,
+an *audit* solves for all samples afresh, together with corrections of point and direction. Only
+audits ask for Jacobians that are large and not at hand.
 
 Failure modes and answers
 -------------------------
@@ -44,7 +44,8 @@ from pwscont.system.system import PiecewiseLinearSystem
 #: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
 #: times after 64 transitions.
 ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
-#: After this many transitions a residual above rounding asks for an audit: directions have drifted.
+#: Least number of transitions after which a residual above rounding asks for an audit: directions
+#: have drifted.
 DRIFTED_AFTER = 8
 #: Systems of fewer unknowns are asked for Jacobians at every transition: two residuals cost more.
 ASKED_FOR_JACOBIANS = 64
@@ -75,7 +76,7 @@ class Settled(NamedTuple):
     along : float
         By how much alpha was corrected along the piece.
     aside : ndarray, shape (n,), or None
-        By how much z was corrected beside; None where that was not needed.
+        By how much z was corrected as well; None if not needed.
     """
 
     x: Array
@@ -138,7 +139,7 @@ class StraightCell:
         Parameters
         ----------
         other : Curve
-            Of the selection on the other side.
+            The curve of the selection on the other side.
         x : ndarray, shape (n + 1,)
             A point of the interface, up to rounding.
         test, gradient, value
@@ -147,7 +148,7 @@ class StraightCell:
         Returns
         -------
         Settled or None
-            None where the correction is more than rounding, or cannot be computed: the cell is of
+            None if the correction is more than rounding, or cannot be computed: the cell is of
             no use then.
         """
         if not self._enter(other, x, test, gradient):
@@ -174,7 +175,7 @@ class StraightCell:
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 
     def _is_due(self, sizes: Array) -> bool:
-        """Tell whether an audit is due at a point with unknowns as large as these."""
+        """Tell whether an audit is due at a point with unknowns of given sizes."""
         if self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED:
             return True
         return is_anywhere(sizes > self._most)
@@ -236,7 +237,7 @@ class StraightCell:
         return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
-        """Tell whether a correction is no more than rounding of unknowns as large as these are."""
+        """Tell whether a correction is no more than rounding and error of the corrected point."""
         typical = GUARD * EPS * found.extent[0]
         if found.aside is None and abs(found.along) * self.length <= typical:
             return True  # nearly always
@@ -288,7 +289,7 @@ def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
-    """Tell whether c is read off Jacobians: these cost little, or far residuals mean nothing."""
+    """Tell whether c is read off Jacobians: if cheap, or if unknowns have bounds."""
     is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
     is_small = jacobian.shape[0] < ASKED_FOR_JACOBIANS
     return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
@@ -337,7 +338,7 @@ def kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) ->
     Parameters
     ----------
     before, after : Curve
-        Of the selections on the two sides, affine in z.
+        The curves of the selections on the two sides, affine in z.
     x : ndarray, shape (n + 1,)
         A point of the interface, up to rounding.
     gradient : ndarray, shape (n + 1,)
