@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from pwscont.extending import Array, Matrix
 from pwscont_circuits.stamps import Stamps, Sum
 
-#: Matrices with fewer entries are dense.
+#: Least number of entries of a sparse matrix: smaller matrices are faster as dense arrays.
 SMALL = 10_000
 #: The name of the parameter among the unknowns.
 SWEPT = "swept"

@@ -65,13 +65,13 @@ MODELS: dict[str, tuple[str, Callable[..., Element], dict[str, str]]] = {
     "pmos": ("m", partial(elements.MosfetSwitch, kind="pmos"), MOSFET),
     "opamp": ("x", elements.OpAmp, OPAMP),
 }
-#: Elements with a value instead of a model.
+#: Letter of elements with a value instead of a model -> class of the elements.
 VALUED: dict[str, Callable[..., Element]] = {
     "r": elements.Resistor,
     "v": elements.VoltageSource,
     "i": elements.CurrentSource,
 }
-#: The number of nodes of an element.
+#: Letter of an element -> number of nodes.
 ENDS = {"r": 2, "v": 2, "i": 2, "d": 2, "q": 3, "m": 3, "x": 3}
 
 

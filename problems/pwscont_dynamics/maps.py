@@ -12,7 +12,7 @@ from pwscont.extending import EPS, Array, BringsSearches, Search, dense, finite_
 from pwscont_dynamics.called import Called, Function, affine, first_coordinate, positive_whole
 from pwscont_dynamics.shorter import ShorterPeriods, largest_divisors
 
-#: Points of an orbit coincide if they differ by less than SAME times the largest coordinate.
+#: Distance below which two points of an orbit coincide, as a part of the largest coordinate.
 SAME = EPS**0.5
 
 

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from pwscont.extending import Array, Indices, Matrix
 
-#: Matrices with at most DENSE rows are dense: bookkeeping would cost more than arithmetic.
+#: Most rows of a dense matrix: in small sparse matrices bookkeeping costs more than arithmetic.
 DENSE = 100
 
 

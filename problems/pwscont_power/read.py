@@ -23,7 +23,7 @@ SLACK, ISOLATED = 3, 4
 CONDUCTANCE, END_SHUNT = "branch_g", ("branch_g_asym", "branch_b_asym")
 #: Size of the reactive limits that stand for no limit in pandapower, in MVAr.
 NO_LIMIT = 1e9
-#: The columns that are read of each table.
+#: Table of a case -> the columns that are read.
 COLUMNS = {
     "bus": range(6),
     "gen": (0, 1, 2, 3, 4, 5, 7),

@@ -18,7 +18,7 @@ from pwscont import Character, InvalidInputError, PiecewiseSystem
 from pwscont.extending import Array, finite_array
 from pwscont_structures.rod import Rod
 
-#: Beyond this angle of an end the ends of a free elastica have passed each other.
+#: Largest angle at a node, in radians: beyond, the ends of a free elastica have passed each other.
 LARGEST_ANGLE = np.radians(150.0)
 #: The midspan force, in EI / L^2, per deflection, in L, of a hinged rod in the linear theory:
 #: REACTION turns reactions into lengths, as gaps are.

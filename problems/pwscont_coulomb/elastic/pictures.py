@@ -27,7 +27,7 @@ from pwscont_coulomb.elastic.recovery import BodyState
 from pwscont_coulomb.elastic.units import UNITLESS, Units
 from pwscont_coulomb.modes import Mode
 
-#: Meshes with more elements are drawn without the lines between elements.
+#: Most elements of a mesh that is drawn with the lines between elements.
 MANY = 1500
 COLUMN, CURVE_ROW = 4.6, 2.6  # inches
 CURVES = ("pressure", "shear", "friction bound")
