@@ -26,7 +26,7 @@ from pwscont.basics.looks import named
 from pwscont.linear.factor import LU, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
-#: Number of rows from which on scipy's wrappers of LAPACK's tridiagonal routines work.
+#: Least number of rows for which scipy's wrappers of LAPACK's tridiagonal routines work.
 SMALLEST_TRIDIAGONAL = 3
 
 

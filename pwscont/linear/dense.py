@@ -24,9 +24,9 @@ from pwscont.linear.factor import (
     sign_of_pivots,
 )
 
-#: Up to this number of rows, LAPACK finds the largest entry of each row faster than numpy does.
+#: Most rows for which LAPACK finds the largest entry of each row faster than numpy does.
 FEW_ROWS = 32
-#: Up to this number of right-hand sides of a small matrix are solved for in turn.
+#: Most right-hand sides of a small matrix that are solved for in turn, see :func:`_solved`.
 FEW_COLUMNS = 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.

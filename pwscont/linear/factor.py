@@ -35,7 +35,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
 
-#: Up to this number of pivots, Python finds the sign of the product faster than numpy does.
+#: Most pivots for which Python finds the sign of the product faster than numpy does.
 FEW_PIVOTS = 32
 
 
