@@ -31,11 +31,11 @@ def kind_of(word: str) -> Kind | str:
     return Kind(word) if word in set(Kind) else word
 
 
-#: The message where special points seem to accumulate; the value of alpha follows.
+#: The message for special points that seem to accumulate; the value of alpha follows.
 ACCUMULATE = "special points seem to accumulate at alpha ="
-#: How the message of a corner at which solutions are no curves begins.
+#: The beginning of the message of a corner at which solutions are no curves.
 FILL = "solutions fill"
-#: How the message of a point says that only some of the branches there stay within the bounds.
+#: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 
 
