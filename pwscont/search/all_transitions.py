@@ -36,7 +36,7 @@ from pwscont.system.system import (
 )
 from pwscont.transitions.rays import vanishing
 
-#: A direction is vertical if the component along alpha is below this part of the largest component.
+#: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
 
 

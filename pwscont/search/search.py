@@ -53,14 +53,14 @@ class NothingKnown(KnownBranches):
         return []
 
 
-#: What a search should yield, said in errors about values that are nearly right.
+#: The values that a search should yield, in words, for errors about values that are nearly right.
 WANTED = (
     "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: A test may be zero if smaller than this part of the sum of the magnitudes of the terms, which are
-#: taken at z plus typical magnitudes.
+#: Largest test that may be zero, as a part of the sum of the magnitudes of the terms, taken at z
+#: plus typical magnitudes.
 ZERO = 1e-6
 
 
