@@ -20,7 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option
 
-#: A pivot above rounding by less than this factor may be rounding that has grown.
+#: Largest ratio to rounding of a pivot that may be rounding that has grown.
 GROWN_ROUNDING = 256.0
 #: Relative slack of inequalities by which choices are cut off.
 SLACK = 1e-5

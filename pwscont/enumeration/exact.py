@@ -49,12 +49,12 @@ from pwscont.enumeration.slices import tests_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
-#: Cells that are looked at together.
+#: Number of cells that are looked at together, to bound memory.
 BATCH = 4**6
 #: Largest condition of unit rows at which doubles decide: half of all digits are right.
 WORST = EPS**-0.5
-#: A solution of such a cell is outside if a test is negative by more than this part of the sum of
-#: the magnitudes of the terms of the test, far above the error of the solution.
+#: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
+#: magnitudes of the test's terms: far above the error of the solution.
 OUTSIDE = 1e-5
 
 
@@ -127,8 +127,8 @@ def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 
-#: A solution is not returned if a test is negative by more than this part of the sum of the
-#: magnitudes of the terms of the test.
+#: Largest negative test of a solution that is returned, as a part of the sum of the magnitudes of
+#: the test's terms.
 FAR_OUTSIDE = 0.1
 #: Largest condition of unit rows at which an inverse matrix has several right digits.
 WELL_CONDITIONED = EPS**-0.75

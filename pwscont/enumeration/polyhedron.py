@@ -202,9 +202,9 @@ UNBOUNDED = 3
 LEAST_MULTIPLIER = 1e-6
 #: Most points at which the vanishing of inequalities is tried.
 MOST_CORNERS = 2000
-#: Unit rows with a smaller determinant are taken for parallel.
+#: Least determinant of unit rows that are not taken for parallel.
 PARALLEL = 1e-10
-#: A point is well inside if every inequality exceeds this part of the size of the point.
+#: Least value of all inequalities at a point well inside, as a part of the size of the point.
 WELL_INSIDE = 1e-5
 #: Least length by which a direction is divided.
 TINY = float(np.finfo(float).tiny)

@@ -147,13 +147,13 @@ def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
 
 Flags = npt.NDArray[np.bool_]
 
-#: Coefficients below this part of the largest in a row, or of 1, are taken for rounding.
+#: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
 NEGLIGIBLE = 1e-9
-#: A form of unit length may have the wrong sign by this much at a solution: far above rounding.
+#: Largest value of the wrong sign of a unit form at a solution: far above rounding.
 MARGIN = 1e-9
 #: Largest reduced unknown of a solution; typical reduced unknowns are of the order of 1.
 REACH = 1e4
-#: Costs that differ by less than this count as equal, so that steps divide by no small number.
+#: Largest difference of costs that count as equal, so that steps divide by no small number.
 EQUAL_COSTS = 1e-4
 #: Most steps of a program, per unknown.
 MOST_STEPS = 20
