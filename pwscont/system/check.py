@@ -27,7 +27,7 @@ from pwscont.system.contract import (
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
-#: Newton steps to the interface of a test function.
+#: Most Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
 
 

@@ -30,13 +30,15 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 
-#: Balances truncation (h^2) against cancellation (EPS / h) for differences of second order.
+#: Step of differences of second order, in typical magnitudes: truncation (h^2) balances
+#: cancellation (EPS / h).
 STEP = EPS ** (1.0 / 3.0)
-#: The same for differences of fourth order.
+#: Step of differences of fourth order, in typical magnitudes: h^4 balances EPS / h.
 FINE_STEP = EPS**0.2
-#: A finer step is this part of the step before; the finest step leaves seven digits.
+#: A finer step, as a part of the step before, and the finest step, as a part of the usual step: the
+#: finest step leaves seven digits.
 REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
-#: A change of a value by at most this part of the value is rounding.
+#: Largest change that is rounding, as a part of the value.
 ROUNDED = 4.0 * EPS
 #: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}

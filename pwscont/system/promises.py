@@ -38,14 +38,15 @@ from pwscont.system.system import (
 )
 from pwscont.system.units import refuse_extreme_tests
 
-#: A function promised to be affine may differ from an affine model by this part of the function's
-#: terms: far more than rounding, far less than a curved function does over typical magnitudes.
+#: Largest difference of a function promised to be affine from an affine model, as a part of the
+#: function's terms: far more than rounding, far less than a curved function does over typical
+#: magnitudes.
 AFFINE_DEFECT = EPS**0.5
 #: Largest value, as a part of the test's terms, of tests that may vanish at the same corner.
 AT_CORNER = EPS**0.5
-#: Points at which H is evaluated where a search found nothing.
+#: Number of points at which H is evaluated if a search found nothing.
 PROBES = 8
-#: Cells in which the size of a row is asked for.
+#: Number of cells in which the size of a row is asked for.
 CELLS = 8
 
 

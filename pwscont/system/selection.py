@@ -163,7 +163,7 @@ def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Sig
 
 #: Most cells of a system that are tried for solutions.
 MOST_CELLS_TO_TRY = 4096
-#: A test that is smaller than this part of the test's terms has no certain sign.
+#: Largest test without a certain sign, as a part of the test's terms.
 UNCERTAIN = EPS**0.5
 
 

@@ -27,12 +27,12 @@ from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.system import PiecewiseSystem
 
-#: How far beside a point derivatives are compared, in typical magnitudes.
+#: Distance from a point at which derivatives are compared, in typical magnitudes.
 DISTANCE_TO_POINT = 0.01
-#: Lengths of steps; the first length nearly always confirms the derivative.
+#: Lengths of steps, in typical magnitudes; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: A derivative that is off by more than the part WRONG_SLOPE of the terms is wrong; quotients that
-#: differ by at most the part EQUAL_QUOTIENTS of the terms agree.
+#: Largest error of a right derivative, and largest difference of quotients that agree, as parts of
+#: the terms of the derivative.
 WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
 
 

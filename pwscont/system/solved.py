@@ -9,10 +9,10 @@ from pwscont.basics.character import Character
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: H is rounding where H is at most OWN_TERMS times the terms of the same equation, or at most
-#: ALL_TERMS times the largest terms of all equations, which a solve mixes.
+#: Largest H that is rounding, as a part of the terms of the same equation, or as a part of the
+#: largest terms of all equations, which a solve mixes.
 OWN_TERMS, ALL_TERMS = 1e-6, 1e-12
-#: An error of a point is an estimate, which may be too small by this factor.
+#: Factor by which an error of a point, which is an estimate, may be too small.
 ESTIMATED = 10.0
 
 

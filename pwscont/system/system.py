@@ -64,8 +64,8 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
         yield positive.with_signs(decided, chain.from_iterable(modes))
 
 
-#: The default of ``cells`` tries every sign pattern; beyond this number of tests the default asks
-#: for help.
+#: Most tests for which the default of ``cells`` tries every sign pattern; with more tests the
+#: default asks for help.
 MOST_TESTS_TO_TRY = 16
 #: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")

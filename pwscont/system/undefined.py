@@ -27,7 +27,7 @@ from pwscont.basics.errors import InvalidSystemError
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
 #: Messages of functions of math about an argument outside the domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
-#: Points at which tests are counted if the tests are not defined at the first points.
+#: Most points at which tests are counted if the tests are not defined at the first points.
 PROBES = 8
 
 

@@ -11,7 +11,7 @@ from pwscont.system.system import PiecewiseSystem
 
 #: Largest magnitude whose square, and whose inverse's square, are normal numbers.
 LARGEST_TO_SQUARE = 1e150
-#: Values of H whose terms are smaller than this lose digits to underflow.
+#: Smallest terms of H whose sum loses no digits to underflow.
 LEAST_TERMS = float(np.finfo(float).tiny) / EPS
 
 
