@@ -152,6 +152,7 @@ class MoorePenrose(Corrector):
         return Failure(FailureReason.NOT_CONVERGED)
 
 
+#: Most Newton iterations to a zero of a function, and to a root from which corrections begin again.
 MOST_NEWTON = 8
 #: Most corrections next to a double root, where each correction is about half of the previous;
 #: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous.

@@ -32,12 +32,13 @@ from pwscont.curve.curve import Curve
 from pwscont.linear.augmented import augmented
 from pwscont.linear.factorise import columns_scaled, largest_in_rows, power_of_two, rows_divided
 
+#: Most Newton iterations to a branch point.
 MOST_ITERATIONS = 12
 #: Rounds of renewing generic borders before the first iteration.
 FIRST_BORDERS = 2
 #: Largest H at a crossing, as a part of the terms of H; with a larger H the curves pass by.
 MEETS = EPS**0.75
-#: The two directions are told apart: ratio of the eigenvalues of the branching equation.
+#: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
 APART = EPS**0.5
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05

@@ -40,8 +40,10 @@ MOST_PLACES = 256
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
 UNEVEN = 0.3
+#: The golden section, whose multiples place the distances unevenly.
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-#: Distances from the cubic are smooth up to this part of the largest.
+#: Largest part of the distances from the cubic that is not smooth, as a part of the largest
+#: distance: beyond, a place is odd.
 ROUGH_PART = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED

@@ -58,13 +58,13 @@ from pwscont.system.system import SlicewiseLinearSystem
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
-#: A first correction below this relative size is followed by a correction that is rounding.
+#: Relative size of a first correction below which the next correction is rounding.
 NEXT_IS_ROUNDING = CONVERGED**0.5
 #: Most corrections with the last factorisation, if expected to be enough.
 MOST_CHORDS = 2
-#: Corrections with a factorisation from a point close by.
+#: Most corrections with a factorisation from a point close by.
 MOST_CORRECTIONS = 6
-#: A correction larger than this part of the previous correction does not converge any more.
+#: Largest ratio of two corrections that still converge.
 STALLED = 0.1
 #: A factorisation is stale where the Jacobian changes by more than this part within the last
 #: correction. A direction that the factorisation corrects by no more than this part is right to

@@ -64,8 +64,9 @@ CLOSE = 1e-2
 #: The second place at which the cubic is looked at, as a part of the step: there the cubic has
 #: crossed sqrt(3) - 1 of the distance between sheets.
 SECOND = 0.6602
-#: The cubic may be off by this length, in the metric, however short the step is: tangents from
-#: differences are no better, and points this close are not told apart anyway.
+#: Largest distance, in the metric, of the cubic from the curve that is always allowed, however
+#: short the step is: tangents from differences are no better, and points this close are not told
+#: apart anyway.
 NEGLIGIBLE: float = EPS**0.5
 #: Largest distance, in lengths of the step, of an end of the interval or a zero at which the step
 #: ends instead.

@@ -41,14 +41,16 @@ from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_un
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
+#: Most Newton iterations from a start, and most halvings of a step that hardly reduces the merit.
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
-#: Most halvings of a step where solutions are deflated away: shorter steps creep to a minimum of
+#: Most halvings of a step if solutions are deflated away: shorter steps creep to a minimum of
 #: the merit, which is no solution. Random bodies: as many solutions found as with 30, in less than
 #: half the time.
 MOST_HALVINGS_DEFLATED = 12
+#: Least fall of the merit, as a part of the fall that the slope promises (Armijo's rule).
 ARMIJO = 1e-4
-#: Undamped steps from points where no step reduces the merit: a watchdog strategy.
+#: Most undamped steps from points where no step reduces the merit: a watchdog strategy.
 MOST_LEAPS = 3
 
 

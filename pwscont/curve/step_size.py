@@ -10,9 +10,9 @@ from pwscont.basics.errors import InvalidInputError
 
 #: The strain that the control aims at, where 1 is the largest strain that is accepted.
 WANTED_STRAIN = 0.5
-#: Divisors are at least this large.
+#: Least divisor.
 NO_DIVISION_BY_ZERO = 1e-300
-#: Default lengths in the metric: the first step of a piece, and the gap between looks.
+#: Default lengths in the metric: the first step of a piece, and the gap between looks into a step.
 FIRST_STEP = 0.02
 LARGEST_GAP = 0.0025
 

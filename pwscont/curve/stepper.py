@@ -22,8 +22,8 @@ from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
-#: The curve is off the cubic of a segment by less than this part of the chord; a step is accepted
-#: where the curve is off by a tenth of this at points inside.
+#: Bound on the distance of the curve from the cubic of a segment, as a part of the chord; a step is
+#: accepted if the distance at points inside is at most a tenth of the bound.
 BESIDE = 1e-3
 #: The place inside a step that is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden
 #: section.
