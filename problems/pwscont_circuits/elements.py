@@ -309,10 +309,10 @@ class BipolarTransistor(Element):
 class MosfetSwitch(Element):
     """A MOSFET as a switch, alike seen from drain and source.
 
-    The current is i_D = g (max(0, v_GS - threshold) - max(0, v_GD - threshold)) with g = 1 /
-    resistance: a resistor where drain and source conduct (on), a constant current where a single
-    end conducts (saturated), no current where no end conducts (off). The gate takes no current. In
-    a PMOS switch all voltages and currents are reversed.
+    The current is i_D = g (max(0, v_GS - threshold) - max(0, v_GD - threshold)) with
+    g = 1 / resistance: a resistor where drain and source conduct (on), a constant current where a
+    single end conducts (saturated), no current where no end conducts (off). The gate takes no
+    current. In a PMOS switch all voltages and currents are reversed.
 
     Examples
     --------

@@ -35,7 +35,7 @@ class SourceSweep(PiecewiseLinearSystem):
     values : mapping of str to float
         The values of all other sources.
     unique : bool
-        Whether operating points are unique at each value of the parameter.
+        Whether no value of the parameter has two operating points.
 
     Examples
     --------

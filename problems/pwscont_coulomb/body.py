@@ -19,7 +19,7 @@ from pwscont_coulomb.fixed import Fixed
 #: Largest |A - A^T| of a symmetric stiffness matrix, as a part of the largest entry of A: far above
 #: the rounding of assembly.
 SYMMETRIC = 1e-10
-#: Contact nodes whose flexibility is computed at a time, to bound memory.
+#: Number of contact nodes whose flexibility is computed at a time, to bound memory.
 PART = 64
 
 
@@ -55,8 +55,8 @@ class ContactBody(Fixed):
     ------
     InvalidInputError
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
-        a gap is negative, the tangential displacement of a guided node is coupled,
-        or anything is not finite, or an attribute is set.
+        a gap is negative, the tangential displacement of a guided node is coupled with another
+        displacement, or anything is not finite, or an attribute is set.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Jacobians of bodies with many contact nodes, eliminated by hand.
 
 If N and T pick single displacements, the multipliers and the fixed displacements need no
-elimination by pivots. With kappa1 and the rows of :mod:`pwscont_coulomb.coulomb`, what remains is M
-u = g for the displacements, with the row of a displacement of a contact node,
+elimination by pivots. With kappa1 and the rows of :mod:`pwscont_coulomb.coulomb`, the rest is the
+system M u = g for the displacements. The rows of M for the displacements of a contact node are
 
 ==============  ======================  =============================
 mode of node    row of u_nu             row of u_t
@@ -13,7 +13,7 @@ slip+           unit vector             A_t - F A_nu
 slip-           unit vector             A_t + F A_nu
 ==============  ======================  =============================
 
-and the rows of A for the displacements of all other nodes. Each row i is A_i - k_i A_nu, with A_nu
+All other rows of M are rows of A. Each row i is A_i - k_i A_nu, with A_nu
 of the same node, or a unit vector. The key of a row is k_i, or infinity for a unit vector. A node
 that changes mode changes at most two rows (docs/theory, F9), and det M and det(dH/dz) have the same
 sign.

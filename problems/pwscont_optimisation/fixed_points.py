@@ -24,9 +24,9 @@ def BestReplies(  # noqa: N802  used like a class
 ) -> PiecewiseSystem:
     """Return the Nash equilibria x_i = clip((B x + a + alpha c)_i, lower_i, upper_i).
 
-    The reply of player i to all other players is the best reply if the payoff is -x_i^2 / 2 + x_i
-    (B x + a + alpha c)_i with B_ii = 0: any game with quadratic payoffs, each concave in the
-    player's own action, can be written like that.
+    The reply of player i to all other players is the best reply if the payoff is
+    -x_i^2 / 2 + x_i (B x + a + alpha c)_i with B_ii = 0: any game with quadratic payoffs, each
+    concave in the player's own action, can be written in this form.
 
     Parameters
     ----------

@@ -156,8 +156,8 @@ def relu_fixed_points(units: int = 20, seed: int = 0) -> Scene:
 
     Each of the four is driven below zero while |alpha| is small, and then may be on or off: two
     states, 2^4 = 16 together. At larger |alpha| two units that see alpha drive the four units above
-    zero, and no fixed point is left: all solutions lie on closed loops. Each loop crosses alpha =
-    0, so that a single slice near zero finds all loops.
+    zero, and no fixed point is left: all solutions lie on closed loops. Each loop crosses
+    alpha = 0, so that a single slice near zero finds all loops.
 
     Raises
     ------

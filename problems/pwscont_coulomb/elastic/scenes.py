@@ -24,9 +24,9 @@ def triangle_body(material: Material | None = None, friction: float = 4.0) -> El
     """Return a P1 element with a free node: the paper's one-node problem.
 
     The node lies at the right angle of a right triangle whose other nodes are clamped. With normal
-    and tangent of the horizontal side the node's stiffness is [[a, -b], [-b, a]], a = (lambda + 3
-    mu) / 2, b = (lambda + mu) / 2. A third of the body force acts on the node: here f_nu = 0.25 and
-    f_t = alpha, as in Fig. 7.
+    and tangent of the horizontal side the node's stiffness is [[a, -b], [-b, a]],
+    a = (lambda + 3 mu) / 2, b = (lambda + mu) / 2. A third of the body force acts on the node: here
+    f_nu = 0.25 and f_t = alpha, as in Fig. 7.
 
     Parameters
     ----------
