@@ -66,7 +66,8 @@ class Prices:
     ----------
     few : int
         Number of choices for which batches take about as long as linear programs.
-    per_program : int Choices that are decided in batches in the time of a linear program.
+    per_program : int
+        Choices that are decided in batches in the time of a linear program.
     """
 
     few: int
