@@ -114,7 +114,7 @@ class Failure:
 class Guarantee(IntEnum):
     """How much of the zero set a search finds; larger is more.
 
-    UNIQUE is a promise of the system: the solution at every alpha is unique.
+    UNIQUE is a promise of the system: no alpha has two solutions.
     """
 
     NOTHING = 0
