@@ -92,7 +92,7 @@ class PiecewiseSystem(Undefined, ABC):
         The sum of the signs of det(dH/dz) over all solutions, if known to be the same at every
         regular alpha; default None, not known.
     unique : bool
-        The promise that a solution is unique at every alpha (a P-matrix, a convex problem); default
+        The promise that no alpha has two solutions (a P-matrix, a convex problem); default
         False. A solution found is then all solutions, and two solutions are an error in the
         promise.
     line_styles : mapping of str to matplotlib's line styles
