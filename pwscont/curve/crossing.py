@@ -10,8 +10,8 @@ serves in Newton's method.
 
 Failure modes and answers
 -------------------------
-- [J; t^T] is singular at the point, and nearby points of the curve are known to no more than EPS /
-  distance: no point of the curve is computed here, all matrices stay regular.
+- [J; t^T] is singular at the point, and nearby points of the curve are known to no more than
+  EPS / distance: no point of the curve is computed here, all matrices stay regular.
 - Poor borders make M singular: each iteration renews the borders from the null vectors.
 - Two curves pass each other without meeting: mu says how far H misses zero at the point.
 - Curves that touch, or more than two curves that meet: the two by two matrix has no two real
