@@ -58,7 +58,7 @@ BUDGET = {
     "enumeration": (13, 3100),
     "transitions": (20, 4450),
     "graph": (12, 3000),
-    "search": (11, 2150),
+    "search": (11, 2190),
     "continuation": (16, 4180),
     "scenes": (15, 2700),
     "view": (7, 950),

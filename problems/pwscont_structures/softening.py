@@ -104,7 +104,7 @@ class SofteningBar(PiecewiseLinearSystem):
         return balance
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return the tests e - e_peak unless broken, then the tests e - e_ultimate unless elastic."""
+        """Return e - e_peak of elements not broken, then e - e_ultimate of elements not elastic."""
         n, signs = self.size, character.signs
         peaks = [i for i in range(n) if not signs[n + i]]
         return peaks + [n + i for i in range(n) if signs[i]]

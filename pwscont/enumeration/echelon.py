@@ -14,7 +14,7 @@ from pwscont.basics.arrays import Array
 
 Row: TypeAlias = list[int]
 
-#: Most multiplications of integers in an elimination: these take a few seconds.
+#: Most multiplications of integers in an elimination, which take a few seconds.
 MOST_WORK = 5_000_000
 
 

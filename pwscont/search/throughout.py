@@ -9,6 +9,7 @@ Failure modes and answers
 - Most starts would only repeat known solutions: the solutions of all known branches are deflated
   away, and a point found with alpha free is compared with all known branches before the point is
   passed on.
+- An equation in a single unknown has many solutions beside each other: sign changes show solutions.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
 - Solutions beside a fold are closer together than solutions deflated away may be: a solution found
   is compared with all known solutions, not only with the deflated solutions.
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import final
 
 import numpy as np
@@ -36,6 +38,7 @@ from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import KnownBranches, NothingKnown, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
+from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
@@ -56,6 +59,12 @@ MOST_ROUNDS = 4
 #: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
 #: in turn.
 WIDER, WIDTHS = 4.0, 3
+#: Number of values of a single unknown at which the equation is evaluated, within MARGIN times the
+#: known magnitude and again farther out.
+ON_LINE, MARGIN = 64, 1.5
+#: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
+#: change is a known solution, measured like SAME_SOLUTION.
+PART, NEAR_ZERO = 1e-3, 1e-2
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
@@ -119,6 +128,9 @@ class Throughout(Search):
     ) -> Iterator[Found]:
         """Yield solutions from starts inside the interval, at other alphas and states each turn."""
         lo, hi = interval
+        for alpha in interval if turn else ():
+            more = range(turn * self.count, (turn + 1) * self.count)
+            yield from looking.at(alpha, map(looking.guess, more))
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             guesses = map(looking.guess, range(k * self.count, (k + 1) * self.count))
             yield from looking.at(lo + (hi - lo) * _part(k), guesses)
@@ -127,6 +139,7 @@ class Throughout(Search):
         """Promise nothing."""
         ends = f"Newton from {self.ends.count} starts at both ends (seed {self.ends.seed})"
         what = f"{ends} and {self.count} at {self.slices} values of alpha between, deflated"
+        what += ", and where one equation changes its sign" if shown_size(system) == 1 else ""
         what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
 
@@ -151,7 +164,8 @@ class _Looking:
         """Yield the new solutions to which starts at an alpha lead."""
         here = list[Array]()
         known = self._solutions(alpha)
-        for number, rough in enumerate(guesses):
+        zeros = self._sign_changes(alpha, known)
+        for number, rough in enumerate(chain(zeros, guesses)):
             z = completed(self._system, rough[: shown_size(self._system)], alpha)
             y = np.append(z, alpha) / self._metric.scale
             for _ in range(MOST_FROM_ONE):
@@ -165,6 +179,32 @@ class _Looking:
             if not arrived and (found := self._freely(reached, number)):
                 yield found
                 known = [*here, *self._solutions(alpha)]
+
+    def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
+        """Yield sign changes of an equation in a single unknown, except at known solutions."""
+        if shown_size(self._system) != 1:
+            return
+        places = self._line()
+        signs = np.sign([self._equation(z, alpha) for z in places])
+        from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
+
+        for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
+            z = bisect(self._equation, *places[i : i + 2], (alpha,), xtol=PART * self._reach[0])
+            full = completed(self._system, np.array([z]), alpha)
+            if self._is_new(np.append(full, alpha), known, NEAR_ZERO):
+                yield full
+
+    def _line(self) -> Array:
+        """Return values of a single unknown, evenly near branches and ever sparser farther out."""
+        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
+        far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
+        places = self._reach[0] * np.concatenate([MARGIN * even, far])
+        return np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
+
+    def _equation(self, z: float, alpha: float) -> float:
+        full = completed(self._system, np.array([z]), alpha)
+        character = self._system.character(full, alpha)
+        return float(residual_at(self._system, full, alpha, character)[0])
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""

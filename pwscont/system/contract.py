@@ -117,6 +117,8 @@ def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: 
 
     Sums of the terms in another order, as threads make, are no reason.
     """
+    if np.array_equal(first, second, equal_nan=True):
+        return
     apart = np.abs(second - first)
     if (apart > MOST_ROUNDING * (np.abs(first) + np.abs(second) + terms)).any():
         i = int(np.argmax(apart))
