@@ -1,4 +1,4 @@
-"""A circuit of named elements, and what may be wrong with one."""
+"""Circuits of named elements, and the mistakes that a circuit may have."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pwscont_circuits.sweep import SourceSweep
 
 @final
 class Circuit:
-    """A circuit of elements that meet where their nodes have the same name; ``0`` is ground.
+    """A circuit of elements, which meet at nodes of the same name; ``0`` is ground.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Circuit:
     Raises
     ------
     InvalidInputError
-        If a name is used twice, nothing is at ground, a node is met by one element alone or floats,
+        If a name is used twice, nothing is at ground, a node floats or belongs to a single element,
         or voltage sources and outputs of op-amps form a loop.
 
     Examples
@@ -54,11 +54,11 @@ class Circuit:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """V(node) of all nodes but ground, then the I(name) that are unknowns."""
+        """The unknowns: V(node) of all nodes except ground, then the I(name) that are unknown."""
         return self._stamps.names
 
     def sweep(self, source: str) -> SourceSweep:
-        """Return the system of all operating points while the value of one source varies.
+        """Return the system of all operating points, with the value of a source as parameter.
 
         Raises
         ------
@@ -84,8 +84,9 @@ class Circuit:
 
         In a circuit of sources and monotone elements with two ends, products of the differences of
         voltages and currents of two operating points are nowhere negative, and sum to zero (Duffin,
-        *Nonlinear networks IIa*, Bulletin of the AMS 53, 1947): all are zero, and so are the
-        differences of voltages along every way of strictly monotone elements and voltage sources.
+        *Nonlinear networks IIa*, Bulletin of the AMS 53, 1947): all products are zero, and with
+        them the differences of voltages along every way of strictly monotone elements and voltage
+        sources.
         """
         stiff = Joined(self._stamps.stiff)
         return self._stamps.is_monotone and stiff.are(GROUND, *self._stamps.nodes)
@@ -119,7 +120,7 @@ class Circuit:
             )
 
     def _refuse_lone_nodes(self) -> None:
-        """Refuse a node that one element alone mentions, unless that gives its voltage."""
+        """Refuse a node of a single element, except a node whose voltage is given."""
         users = [(node, element.name) for element in self.elements for node in _nodes(element)]
         times = Counter(node for node, _ in users)
         given = {node for _, *ends in self._stamps.fixed for node in ends}
@@ -132,7 +133,7 @@ class Circuit:
 
 
 def _nodes(element: Element) -> Iterable[str]:
-    """Return the nodes of an element but ground, each once."""
+    """Return the nodes of an element except ground, each once."""
     alone = Stamps()
     element.stamp(alone)
     return alone.nodes

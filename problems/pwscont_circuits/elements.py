@@ -17,13 +17,13 @@ from pwscont.extending import finite_array
 from pwscont_circuits.polyline import Polyline
 from pwscont_circuits.stamps import Stamps
 
-#: For the segments of all characteristics of an element: its state, and the event of entering it.
+#: Segments of all characteristics of an element -> the state, and the event of entering the state.
 States: TypeAlias = Mapping[tuple[int, ...], tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Element(ABC):
-    """A named element between named nodes; its numbers must be finite.
+    """A named element between named nodes; all numbers of an element must be finite.
 
     Examples
     --------
@@ -33,7 +33,7 @@ class Element(ABC):
     """
 
     name: str
-    #: The fields that must be positive, and those that must not be negative.
+    #: The fields that must be positive, and the fields that must not be negative.
     positive: ClassVar[tuple[str, ...]] = ()
     not_negative: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[States] = MappingProxyType({})
@@ -59,7 +59,7 @@ class Element(ABC):
 
     @abstractmethod
     def stamp(self, stamps: Stamps) -> None:
-        """Add the equations of the element to those of a circuit."""
+        """Add the equations of the element to the equations of a circuit."""
 
     def state(self, segments: tuple[int, ...]) -> tuple[str, str]:
         """Return the state of the element in words, and the event of entering that state."""
@@ -229,7 +229,7 @@ class TunnelDiode(Element):
     }
 
     def __post_init__(self) -> None:
-        """Refuse a valley that is none."""
+        """Refuse a valley that does not lie beyond and below the peak."""
         super().__post_init__()
         if not self.valley_voltage > self.peak_voltage:
             self._refuse("valley_voltage must be above peak_voltage")
@@ -286,14 +286,14 @@ class BipolarTransistor(Element):
     }
 
     def __post_init__(self) -> None:
-        """Refuse gains of one and more."""
+        """Refuse gains of 1 and more."""
         super().__post_init__()
         self._check_kind("npn", "pnp")
         if max(self.forward_alpha, self.reverse_alpha) >= 1.0:
             self._refuse("forward_alpha and reverse_alpha must be below one")
 
     def stamp(self, stamps: Stamps) -> None:
-        """Add the currents of both junctions."""
+        """Add the currents of the two junctions."""
         c, b, e = self.collector, self.base, self.emitter
         sign, f, r = 1.0 if self.kind == "npn" else -1.0, self.forward_alpha, self.reverse_alpha
         forward = Polyline([self.forward_threshold], (0.0, 1.0 / self.forward_resistance))
@@ -309,10 +309,10 @@ class BipolarTransistor(Element):
 class MosfetSwitch(Element):
     """A MOSFET as a switch, alike seen from drain and source.
 
-    Its current is i_D = g (max(0, v_GS - threshold) - max(0, v_GD - threshold)) with g = 1 /
-    resistance: the resistance itself where both ends conduct (on), a constant current where only
-    one does (saturated), none where none does (off). The gate takes no current. In a PMOS switch
-    all voltages and currents are reversed.
+    The current is i_D = g (max(0, v_GS - threshold) - max(0, v_GD - threshold)) with
+    g = 1 / resistance: a resistor where drain and source conduct (on), a constant current where a
+    single end conducts (saturated), no current where no end conducts (off). The gate takes no
+    current. In a PMOS switch all voltages and currents are reversed.
 
     Examples
     --------
@@ -354,7 +354,7 @@ class MosfetSwitch(Element):
 class OpAmp(Element):
     """An operational amplifier that saturates: V(out) = clip(gain (V(plus) - V(minus)), low, high).
 
-    The inputs take no current; the output gives whatever is asked for.
+    The inputs take no current; the output gives any current.
 
     Examples
     --------
@@ -383,7 +383,7 @@ class OpAmp(Element):
             self._refuse(f"low must be below high, got {self.low:g} and {self.high:g}")
 
     def stamp(self, stamps: Stamps) -> None:
-        """Add the voltage of the output and its current."""
+        """Add the voltage and the current of the output."""
         knots = self.low / self.gain, self.high / self.gain
         curve = Polyline(knots, (0.0, self.gain, 0.0), self.low)
         control = [(self.plus, 1.0), (self.minus, -1.0)]

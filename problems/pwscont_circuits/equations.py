@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from pwscont.extending import Array, Matrix
 from pwscont_circuits.stamps import Stamps, Sum
 
-#: Smaller matrices are dense.
+#: Least number of entries of a sparse matrix: smaller matrices are faster as dense arrays.
 SMALL = 10_000
 #: The name of the parameter among the unknowns.
 SWEPT = "swept"
@@ -26,7 +26,7 @@ class Equations:
     ----------
     stamps : Stamps
     values : mapping of str to float
-        The values of all sources but that which is the parameter.
+        The values of all sources except the source that is the parameter.
     """
 
     def __init__(self, stamps: Stamps, values: Mapping[str, float]) -> None:
@@ -74,7 +74,7 @@ class Equations:
 
     @cached_property
     def conductance(self) -> float:
-        """The median of all conductances between nodes, one if there are none."""
+        """The median of all conductances between nodes, 1.0 if there are none."""
         currents = set(self._stamps.currents)
         found = [abs(f) for row, name, f in self._stamps.entries if not currents & {row, name}]
         return float(np.median(found)) if found else 1.0
@@ -82,8 +82,8 @@ class Equations:
     def scale(self, swept: float) -> Array:
         """Return typical magnitudes of the unknowns while a source goes as far as ``swept``.
 
-        They are one voltage, the largest given one, and one current for all: many currents are
-        zero, or too small to measure, over the whole sweep.
+        All voltages have the magnitude of the largest given voltage, and all currents share a
+        magnitude, too: many currents are zero, or too small to measure, over the whole sweep.
         """
         given = [*np.abs(self.knots), 0.0]
         for row, name, _ in self._stamps.sources:

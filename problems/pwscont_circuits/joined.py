@@ -1,4 +1,4 @@
-"""Which nodes are joined, directly or through others."""
+"""Groups of nodes that are joined, directly or through further nodes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class Joined:
             self.join(*pair)
 
     def join(self, one: str, other: str) -> bool:
-        """Merge two groups; return whether they were apart."""
+        """Merge the groups of two nodes; return whether the groups were apart."""
         one, other = self._last(one), self._last(other)
         if one != other:
             self._next[one] = other
         return one != other
 
     def are(self, *nodes: str) -> bool:
-        """Tell whether all these nodes are in one group."""
+        """Tell whether all given nodes are in the same group."""
         return len({self._last(node) for node in nodes}) == 1
 
     def _last(self, node: str) -> str:

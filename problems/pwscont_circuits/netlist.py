@@ -2,7 +2,8 @@
 
 The first line is the title. ``*`` begins a line of comment, ``;`` a comment behind a line, and a
 line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
-Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after them::
+Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after the
+suffix::
 
     Rname  plus minus resistance
     Vname  plus minus [DC] value            Iname  plus minus [DC] value
@@ -13,8 +14,8 @@ Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a u
     .model name NMOS(vto= ron=), or PMOS    .model name OPAMP(gain= low= high=)
     .dc source from to [step]               .end
 
-X is an op-amp: netlists have no letter of their own for it. The step of ``.dc`` is not needed, and
-not used.
+X is an op-amp: netlists have no letter for op-amps. The step of ``.dc`` is not needed,
+and not used.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ BIPOLAR = {
 }
 MOSFET = {"vto": "threshold", "ron": "resistance"}
 OPAMP = {"gain": "gain", "low": "low", "high": "high"}
-#: For each type of model: the letter of its elements, what makes one, and its parameters.
+#: Type of model -> letter of elements, class of elements, and SPICE's name -> name of a parameter.
 MODELS: dict[str, tuple[str, Callable[..., Element], dict[str, str]]] = {
     "d": ("d", elements.Diode, DIODE),
     "tunnel": ("d", elements.TunnelDiode, TUNNEL),
@@ -64,20 +65,20 @@ MODELS: dict[str, tuple[str, Callable[..., Element], dict[str, str]]] = {
     "pmos": ("m", partial(elements.MosfetSwitch, kind="pmos"), MOSFET),
     "opamp": ("x", elements.OpAmp, OPAMP),
 }
-#: Elements with a value instead of a model.
+#: Letter of elements with a value instead of a model -> class of the elements.
 VALUED: dict[str, Callable[..., Element]] = {
     "r": elements.Resistor,
     "v": elements.VoltageSource,
     "i": elements.CurrentSource,
 }
-#: The number of nodes of an element.
+#: Letter of an element -> number of nodes.
 ENDS = {"r": 2, "v": 2, "i": 2, "d": 2, "q": 3, "m": 3, "x": 3}
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Netlist:
-    r"""What a netlist says.
+    r"""The contents of a netlist: title, circuit and sweep.
 
     Attributes
     ----------
@@ -121,12 +122,13 @@ def read_netlist(path: str | Path) -> Netlist:
 
 
 def parse_netlist(text: str) -> Netlist:
-    r"""Return what a netlist says.
+    r"""Return the title, the circuit and the sweep of a netlist.
 
     Raises
     ------
     InvalidInputError
-        Naming the line that is not understood, or what is wrong with the circuit.
+        If a line is not understood, which the message names, or something is wrong with the
+        circuit.
 
     Examples
     --------
@@ -139,7 +141,7 @@ def parse_netlist(text: str) -> Netlist:
     title, *rest = every[before:] or [""]
     reader = _Reader()
     lines = list(_lines(rest, before + 2))
-    for cards in (True, False):  # a model may stand after the elements that refer to it
+    for cards in (True, False):  # a model may stand after elements that refer to the model
         for number, words in lines:
             if (words[0].lower() == ".model") == cards:
                 _at_line(number, reader.read, words)
@@ -147,7 +149,7 @@ def parse_netlist(text: str) -> Netlist:
 
 
 def _lines(rest: Sequence[str], first: int) -> Iterator[tuple[int, list[str]]]:
-    """Yield the words of each line with its number, lines that go on put together."""
+    """Yield the number and the words of each line, with the lines that go on appended."""
     found: list[tuple[int, str]] = []
     for number, line in enumerate(rest, first):
         code = line.partition(";")[0].strip()
@@ -220,7 +222,7 @@ class _Reader:
         return self._modelled(letter, rest[0])(spelled, *ends)
 
     def _spelled(self, word: str) -> str:
-        """Return a name as it was first written."""
+        """Return a name as first written, with the same capital letters."""
         return self._spelling.setdefault(word.lower(), word)
 
     def _modelled(self, letter: str, model: str) -> Callable[..., Element]:

@@ -18,16 +18,16 @@ class Polyline:
     Parameters
     ----------
     knots : sequence of float, shape (k,)
-        Where the slope changes, ascending.
+        Places at which the slope changes, ascending.
     slopes : sequence of float, shape (k + 1,)
-        Of the segments from left to right, any sign.
+        Slopes of the segments from left to right, any sign.
     value : float
         The function at the first knot.
 
     Raises
     ------
     InvalidInputError
-        If the knots do not ascend, or their number does not fit that of the slopes.
+        If the knots do not ascend, or k knots do not come with k + 1 slopes.
 
     Examples
     --------
@@ -49,14 +49,14 @@ class Polyline:
             raise InvalidInputError(f"knots must ascend, got {list(knots)}")
 
     def __call__(self, x: Any) -> Any:
-        """Return the value at one place or many."""
+        """Return the values at places of any shape."""
         ramps = np.maximum(0.0, np.subtract.outer(x, self.knots)) @ np.diff(self.slopes)
         return self.value + self.slopes[0] * (np.asarray(x) - self.knots[0]) + ramps
 
     def supports(self) -> Iterator[tuple[int, float, float]]:
-        """Yield lines a + b x on one side of which the whole function lies, as (side, a, b).
+        """Yield lines a + b x that the whole function does not cross, as (side, a, b).
 
-        The function is not below the line if the side is 1, not above if it is -1.
+        A side of 1 says that the function is nowhere below the line, a side of -1 nowhere above.
         """
         first, last = self.slopes[0], self.slopes[-1]
         for slope in {first, last}:

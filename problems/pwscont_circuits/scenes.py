@@ -9,14 +9,14 @@ from pwscont import InvalidInputError, Panel, Scene
 from pwscont_circuits.elements import VoltageSource
 from pwscont_circuits.netlist import Netlist, parse_netlist, read_netlist
 
-#: The netlist that the scene ``netlist`` reads unless it is given another.
+#: The netlist that the scene ``netlist`` reads by default.
 INVERTER = Path(__file__).parent / "inverter.cir"
-#: Most sections of a ladder: so many already take more than a minute.
+#: Most sections of a ladder: 100,000 sections already take more than a minute.
 MOST_SECTIONS = 100_000
 
 
 def scene_of(name: str, netlist: Netlist, shown: Sequence[str], at: Sequence[float] = ()) -> Scene:
-    """Return the sweep of a netlist as a scene that shows some of its unknowns."""
+    """Return the sweep of a netlist as a scene that shows the given unknowns."""
     if netlist.sweep is None:
         raise InvalidInputError(f"scene {name}: the netlist needs a line .dc source from to")
     source, lo, hi = netlist.sweep
@@ -57,7 +57,7 @@ def schmitt_trigger(emitter: float = 500.0) -> Scene:
 
 
 def chua(resistance: float = 1800.0, gain: float = 1e5) -> Scene:
-    """Return Chua's circuit at rest, its diode of two op-amps as in Kennedy (1992).
+    """Return Chua's circuit at rest, with a diode of two op-amps as in Kennedy (1992).
 
     At rest the inductor is a wire and the capacitors are gaps. A source E in series with the
     inductor moves the load line of the resistor.
@@ -79,7 +79,7 @@ def chua(resistance: float = 1800.0, gain: float = 1e5) -> Scene:
 
 
 def diode_ladder(sections: int = 10, rise: float = 0.0) -> Scene:
-    """Return a ladder of series resistors and shunt diodes, of which each turns on later by a rise.
+    """Return a ladder of series resistors and shunt diodes, with thresholds that grow by a rise.
 
     Without rise all diodes turn on at once.
     """
@@ -97,7 +97,7 @@ def diode_ladder(sections: int = 10, rise: float = 0.0) -> Scene:
 def netlist(file: str = "inverter.cir") -> Scene:
     """Return the sweep of a netlist in a file; default a CMOS inverter that comes with the package.
 
-    All voltages are shown but those that sources give directly.
+    All voltages are shown except the voltages that sources give directly.
     """
     path = INVERTER if file == INVERTER.name and not Path(file).exists() else Path(file)
     read = read_netlist(path)

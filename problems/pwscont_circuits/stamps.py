@@ -1,9 +1,9 @@
-"""The equations of a circuit, to which each element adds its part.
+"""The equations of a circuit, summed up from the elements.
 
 Modified nodal analysis (Ho, Ruehli and Brennan, *The modified nodal approach to network analysis*,
-IEEE Transactions on Circuits and Systems 22, 1975): the unknowns are the voltages of all nodes but
-ground, and those currents that are no linear function of voltages. The row of a voltage says that
-the currents that leave its node sum to zero; the row of a current is the law of its element.
+IEEE Transactions on Circuits and Systems 22, 1975): the unknowns are the voltages of all nodes
+except ground, and the currents that are no linear function of voltages. The row of a voltage says
+that the currents that leave the node sum to zero; the row of a current is the law of the element.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ class Stamps:
     Attributes
     ----------
     nodes, currents : dict of str to None
-        The nodes but ground, and the names of the currents, in the order in which they came.
+        The nodes except ground, and the names of the currents, in the order of addition.
     entries : list of (row, unknown, factor)
         The linear part, summed where entries repeat.
     sources : list of (row, source, factor)
-        What the values of sources add to rows.
+        Factors with which the values of sources are added to rows.
     constants : list of (row, value)
     ramps : list of Ramp
     curves : list of (row, number of knots)
-        The rows with ramps, in their order.
+        The rows with ramps, in the order of the ramps.
     supports : list of (sum, value)
-        Sums of unknowns that with these values are nowhere negative.
+        Sums of unknowns that are nowhere negative once the value is added.
     paths : list of pair of str
         Nodes between which current finds a way.
     stiff : list of pair of str
-        Those of them whose voltage follows from their current.
+        The paths whose voltage follows from the current.
     fixed : list of (name, plus, minus)
-        Nodes whose voltage is given, and by what.
+        Pairs of nodes whose voltage is given, and the element that gives the voltage.
     is_monotone : bool
         Whether all elements have two ends and currents that never fall while voltages grow.
 
@@ -106,7 +106,7 @@ class Stamps:
         self.sources += [(row, name, sign) for row, sign in ends]
 
     def voltage_source(self, name: str, plus: str, minus: str) -> None:
-        """Add a given voltage from plus to minus, and its current."""
+        """Add a given voltage from plus to minus, and the current through the source."""
         ends = ((plus, 1.0), (minus, -1.0))
         row = self._current(name, ends)
         self.entries += [(row, unknown, -sign) for unknown, sign in self._voltages(ends)]
@@ -128,7 +128,7 @@ class Stamps:
         self.is_monotone = False
 
     def voltage_of(self, name: str, node: str, control: Terms, curve: Polyline) -> None:
-        """Let the voltage of a node be a function of a sum of voltages, and add its current."""
+        """Make a function of a sum of voltages the voltage of a node, and add a current there."""
         row = self._current(name, ((node, 1.0), (GROUND, -1.0)))
         self._curve(row, self._voltages([(node, 1.0)]), self._voltages(control), curve, -1.0)
         self.fixed.append((name, node, GROUND))
@@ -143,7 +143,7 @@ class Stamps:
     ) -> None:
         """Let a row say sign * (output - curve(control)) = 0.
 
-        The curve is its first segment and a ramp from each knot on.
+        The curve is written as the first segment plus a ramp from each knot on.
         """
         first, knots = curve.slopes[0], curve.knots
         self.entries += [(row, *term) for term in combined(output, -first, control, sign)]
@@ -165,7 +165,7 @@ class Stamps:
         return current
 
     def _voltages(self, terms: Terms) -> Sum:
-        """Return a sum of voltages without that of ground, which is zero."""
+        """Return a sum of voltages without the voltage of ground, which is zero."""
         self.has_ground |= any(node == GROUND for node, _ in terms)
         inner = [(node, factor) for node, factor in terms if node != GROUND]
         self.nodes |= dict.fromkeys(node for node, _ in inner)

@@ -1,4 +1,4 @@
-"""All operating points of a circuit while the value of one source varies."""
+"""All operating points of a circuit, with the value of a source as parameter."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pwscont_circuits.stamps import Stamps
 
 @final
 class SourceSweep(PiecewiseLinearSystem):
-    """The operating points of a circuit; the parameter is the value of one source.
+    """The operating points of a circuit; the parameter is the value of a source.
 
-    z holds the voltages V(node) of all nodes but ground, then the currents I(name) of voltage
+    z holds the voltages V(node) of all nodes except ground, then the currents I(name) of voltage
     sources, nonlinear elements and outputs of op-amps. From the linear rows of modified nodal
-    analysis one ramp is subtracted for each knot of a characteristic, in the row of its element::
+    analysis a ramp is subtracted for each knot of a characteristic, in the row of the element::
 
         H = A (z, alpha) + b - R max(0, C (z, alpha) - knots)
 
@@ -30,12 +30,12 @@ class SourceSweep(PiecewiseLinearSystem):
     Parameters
     ----------
     elements : sequence of Element
-        One for each characteristic; an element with two stands there twice.
+        The owner of each characteristic; an element with two characteristics is listed twice.
     stamps : Stamps
     values : mapping of str to float
         The values of all other sources.
     unique : bool
-        Whether there is never more than one operating point.
+        Whether no value of the parameter has two operating points.
 
     Examples
     --------
@@ -58,10 +58,10 @@ class SourceSweep(PiecewiseLinearSystem):
         self._equations = Equations(stamps, values)
         self._elements = [(element, len(list(same))) for element, same in groupby(elements)]
         knots = [count for _, count in stamps.curves]
-        #: The first test of each curve, and one beyond the last.
+        #: The number of the first test of each curve, and the number of all tests.
         self._firsts = np.cumsum([0, *knots])
         self._rows = [self._equations.place[row] for row, _ in stamps.curves]
-        #: For each ramp its row, and the change of slope at its knot.
+        #: The row of each ramp, and the change of slope at the knot.
         self._ramps = [(self._equations.place[ramp.row], ramp.change) for ramp in stamps.ramps]
 
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -93,7 +93,7 @@ class SourceSweep(PiecewiseLinearSystem):
         return c
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block for each characteristic: it is on one of its segments."""
+        """Return a block for each characteristic, with a choice for each segment."""
         spans = zip(pairwise(self._firsts.tolist()), self._rows, strict=True)
         return tuple(Block(tuple(range(*span)), (row,), _segments(*span)) for span, row in spans)
 
@@ -103,12 +103,12 @@ class SourceSweep(PiecewiseLinearSystem):
             yield Character(tuple(sign for part in signs for sign in part))
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return the lines on one side of which whole characteristics lie."""
+        """Return the lines that whole characteristics do not cross, as inequalities in z."""
         D, d = self._equations.supports
         return D[:, :-1], d + alpha * D[:, -1]
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return one typical voltage and one typical current."""
+        """Return a typical voltage and a typical current, repeated for all unknowns."""
         return self._equations.scale(max(abs(lo), abs(hi)))
 
     def names(self) -> tuple[str, ...]:
@@ -125,13 +125,13 @@ class SourceSweep(PiecewiseLinearSystem):
         return _told([(e.name, new[1]) for (_, old), (e, new) in states if old != new])
 
     def test_name(self, test: int) -> str:
-        """Return the element and its knot."""
+        """Return the element and the knot of a test."""
         curve = int(np.searchsorted(self._firsts, test, side="right")) - 1
         owners = [element.name for element, count in self._elements for _ in range(count)]
         return f"{owners[curve]} at {self._equations.knots[test]:g}"
 
     def _states(self, character: Character) -> list[tuple[Element, tuple[str, str]]]:
-        """Return the state of each element, and the event of entering it."""
+        """Return the state of each element, and the event of entering the state."""
         if not len(self._rows):
             return []
         segments = iter(np.add.reduceat(character.array, self._firsts[:-1], dtype=int).tolist())
@@ -139,13 +139,13 @@ class SourceSweep(PiecewiseLinearSystem):
 
 
 def _segments(first: int, last: int) -> tuple[tuple[bool, ...], ...]:
-    """Return the signs of the tests of a characteristic on each of its segments."""
+    """Return the signs of the tests of a characteristic on each segment."""
     knots = last - first
     return tuple(tuple(i < on for i in range(knots)) for on in range(knots + 1))
 
 
 def _told(words: list[tuple[str, str]]) -> str:
-    """Return names with words, those in a row that have the same together."""
+    """Return names with words; neighbours with the same word are put together."""
     runs = [(word, [name for name, _ in run]) for word, run in groupby(words, lambda w: w[1])]
     return ", ".join(f"{_span(names)} {word}" for word, names in runs)
 

@@ -18,9 +18,10 @@ from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite
 from pwscont_coulomb.condensed import Condensation, checked_load, is_worth_condensing
 from pwscont_coulomb.fixed import Fixed
 
-#: A stiffness matrix is symmetric when its asymmetry is below this part of its largest entry.
+#: Largest |A - A^T| of a symmetric stiffness matrix, as a part of the largest entry of A: far above
+#: the rounding of assembly.
 SYMMETRIC = 1e-10
-#: Contact nodes whose flexibility is computed at a time.
+#: Number of contact nodes whose flexibility is computed at a time, to bound memory.
 PART = 64
 
 
@@ -38,9 +39,9 @@ class ContactBody(Fixed):
     gap : array_like, shape (p,), optional
         Distance of each node to the obstacle, not negative; default 0 (as in the paper).
     guided : array_like of bool, shape (p,), optional
-        Nodes that a support holds along their tangent, such as nodes on an axis of symmetry: they
-        touch or not, without friction. So that T keeps its full rank, a guided node has a
-        tangential displacement that A and N couple with no other and on which no load acts: this
+        Nodes that a support holds along the tangent, such as nodes on an axis of symmetry: guided
+        nodes touch or not, without friction. To keep T of full rank, a guided node has a tangential
+        displacement that A and N couple with no other displacement and on which no load acts: the
         displacement is zero. Default none.
 
     Attributes
@@ -56,8 +57,8 @@ class ContactBody(Fixed):
     ------
     InvalidInputError
         If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
-        a gap is negative, the tangential displacement of a guided node is coupled with others,
-        or anything is not finite, or an attribute is set.
+        a gap is negative, the tangential displacement of a guided node is coupled with another
+        displacement, or anything is not finite, or an attribute is set.
 
     Examples
     --------
@@ -187,7 +188,7 @@ class ContactBody(Fixed):
         return self._whole
 
     def with_nodes(self, kept: Indices) -> ContactBody:
-        """Return the same body with only some of its contact nodes."""
+        """Return the body with only some contact nodes."""
         body, by_node = copy(self), ("N", "T", "gap", "guided", "stiffness")
         body.__setstate__({name: getattr(self, name)[kept] for name in by_node})
         body.p, body.numbers = len(kept), tuple(self.numbers[i] for i in kept)
@@ -206,7 +207,7 @@ class ContactBody(Fixed):
         Parameters
         ----------
         loads : ndarray, shape (n, k)
-            All loads that may occur, or loads whose convex hull holds them all.
+            All loads that may occur, or loads whose convex hull holds all loads.
         """
         parts = (_dense(self.N[first : first + PART]).T for first in range(0, self.p, PART))
         *flexibility, energies = self._energies(chain(parts, [loads]))
@@ -218,8 +219,8 @@ class ContactBody(Fixed):
 
         By Cauchy and Schwarz f.A^-1 f >= (f.v)^2 / v.A v for every v, here the displacements under
         f if A were diagonal, and (N A^-1 N^T)_ii is at least (N N^T)_ii by the stiffness of node i.
-        Where A hardly resists v, rounding could make v.A v too small: a bound of it is added, for
-        |A_ij| <= (A_ii A_jj)^(1/2).
+        Rounding could make v.A v too small if A hardly resists v: a bound of the rounding is added,
+        for |A_ij| <= (A_ii A_jj)^(1/2).
 
         Parameters
         ----------
@@ -234,7 +235,7 @@ class ContactBody(Fixed):
         return reach
 
     def _energies(self, parts: Iterable[Array]) -> Iterator[Array]:
-        """Yield v.A^-1 v of the columns v of each part, by one factorisation."""
+        """Yield v.A^-1 v of the columns v of each part; all parts share a factorisation."""
         if self.is_sparse:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
@@ -246,7 +247,7 @@ class ContactBody(Fixed):
             yield np.square(lapack.dtrtrs(lower, part, lower=1)[0]).sum(axis=0)
 
     def solve(self, forces: Array) -> Array:
-        """Return A^-1 forces, for one load, shape (n,), or several, shape (n, k)."""
+        """Return A^-1 forces, for a load, shape (n,), or several loads, shape (n, k)."""
         if is_worth_condensing(self.n, self.p):
             return self._own_condensation.solve(forces)
         if self.is_sparse:
@@ -274,7 +275,7 @@ class ContactBody(Fixed):
         self._check_guided()
 
     def _check_guided(self) -> None:
-        """Refuse guided nodes whose tangential displacement moves with others."""
+        """Refuse guided nodes whose tangential displacement is coupled with other displacements."""
         for node in np.flatnonzero(self.guided):
             t = _dense(self.T[[node]]).ravel()
             force = self.A @ t
@@ -286,7 +287,7 @@ class ContactBody(Fixed):
                 )
 
     def refuse_guided_load(self, f: Array) -> None:
-        """Refuse a load, shape (n,), that would move a guided node along its tangent."""
+        """Refuse a load, shape (n,), that would move a guided node along the tangent."""
         if self._has_guided and (pushed := (self.T @ f != 0.0) & self.guided).any():
             node = int(np.argmax(pushed)) + 1
             raise InvalidInputError(
@@ -314,13 +315,13 @@ def _matrix(name: str, values: Any) -> Matrix:
 
 
 def _symmetric(A: Matrix) -> Matrix:
-    """Return a square matrix that is symmetric but for rounding, without its rounding."""
+    """Return the symmetric part of a square matrix that is symmetric up to rounding."""
     if A.shape[0] != A.shape[1]:
         raise InvalidInputError(f"A must be square, got shape {A.shape}")
     asymmetry = abs(A - A.T).max()
     if asymmetry > SYMMETRIC * abs(A).max():
         raise InvalidInputError(f"A is not symmetric: |A - A^T| reaches {asymmetry:.3g}")
-    # what reads half of A has to see the same matrix
+    # readers of half of A have to see the same matrix
     return 0.5 * (A + A.T) if asymmetry else A
 
 
@@ -343,7 +344,7 @@ def _is_positive_definite(A: Matrix) -> bool:
     from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
     try:
-        # symmetric pivoting on the diagonal: positive pivots are those of Cholesky
+        # symmetric pivoting on the diagonal: positive pivots are pivots of Cholesky
         lu = splu(
             A.tocsc(),
             permc_spec="MMD_AT_PLUS_A",
@@ -364,7 +365,7 @@ def _has_cholesky(A: Array) -> bool:
 
 
 def _has_full_rank(matrix: Matrix) -> bool:
-    """Tell whether the rows are independent, whatever their units."""
+    """Tell whether the rows are independent, whatever the units of each row."""
     dense = matrix.toarray() if sp.issparse(matrix) else matrix
     lengths = np.linalg.norm(dense, axis=1)
     if not lengths.all():

@@ -1,8 +1,8 @@
 """Jacobians of bodies with many contact nodes, eliminated by hand.
 
-Where N and T pick single displacements, the multipliers and the fixed displacements need no
-elimination by pivots. With kappa1 and the rows of :mod:`pwscont_coulomb.coulomb`, what remains is
-M u = g for the displacements, with one row for each of them,
+If N and T pick single displacements, the multipliers and the fixed displacements need no
+elimination by pivots. With kappa1 and the rows of :mod:`pwscont_coulomb.coulomb`, the rest is the
+system M u = g for the displacements. The rows of M for the displacements of a contact node are
 
 ==============  ======================  =============================
 mode of node    row of u_nu             row of u_t
@@ -13,18 +13,18 @@ slip+           unit vector             A_t - F A_nu
 slip-           unit vector             A_t + F A_nu
 ==============  ======================  =============================
 
-and the rows of A for the displacements of all other nodes. Each row i is A_i - k_i A_nu, with A_nu
+All other rows of M are rows of A. Each row i is A_i - k_i A_nu, with A_nu
 of the same node, or a unit vector. The key of a row is k_i, or infinity for a unit vector. A node
-that changes its mode changes at most two rows (docs/theory, F9), and the sign of det M is that of
-det(dH/dz).
+that changes mode changes at most two rows (docs/theory, F9), and det M and det(dH/dz) have the same
+sign.
 
 Failure modes and answers
 -------------------------
 - Stiffnesses of different magnitudes: M is scaled by powers of two from the diagonal of A, and
-  slip rows by the friction in them; results do not depend on units.
+  slip rows by the friction; results do not depend on units.
 - M is singular at folds and on vertical pieces, where the bordered matrix is not: see
   :mod:`pwscont.linear.updates` and :mod:`pwscont.linear.bordered`.
-- A multiplier is the difference of elastic force and load, and has the rounding errors of both, as
+- A multiplier is the difference of elastic force and load, with the rounding errors of the two, as
   in the solution of the whole system.
 """
 
@@ -50,13 +50,13 @@ from pwscont.extending import (
 if TYPE_CHECKING:
     from pwscont_coulomb.body import ContactBody
 
-#: A number below this size counts as zero in the matrix of magnitudes.
+#: Smallest entry of the matrix of magnitudes, without unit: smaller numbers count as zero.
 SMALLEST = 1e-30
 
 
 @final
 class ContactAlgebra:
-    """The elimination shared by all matrices of one body.
+    """The elimination shared by all matrices of a body.
 
     Parameters
     ----------
@@ -76,16 +76,16 @@ class ContactAlgebra:
         self.partner = np.arange(body.n)
         self.partner[tangential] = normal
         self.normal, self.tangential = _span(normal), _span(tangential)
-        #: A is scaled to D A D, with a diagonal of about one.
+        #: A is scaled to D A D, with a diagonal of about 1.
         self.D = power_of_two(1.0 / np.sqrt(body.A.diagonal()))
         self.largest = np.array([np.abs(row).max() for row in body.A])
-        #: A row by row, and column by column, as BLAS wants it: one array, for A is symmetric.
+        #: A row by row, and column by column for BLAS: the same array, for A is symmetric.
         self.by_rows = body.A.T if body.A.flags.f_contiguous else np.ascontiguousarray(body.A)
         self._columns = self.by_rows.T
 
     @staticmethod
     def fits(body: ContactBody) -> bool:
-        """Tell whether a body has the structure that is needed."""
+        """Tell whether a body has a dense A, and N and T that pick single displacements."""
         return not body.is_sparse and all(_picks(rows) for rows in (body.N, body.T))
 
     @cached_property
@@ -111,7 +111,7 @@ class ContactAlgebra:
         return push
 
     def shear(self, z: Array) -> Array:
-        """Return lam_t - r u_t of all nodes, zero where they are guided, shape (p,)."""
+        """Return lam_t - r u_t of all nodes, zero at guided nodes, shape (p,)."""
         shear: Array = self.slides * (z[self.n + self.p :] - self.r * z[self.tangential])
         return shear
 
@@ -140,20 +140,20 @@ class ContactAlgebra:
         return rows
 
     def weights(self, keys: Array) -> Array:
-        """Return factors that bring the entries of slip rows to about one, shape (n,)."""
+        """Return factors that bring the entries of slip rows to about 1, shape (n,)."""
         size = np.where(np.isinf(keys), 0.0, np.abs(keys)) * self.D / self.D[self.partner]
         return 1.0 / power_of_two(np.maximum(0.5, size))
 
 
 @final
 class Displacements(RowMatrix):
-    """The scaled matrix M for the keys of its rows; see the module."""
+    """The scaled matrix M with rows of given keys; see the module."""
 
     def __init__(self, algebra: ContactAlgebra, keys: Array) -> None:
         self._algebra, self.keys = algebra, keys
         self.unit = np.isinf(keys)
         self._key = np.where(self.unit, 0.0, keys)
-        #: Right-hand sides are multiplied by this.
+        #: The factor of each row of a right-hand side.
         self.scale = np.where(self.unit, 1.0 / algebra.D, algebra.D * algebra.weights(keys))
 
     def rows(self, which: Indices) -> Array:
@@ -163,7 +163,7 @@ class Displacements(RowMatrix):
     def dense(self) -> Array:
         """Return the whole matrix in Fortran order."""
         a = self._algebra
-        # A is symmetric, and each row of the matrix a column of its transpose
+        # A is symmetric, and each row of the matrix a column of the transpose
         columns = a.by_rows * a.D[:, np.newaxis]
         columns[:, a.tangential] -= self._key[a.tangential] * columns[:, a.normal]
         columns *= np.where(self.unit, 0.0, a.D * a.weights(self.keys))
@@ -171,7 +171,7 @@ class Displacements(RowMatrix):
         return columns.T
 
     def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
-        """Return rows times the inverse of another matrix; most are known without a product."""
+        """Return rows times the inverse of another matrix; most of the rows need no product."""
         assert isinstance(last, Displacements), "matrices of one family are of one kind"
         unit, known = self.unit[which], self._follows(which, last)
         others = ~(unit | known)
@@ -182,7 +182,7 @@ class Displacements(RowMatrix):
         return products, max(largest, float(np.abs(products[:, which]).max()))
 
     def _follows(self, which: Indices, last: Displacements) -> npt.NDArray[np.bool_]:
-        """Tell which rows are combinations of two of another matrix: of their own, and A_nu."""
+        """Tell which rows combine two rows of another matrix: the same row, and A_nu."""
         has_normal = ~last.unit[self._algebra.partner[which]]
         follows: npt.NDArray[np.bool_] = has_normal & ~(self.unit | last.unit)[which]
         return follows
@@ -216,7 +216,7 @@ def picked(rows: Any) -> Indices:
 
 
 def _span(numbers: Indices) -> Indices | slice:
-    """Return numbers that rise in equal steps as a slice, of which numpy makes no copy."""
+    """Return numbers that rise in equal steps as a slice, so that numpy makes no copy."""
     first, last = (int(numbers[0]), int(numbers[-1])) if len(numbers) else (0, -1)
     step = int(numbers[1]) - first if len(numbers) > 1 else 1
     rises = step > 0 and np.array_equal(numbers, np.arange(first, last + 1, step))

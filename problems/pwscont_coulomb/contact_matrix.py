@@ -22,13 +22,13 @@ from pwscont.extending import (
 from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
 from pwscont_coulomb.modes import STICKS, TOUCHES
 
-#: For each mode the sign of its slip.
+#: Sign of the slip in each mode.
 SIDES = np.array([0.0, 0.0, 1.0, -1.0])
 
 
 @final
 class ContactMatrix(Factor):
-    """dH/dz for one mode of every node, shape (n + 2 p, n + 2 p).
+    """dH/dz for given modes of the nodes, shape (n + 2 p, n + 2 p).
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ class ContactMatrix(Factor):
         self.touches = TOUCHES[mode]
         #: The tangential row of a guided node is lam_t = 0, in stick, too.
         self.sticks = STICKS[mode] & algebra.slides
-        #: sF of slipping nodes, with s = 1 for slip+; zero for the others.
+        #: sF of slipping nodes, with s = 1 for slip+ and s = -1 for slip-; zero for all other
+        #: nodes.
         self.slip = friction * SIDES[mode]
 
     @cached_property
@@ -88,7 +89,7 @@ class ContactMatrix(Factor):
         return product
 
     def column_at(self, index: int) -> Array:
-        """Return a column, at no more cost than its length."""
+        """Return a column, at a cost proportional to the length."""
         a, unit = self.algebra, np.zeros(self.algebra.n + 2 * self.algebra.p)
         unit[index] = 1.0
         return self._product(unit, a.A[index] if index < a.n else np.zeros(a.n))
@@ -211,7 +212,7 @@ class ContactJacobian(StructuredJacobian):
         return _Magnitudes(self)
 
     def toarray(self) -> Array:
-        """Return the same matrix as a dense one, column by column."""
+        """Return the matrix as a dense array, column by column."""
         size = len(self.column)
         columns = [self.matrix.dot(unit) for unit in np.eye(size)]
         return np.column_stack([*columns, self.column])
@@ -225,7 +226,7 @@ class ContactJacobian(StructuredJacobian):
         return BorderedFactor(interior, scaled / whole[-1], whole, scale)
 
     def inner(self, scale: Array) -> Factor:
-        """Return the part for z, which solves in its own units."""
+        """Return the part for z, which solves in the units of H and z."""
         return self.matrix
 
     def column_at(self, index: int) -> Array:

@@ -1,4 +1,4 @@
-"""The equations of static contact with Coulomb friction, for both choices of the parameter.
+"""The equations of static contact with Coulomb friction; the parameter is load or friction.
 
 z = (u, lam_nu, lam_t), and per node, with the notation of :mod:`pwscont_coulomb.modes`:
 
@@ -14,8 +14,8 @@ slip-          r (u_nu - gap)        lam_t + F kappa1
 after the rows A u - f - N^T lam_nu - T^T lam_t of equilibrium (paper, equations 4 to 7). All
 rows are forces.
 
-A guided node (:class:`~pwscont_coulomb.ContactBody`) is either in no contact or in stick. Its
-tangential row is lam_t in both; kappa1 alone bounds them, and kappa2 = 1 and kappa3 = -1 are
+A guided node (:class:`~pwscont_coulomb.ContactBody`) is in no contact or in stick, with the
+tangential row lam_t in each mode; kappa1 alone bounds the modes, and kappa2 = 1 and kappa3 = -1 are
 constant.
 """
 
@@ -64,12 +64,12 @@ from pwscont_coulomb.rows import (
 )
 from pwscont_coulomb.states import IN_CONTACT, SLIPS, DenseStates, SparseStates, States
 
-#: Modes and bounding tests of so many cells are kept, of many nodes those of fewer.
+#: Most cells whose modes and bounding tests are kept; about the most signs of all kept cells.
 MOST_CELLS, MOST_SIGNS = 128, 12000
 MODES = tuple(SIGNS.values())
 GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 
-#: From this many contact nodes on, elimination by hand pays for itself.
+#: Least number of contact nodes for which elimination by hand is faster than a general LU.
 MANY_NODES = 32
 
 
@@ -85,9 +85,10 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
     """
 
     _given = frozenset({"body", "r", "load", "friction", "force", "profile"})
-    #: Nodes with F = 0 whatever the parameter, shape (p,).
+    #: Nodes with F = 0 at every parameter value, shape (p,).
     _without_friction: contact.Flags
-    #: One solution more with positive than with negative determinant, whatever f and F >= 0.
+    #: Solutions with positive determinant less solutions with negative determinant, for every f and
+    #: every F >= 0.
     degree = 1
     line_styles = contact.LINE_STYLES
 
@@ -133,7 +134,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
 
     @abstractmethod
     def along_friction(self, alpha: float) -> Coulomb:
-        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+        """Return the problem at given alpha whose parameter scales all friction, from 0 up to 1."""
 
     @abstractmethod
     def condensed_on(self, small: ContactBody, kept: Indices) -> Coulomb:
@@ -141,7 +142,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
 
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
-        """Return the same problem with only some of its contact nodes."""
+        """Return the problem with only some contact nodes."""
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
@@ -174,7 +175,7 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         return residual
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the terms of H that are linear in z, in an array of their own."""
+        """Return the terms of H that are linear in z, in a new array."""
         terms: Array = self._matrix_at(character, alpha).dot(z)
         return terms
 
@@ -187,10 +188,12 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         return self._modes.of(character, contact.modes)
 
     def bounding_tests(self, character: Character) -> Indices:
-        """Return kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and one for slip.
+        """Return the tests that bound the modes of all nodes.
 
-        Where F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0. Without friction kappa1 bounds
-        stick, too: otherwise points with tension would count as solutions.
+        Bounding tests are kappa1 for no contact, kappa2 and kappa3 for stick, kappa1 and kappa2 for
+        slip+, kappa1 and kappa3 for slip-. If F > 0, kappa2 >= 0 >= kappa3 implies kappa1 <= 0.
+        Without friction kappa1 bounds stick, too: otherwise points with tension would count as
+        solutions.
         """
         return self._bounding.of(character, self._bounds)
 
@@ -200,12 +203,12 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         return protected(is_bound.nonzero()[0])
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each combination of modes: 4^p where no node is guided."""
+        """Yield the characters of all combinations of modes: 4^p if no node is guided."""
         for combination in product(*self._modes_of_nodes()):
             yield Character(tuple(sign for signs in combination for sign in signs))
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block per contact node, of four modes or, where it is guided, two."""
+        """Return a block for each contact node: four modes, or two if guided."""
         return self._blocks
 
     @cached_property
@@ -292,8 +295,8 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical displacements and forces over the interval.
 
-        Displacements are those of the body without contact: in a soft direction they may be
-        far larger than force by stiffness.
+        Displacements have the size of displacements without contact: a soft direction may allow far
+        larger displacements than force by stiffness.
         """
         if self._scale is None or self._scale[0] != (lo, hi):
             loads = np.column_stack([self.load_at(alpha) for alpha in np.linspace(lo, hi, 9)])
@@ -305,9 +308,9 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         return self._scale[1]
 
     def state_matrix(self, mode: Indices, friction: Array) -> Matrix:
-        """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last one is kept.
+        """Return dH/dz, shape (n + 2 p, n + 2 p), not to be written to; the last matrix is kept.
 
-        The normal row of a node is the gradient of lam_nu, in contact of lam_nu - kappa1. Its
+        The normal row of a node is the gradient of lam_nu, in contact of lam_nu - kappa1. The
         tangential row is the gradient of lam_t, in stick of lam_t - x, in slip+ and slip- of
         lam_t - F kappa1 and lam_t + F kappa1.
         """
@@ -332,9 +335,10 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         return sp.hstack([matrix, sp.csr_matrix(column[:, np.newaxis])]).tocsr()
 
     def _contact_jacobian(self, matrix: ContactMatrix, column: Array) -> ContactJacobian:
-        """Return [dH/dz | column]; the last one is kept, with its factorisations.
+        """Return [dH/dz | column]; the last Jacobian is kept, with all factorisations.
 
-        The system keeps it, not the matrix: two objects that refer to each other are freed late.
+        The system keeps the Jacobian, not the matrix: two objects that refer to each other are
+        freed late.
         """
         last = self._jacobian
         if last is None or last.matrix is not matrix or not np.array_equal(last.column, column):

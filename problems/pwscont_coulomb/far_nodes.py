@@ -1,4 +1,4 @@
-"""Contact nodes that cannot reach the obstacle, and the problem without them."""
+"""Contact nodes that cannot reach the obstacle, and the problem without such nodes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pwscont.extending import Array, Indices, Reduction
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import SIGNS, Mode
 
-#: Relative margin of the bound by which nodes are left out, far above its rounding.
+#: Relative margin of the bound by which nodes are left out, far above the rounding of the bound.
 REACH_MARGIN = 1e-6
 
 
 def without_far_nodes(
     body: ContactBody, loads: Array, with_nodes: Callable[[Indices], PiecewiseSystem]
 ) -> Reduction | None:
-    """Return the reduction to the nodes that may touch, None where all may.
+    """Return the reduction to the nodes that may touch, None if all nodes may touch.
 
     Parameters
     ----------
@@ -26,13 +26,13 @@ def without_far_nodes(
     loads : ndarray, shape (n, k)
         Loads whose convex hull holds all loads.
     with_nodes : callable
-        Returns the problem with only some of its contact nodes.
+        Returns the problem with only the given contact nodes.
     """
     if (body.gap <= body.least_reach(loads)).all():
         return None
     reach = body.reach(loads)
     far = body.gap > reach * (1.0 + REACH_MARGIN)
-    far[np.argmin(body.gap - reach)] = False  # at least one node remains
+    far[np.argmin(body.gap - reach)] = False  # a node remains in any case
     if not far.any():
         return None
     n, p, kept = body.n, body.p, np.flatnonzero(~far)

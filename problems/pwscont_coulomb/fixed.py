@@ -1,4 +1,4 @@
-"""What a problem is made of: given once, for what is computed from it is kept."""
+"""Objects with fixed data: values computed from the data are kept, and must stay right."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Given = TypeVar("Given")
 
 
 class Fixed:
-    """An object of which some attributes are given once, and arrays in them are not written to."""
+    """An object with attributes that are set once; arrays among the attributes are read-only."""
 
-    #: The names of these attributes.
+    #: The names of the attributes that are set once.
     _given: ClassVar[frozenset[str]] = frozenset()
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -26,7 +26,7 @@ class Fixed:
         super().__setattr__(name, value)
 
     def __setstate__(self, state: Any) -> None:
-        """Take attributes over into a copy, or one in another process; slots come beside them."""
+        """Set the attributes of a copy, also in another process, from a dict or (dict, slots)."""
         attributes, slots = state if isinstance(state, tuple) else (state, {})
         vars(self).update(attributes or {})
         for name, value in slots.items():
@@ -36,7 +36,7 @@ class Fixed:
 
 
 def protected(value: Given) -> Given:
-    """Return the same; a dense array cannot be written to any more."""
+    """Return the given value; a dense array becomes read-only."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
     return value

@@ -64,7 +64,7 @@ class CoulombFriction(Coulomb):
         return self.force[:, np.newaxis]
 
     def along_friction(self, alpha: float) -> Coulomb:
-        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+        """Return the problem at given alpha whose parameter scales all friction, from 0 up to 1."""
         return CoulombFriction(self.body, self.load_at(alpha), self.r, self.friction_at(alpha))
 
     def searches(self) -> tuple[Search, ...]:
@@ -72,7 +72,7 @@ class CoulombFriction(Coulomb):
         return (FromFrictionless(),)
 
     def with_nodes(self, kept: Indices) -> Coulomb:
-        """Return the same problem with only some of its contact nodes."""
+        """Return the problem with only some contact nodes."""
         body = self.body.with_nodes(kept)
         return CoulombFriction(body, self.force, self.r[kept], self.profile[kept])
 
@@ -92,7 +92,7 @@ class CoulombFriction(Coulomb):
         return self._gradients.at(self.friction_at(alpha), self._tests_by_friction(z))
 
     def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
-        """Return some of these rows."""
+        """Return some rows of ``test_jacobian``."""
         return self._gradients.some(which, self.friction_at(alpha), self._tests_by_friction(z))
 
     def _tests_by_friction(self, z: Array) -> Array:

@@ -1,6 +1,6 @@
 """Solutions at a given load and friction, by increasing the friction from zero.
 
-Without friction the problem is convex, with exactly one solution. Following this solution while all
+Without friction the problem is convex, with a unique solution. Following this solution while all
 coefficients grow in proportion leads to an odd number of solutions at the given friction, since the
 component starts at F = 0 only once. Solutions on components that do not reach F = 0 are not found.
 """
@@ -21,7 +21,7 @@ from pwscont_coulomb.coulomb import Coulomb
 @final
 @dataclass(frozen=True, slots=True)
 class FromFrictionless(Search):
-    """Solutions at both ends of the interval by homotopy from F = 0.
+    """Solutions at lo and hi of the interval by homotopy from F = 0.
 
     Examples
     --------
@@ -36,7 +36,7 @@ class FromFrictionless(Search):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the solutions found at lo, then those at hi."""
+        """Yield the solutions found at lo, then the solutions found at hi."""
         if not isinstance(system, Coulomb):
             raise InvalidInputError(
                 f"FromFrictionless is for Coulomb friction, not for {type(system).__name__}"
@@ -50,7 +50,7 @@ class FromFrictionless(Search):
 
 
 def _at(system: Coulomb, alpha: float) -> Iterator[tuple[Array, Array]]:
-    """Yield the solutions at one alpha that the homotopy leads to."""
+    """Yield the solutions at a given alpha that the homotopy leads to."""
     homotopy, start = system.along_friction(alpha), np.zeros(system.size)
     try:
         graph = trace(homotopy, (start, 0.0), (0.0, 1.0), parameter="homotopy")

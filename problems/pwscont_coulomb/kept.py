@@ -11,7 +11,7 @@ Value = TypeVar("Value")
 
 @final
 class Kept(dict[Key, Value]):
-    """Values by all that they depend on, of which no more than ``most`` are kept."""
+    """Values by key, the key being everything a value depends on; at most ``most`` are kept."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -19,11 +19,11 @@ class Kept(dict[Key, Value]):
         self._last: tuple[Key, Value] | None = None
 
     def __reduce__(self) -> tuple[type[Kept[Key, Value]], tuple[int]]:
-        """Leave the values behind in copies, also those for other processes."""
+        """Leave the values behind in copies, including copies for other processes."""
         return Kept, (self._most,)
 
     def of(self, key: Key, make: Callable[[Key], Value]) -> Value:
-        """Return the value of a key; the last one that was asked for is known without comparing."""
+        """Return the value of a key; the last key is recognised without comparing contents."""
         last = self._last
         if last is None or last[0] is not key:
             value = self[key] if key in self else self._put(key, make(key))
@@ -31,7 +31,7 @@ class Kept(dict[Key, Value]):
         return last[1]
 
     def _put(self, key: Key, value: Value) -> Value:
-        """Keep a value, instead of all others if there are too many, and return it."""
+        """Keep and return a value; drop all other values if there are too many."""
         if len(self) >= self._most:
             self.clear()
         self[key] = value

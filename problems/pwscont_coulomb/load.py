@@ -23,9 +23,9 @@ from pwscont_coulomb.modes import mode_of
 from pwscont_coulomb.per_node import not_negative
 from pwscont_coulomb.states import HELD, IN_CONTACT, SLIPS
 
-#: What is constant in a cell: dH/dz, and where it is dense [dH/dz | 0].
+#: The constant parts of a cell: dH/dz, and [dH/dz | 0] if dH/dz is dense.
 Constant: TypeAlias = tuple[Matrix, Array | None]
-#: Of bodies of so few unknowns the matrices of many cells are kept.
+#: Most unknowns of a body for which the matrices of many cells are kept, to bound memory.
 FEW_UNKNOWNS = 16
 
 
@@ -37,10 +37,10 @@ class CoulombLoad(Coulomb):
     body : ContactBody
     load : callable or AffineLoad
         alpha -> f(alpha), shape (n,), smooth: a kink of the path must be announced by a test
-        function, which needs a system of its own. With an AffineLoad every piece is straight and
-        the system is a :class:`~pwscont.PiecewiseLinearSystem`. A method ``derivative(alpha)`` of
-        the load gives df/dalpha; without it differences are taken, in steps that fit the interval
-        and stay in it.
+        function, which needs another system. With an AffineLoad every piece is straight and the
+        system is a :class:`~pwscont.PiecewiseLinearSystem`. A method ``derivative(alpha)`` of the
+        load gives df/dalpha; without ``derivative`` differences are taken, in steps that fit and
+        stay in the interval.
     friction : float or array_like, shape (p,)
         Friction coefficient F >= 0, for all nodes or per node.
     r : float or array_like, shape (p,), optional
@@ -100,13 +100,13 @@ class CoulombLoad(Coulomb):
         return self.friction
 
     def _extreme_loads(self, lo: float, hi: float) -> Array | None:
-        """Return the loads at both ends of an affine path; of other paths they are not known."""
+        """Return the loads at lo and hi of an affine path, None for other paths."""
         if not isinstance(self.load, AffineLoad):
             return None
         return np.column_stack([self.load_at(lo), self.load_at(hi)])
 
     def along_friction(self, alpha: float) -> Coulomb:
-        """Return the problem at one alpha whose parameter scales all friction, from 0 up to 1."""
+        """Return the problem at given alpha whose parameter scales all friction, from 0 up to 1."""
         return CoulombFriction(self.body, self.load_at(alpha), self.r, self.friction_at(alpha))
 
     def searches(self) -> tuple[Search, ...]:
@@ -114,7 +114,7 @@ class CoulombLoad(Coulomb):
         return (FromFrictionless(),)
 
     def with_nodes(self, kept: Indices) -> Coulomb:
-        """Return the same problem with only some of its contact nodes."""
+        """Return the problem with only some contact nodes."""
         body = self.body.with_nodes(kept)
         return CoulombLoad(body, self.load, self.friction[kept], self.r[kept])
 
@@ -143,9 +143,9 @@ class CoulombLoad(Coulomb):
         return self._of_cell(character, alpha)[0]
 
     def _of_cell(self, character: Character, alpha: float) -> Constant:
-        """Return dH/dz in a cell, and where it is dense [dH/dz | 0].
+        """Return dH/dz in a cell, and [dH/dz | 0] if dH/dz is dense.
 
-        Those of some cells are kept, where a subclass does not let F change.
+        The matrices of some cells are kept, unless a subclass lets F change.
         """
         friction = self.friction_at(alpha)
         if friction is self.friction:
@@ -184,7 +184,7 @@ class CoulombLoad(Coulomb):
 
     @cached_property
     def _tests_by_z(self) -> Array | None:
-        """The gradients of the tests by z, shape (3 p, n + 2 p); None where they are sparse."""
+        """The gradients of the tests by z, shape (3 p, n + 2 p); None if sparse."""
         if self._has_sparse_tests:
             return None
         return np.ascontiguousarray(self._test_gradients[:, :-1])
@@ -199,7 +199,7 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return them row by row: a straight path asks too seldom in a cell to make its matrix.
+        """Return the linear terms, row by row: a straight path asks too seldom to pay for a matrix.
 
         Matrices of small bodies are kept, for many cells are entered more than once.
         """
@@ -208,7 +208,7 @@ class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
         return self._states.product(z, self.modes(character), self.friction)
 
     def kink(self, before: Character, after: Character, test: int) -> Array:
-        """Return c, shape (n + 2 p,): it changes the rows of one node, see :mod:`.states`."""
+        """Return c, shape (n + 2 p,): only rows of the test's node change, see :mod:`.states`."""
         node, which = divmod(test, 3)
         old, new = mode_of(node, before), mode_of(node, after)
         normal = self.body.n + node

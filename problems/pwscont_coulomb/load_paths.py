@@ -1,4 +1,4 @@
-"""Paths that a load may take, with their derivatives."""
+"""Load paths with derivatives."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class HarmonicLoad(Fixed):
     def __init__(self, f0: Any, fc: Any, fs: Any, w: float = 1.0, phase: float = 0.0) -> None:
         f0 = finite_array("f0", f0)
         fc, fs = finite_array("fc", fc, f0.shape), finite_array("fs", fs, f0.shape)
-        #: Side by side, shape (n, 3), so that a load is one product.
+        #: f0, fc and fs side by side, shape (n, 3), so that a load is a single product.
         self._parts = np.stack([f0, fc, fs], axis=-1)
         self.w = float(finite_array("w", w, ()))
         self.phase = float(finite_array("phase", phase, ()))

@@ -1,8 +1,8 @@
-"""Contact modes of a node: the meaning of the signs of its test functions.
+"""Contact modes of a node: the meaning of the signs of the node's test functions.
 
 With kappa1 = lam_nu - r (u_nu - gap) and x = lam_t - r u_t the tests of a node are
 (kappa1, kappa2, kappa3) with kappa2 = x - F kappa1 and kappa3 = x + F kappa1. The paper
-(section 3.1) writes F lam_nu for F kappa1; on solutions in contact both are equal, but only with
+(section 3.1) writes F lam_nu for F kappa1, which is the same on solutions in contact; only with
 kappa1 the selections agree on the interfaces between the cells.
 """
 
@@ -25,7 +25,7 @@ Flags: TypeAlias = npt.NDArray[np.bool_]
 
 @final
 class Mode(IntEnum):
-    """Contact mode of one node."""
+    """Contact mode of a node."""
 
     NO_CONTACT = 0
     STICK = 1
@@ -41,10 +41,10 @@ class Mode(IntEnum):
 WORDS = ("no contact", "stick", "slip+", "slip-")
 #: The names in the paper's messages.
 CLASS_NAMES = ("no contact", "contact-stick", "contact-slip", "contact-slip")
-#: Line styles of the paper; it draws slip in both directions alike.
+#: Line styles; the paper draws slip+ and slip- alike.
 LINE_STYLES = {"no contact": "-", "stick": "--", "slip-": "-.", "slip+": ":"}
 
-#: Signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of one character for each mode.
+#: Mode -> the signs (kappa1 >= 0, kappa2 >= 0, kappa3 >= 0) of the node.
 SIGNS = {
     Mode.NO_CONTACT: (True, True, True),
     Mode.STICK: (False, True, False),
@@ -52,11 +52,11 @@ SIGNS = {
     Mode.SLIP_MINUS: (False, True, True),
 }
 
-#: For each mode whether a node touches, and whether it sticks.
+#: Whether a node touches, and whether a node sticks, in each mode.
 TOUCHES = np.array([False, True, True, True])
 STICKS = np.array([False, True, False, False])
 
-#: For each mode, which of the three tests of a node bound the cell.
+#: Which of the three tests of a node bound the cell, in each mode.
 BOUNDS = np.array(
     [[True, False, False], [False, True, True], [True, True, False], [True, False, True]]
 )
@@ -66,7 +66,7 @@ MODE_OF_SIGNS = np.repeat(
     [Mode.SLIP_PLUS, Mode.STICK, Mode.SLIP_MINUS, Mode.NO_CONTACT], [2, 1, 1, 4]
 )
 DIGITS = np.array([4, 2, 1], dtype=np.uint8)
-#: The same for the three signs as bytes.
+#: Bytes of the three signs -> the mode.
 MODE_OF_BYTES = {
     bytes(signs): int(mode)
     for signs, mode in zip(product((0, 1), repeat=3), MODE_OF_SIGNS, strict=True)
@@ -85,7 +85,7 @@ def modes(character: Character) -> Indices:
 
 
 def mode_of(node: int, character: Character) -> int:
-    """Return the mode of one node, counted from zero, without those of the others."""
+    """Return the mode of a node, counted from zero, without computing all modes."""
     return MODE_OF_BYTES[character.array[3 * node : 3 * node + 3].tobytes()]
 
 
@@ -114,18 +114,18 @@ def label(character: Character) -> str:
 
 
 def word(node: int, character: Character) -> str:
-    """Return the mode of one node, counted from zero."""
+    """Return the mode of a node, counted from zero, in words."""
     return WORDS[mode_of(node, character)]
 
 
 def describe(character: Character) -> str:
-    """Return the modes with their triples, such as ``node 1 slip- (1, 1, 0)``."""
+    """Return the modes with triples, such as ``node 1 slip- (1, 1, 0)``."""
     found = [Mode(mode) for mode in modes(character)]
     return listed([f"{mode.word} {TRIPLES[mode]}" for mode in found])
 
 
 def listed(words: list[str]) -> str:
-    """Return the word of each node; three or more equal ones in a row are named together."""
+    """Return the word of each node; three or more equal words in a row are put together."""
     if len(words) == 1:
         return words[0]
     runs, first = [], 1

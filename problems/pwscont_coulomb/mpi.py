@@ -1,7 +1,7 @@
 """Run a script on rank 0 while the other ranks serve :class:`~pwscont_coulomb.elastic.Mumps`.
 
 ``mpiexec -n 4 python -m pwscont_coulomb.mpi SCRIPT [ARGUMENTS ...]``. The script is an ordinary
-one and the same as for one process.
+script, the same as for a single process.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def main() -> None:
 
 
 def _run(command: list[str]) -> None:
-    """Run a script as ``python SCRIPT`` does, with its own folder first on the path."""
+    """Run a script as ``python SCRIPT`` does, with the script's folder first on the path."""
     sys.argv = command
     sys.path.insert(0, str(Path(command[0]).resolve().parent))
     runpy.run_path(command[0], run_name="__main__")

@@ -1,4 +1,4 @@
-"""Inequalities that all solutions fulfil, whatever the modes of their nodes."""
+"""Inequalities that all solutions fulfil, whatever the contact modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arguments for contact nodes: one number for all nodes, or one for each."""
+"""Arguments for contact nodes: a number for all nodes, or a number for each node."""
 
 from __future__ import annotations
 

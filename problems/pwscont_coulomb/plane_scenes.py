@@ -1,6 +1,6 @@
 """Scenes with two parameters: Figs. 4 to 6 of the paper, and Example 1 in two planes.
 
-The sectors of the load plane have closed forms for one node (stiffness a, coupling b):
+The sectors of the load plane have closed forms for a single node (stiffness a, coupling b):
 
 =======  =========================================  ====================  ==============
 sector   where                                      contact mode          exists for
@@ -12,7 +12,7 @@ sigma_4  f_t <= -F f_nu, a f_nu + b f_t >= 0        slip-                 F < a/
 sigma_5  -F f_nu <= f_t <= -(a/b) f_nu              slip- (and 1 and 2)   F > a/b
 =======  =========================================  ====================  ==============
 
-At F = a/b slip- exists on the ray f_t = -(a/b) f_nu only, with a segment of solutions there.
+At F = a/b slip- exists on the ray f_t = -(a/b) f_nu only, with a segment of solutions on the ray.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def example1_at(body: ContactBody, friction: float) -> CoulombLoad:
 
 
 def example1_loads(body: ContactBody, friction: float, f_nu: float) -> CoulombLoad:
-    """Return Example 1 with another normal load on its first node, where the paper has 0.4."""
+    """Return Example 1 with another normal load on the first node, where the paper has 0.4."""
     return CoulombLoad(body, AffineLoad([f_nu, 0.0, 1.8, 0.0], [0.0, 1.0, 0.2, 1.0]), friction)
 
 
@@ -82,7 +82,7 @@ def fig6() -> PlaneScene:
 
 
 def example1_load_plane() -> PlaneScene:
-    """Return Example 1 in the plane of alpha and the normal load of node 1; its path is 0.4."""
+    """Return Example 1 in the plane of alpha and the load f_ν of node 1, 0.4 in the paper."""
     return PlaneScene(
         "example1-load-plane",
         "two nodes, f = (f_ν, alpha, 1.8 + 0.2 alpha, alpha), F = 4",

@@ -11,7 +11,7 @@ from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.fixed import protected
 
-#: Up to this many rows are taken out of a sparse matrix as dense ones.
+#: Most rows that are taken out of a sparse matrix as a dense array, which is faster.
 FEW = 8
 
 
@@ -41,13 +41,14 @@ def rows_of_tests(body: ContactBody, r: Array, is_sparse: bool) -> tuple[Matrix,
 
 @final
 class GradientRows(sp.csr_matrix):  # type: ignore[misc]
-    """Sparse rows, not to be written to, of which a few are taken again and again.
+    """Sparse rows, read-only; a few rows at a time are taken again and again.
 
-    A few rows are dense ones: whatever scipy does to a sparse matrix takes longer than they do.
+    A few rows are returned as a dense array: any operation of scipy on a sparse matrix takes
+    longer.
     """
 
     def __getitem__(self, key: Any) -> Matrix:
-        """Return rows by their numbers, or whatever scipy returns for other keys."""
+        """Return rows by number; for other keys the same as scipy's matrices."""
         if not isinstance(key, np.ndarray) or key.dtype.kind != "i":
             return super().__getitem__(key)
         entries, counts = _entries(self.indptr, key)
@@ -68,7 +69,7 @@ def _entries(starts: Indices, rows: Indices) -> tuple[Indices, Indices]:
 
 
 def _taken(data: Array, columns: Indices, counts: Indices, width: int) -> Matrix:
-    """Return rows, dense if they are few, from their entries and how many each has."""
+    """Return rows from entries, columns and entries per row; few rows are dense."""
     if len(counts) > FEW:
         starts = np.append(0, np.cumsum(counts))
         return GradientRows((data, columns, starts), (len(counts), width))
@@ -79,7 +80,7 @@ def _taken(data: Array, columns: Indices, counts: Indices, width: int) -> Matrix
 
 @final
 class SparseGradients:
-    """The gradients of all tests of a sparse body; only their entries depend on friction.
+    """The gradients of all tests of a sparse body; the pattern does not depend on friction.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ class SparseGradients:
         return GradientRows((protected(data), pattern.indices, pattern.indptr), pattern.shape)
 
     def some(self, which: Indices, friction: Array, by_alpha: Array) -> Matrix:
-        """Return only some of these rows, of which no others are computed."""
+        """Return only some rows; no other rows are computed."""
         pattern = self._pattern
         entries, counts = _entries(pattern.indptr, which)
         data = self._fixed[entries] + friction[self._node[entries]] * self._slopes[entries]
@@ -127,7 +128,7 @@ class SparseGradients:
 
 @final
 class DenseGradients:
-    """What :class:`SparseGradients` is, with dense rows."""
+    """The gradients of all tests of a dense body, as :class:`SparseGradients` of a sparse body."""
 
     def __init__(self, kappa1: Array, x: Array) -> None:
         self._kappa1 = kappa1
@@ -142,13 +143,13 @@ class DenseGradients:
         return rows
 
     def some(self, which: Indices, friction: Array, by_alpha: Array) -> Matrix:
-        """Return only some of these rows."""
+        """Return only some rows."""
         rows: Matrix = self.at(friction, by_alpha)[which]
         return rows
 
 
 def by_node(first: Array, second: Array, third: Array) -> Array:
-    """Interleave three arrays along their first axis."""
+    """Interleave three arrays along the first axis."""
     mixed = np.empty((3 * len(first), *first.shape[1:]))
     mixed[0::3], mixed[1::3], mixed[2::3] = first, second, third
     return mixed

@@ -1,7 +1,7 @@
 """The examples of Janovsky and Ligursky (2012) as scenes.
 
-Figures 7 and 10 to 16 have one contact node, examples 1 to 3 two. Fig. 16 is captioned
-f = (1, -10), but its printed starting point solves f = (1, 10), which is used here.
+Figures 7 and 10 to 16 have a single contact node, examples 1 to 3 have two. The caption of Fig. 16
+says f = (1, -10), but the printed starting point solves f = (1, 10), which is used here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pwscont_coulomb.modes import word
 
 
 def one_node() -> ContactBody:
-    """Return the paper's body with one contact node (section 3: a = 2, b = 1)."""
+    """Return the paper's body with a single contact node (section 3: a = 2, b = 1)."""
     return ContactBody([[2.0, -1.0], [-1.0, 2.0]], N=[[1.0, 0.0]], T=[[0.0, 1.0]])
 
 
@@ -63,7 +63,7 @@ def _panels(body: ContactBody) -> tuple[Panel, ...]:
 
 
 def _load_paths(body: ContactBody, load: Callable[[float], Array]) -> tuple[ParameterPath, ...]:
-    """Return the load path of each node, in the plane of its normal and tangential load."""
+    """Return the load path of each node, in the plane of normal and tangential load."""
     axes = ("$f_ν$", "$f_t$")
     return tuple(
         ParameterPath(partial(_load_on, body, load, node), axes, f"load path{_of(node, body.p)}")

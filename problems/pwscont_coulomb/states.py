@@ -1,6 +1,6 @@
-"""dH/dz of bodies that need no elimination of their own, by the modes of their nodes.
+"""dH/dz of bodies without the elimination by hand, by the modes of the nodes.
 
-Rows of contact nodes are those of the body without contact minus multiples of the gradients of
+Rows of contact nodes are rows of the body without contact minus multiples of the gradients of
 kappa1 and x. Only rows of nodes that slip depend on friction.
 """
 
@@ -17,9 +17,9 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.modes import STICKS, TOUCHES
 from pwscont_coulomb.rows import without_contact
 
-#: What of the gradient of kappa1, and of x, the rows of a node lack in each mode.
+#: Factors of the gradients of kappa1 and of x that are subtracted from a node's rows in each mode.
 IN_CONTACT, HELD = TOUCHES.astype(float), STICKS.astype(float)
-#: How many times F kappa1 is added to the tangential row.
+#: Factor of F kappa1 in the tangential row of a node in each mode.
 SLIPS = np.array([0.0, 0.0, -1.0, 1.0])
 
 
@@ -46,7 +46,7 @@ class States(ABC):
         """Return dH/dz, shape (n + 2 p, n + 2 p)."""
 
     def product(self, z: Array, mode: Indices, friction: Array) -> Array:
-        """Return dH/dz z, shape (n + 2 p,), by what each row means: nothing cancels in it."""
+        """Return dH/dz z, shape (n + 2 p,), by the meaning of each row: no terms cancel."""
         size, p, parts = len(z), len(mode), self._rows @ z
         product: Array = parts[:size]
         push, drag = parts[size:].reshape(2, p)
@@ -58,14 +58,14 @@ class States(ABC):
 
 
 def _above_held(free: Matrix, held: Matrix) -> Matrix:
-    """Return rows for z above rows for displacements, stored as the first ones are."""
+    """Return rows for z above rows for displacements, dense or sparse as the rows for z."""
     held.resize(held.shape[0], free.shape[1])
     return sp.vstack([free, held]).tocsr() if sp.issparse(free) else np.vstack([free, dense(held)])
 
 
 @final
 class DenseStates(States):
-    """dH/dz of a dense body; that without friction is kept, for F varies along one cell."""
+    """dH/dz of a dense body; dH/dz without friction is kept, for F varies within a cell."""
 
     _last: tuple[bytes, Array] | None = None
 

@@ -1,4 +1,4 @@
-"""Calls of a user's functions, and their mistakes in words."""
+"""Calls of a user's functions, with error messages that name the function."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class Called:
     Parameters
     ----------
     name : str
-        What messages call it.
+        The name of the function in messages.
     function : callable
     size : int
-        How many numbers it is to return.
+        How many numbers the function is to return.
 
     Raises
     ------
     InvalidInputError
-        If it cannot be called.
+        If the function cannot be called.
     """
 
     def __init__(self, name: str, function: Function, size: int) -> None:
@@ -43,7 +43,8 @@ class Called:
         Raises
         ------
         InvalidSystemError
-            If the function fails, or returns something else; the message names it.
+            If the function fails, or does not return ``size`` numbers; the message names the
+            function.
         """
         try:
             value = np.array(self._function(x.copy(), alpha), dtype=float).reshape(-1)
@@ -60,7 +61,7 @@ class Called:
 
 
 def positive_whole(name: str, value: object) -> int:
-    """Return a positive whole number, or say that it is none."""
+    """Return a value as a positive whole number, or refuse the value by name."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise InvalidInputError(f"{name} must be a positive whole number, got {value!r}")
     return int(value)

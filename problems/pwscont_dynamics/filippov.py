@@ -22,15 +22,15 @@ class FilippovEquilibria(PiecewiseSystem):
     r"""Equilibria of x' = plus(x) where h(x) > 0 and x' = minus(x) where h(x) < 0.
 
     On h = 0 Filippov (1988) takes the convex combination share * plus + (1 - share) * minus that is
-    tangent to it; its zeros with 0 < share < 1 are *pseudo-equilibria*. With one more unknown y and
-    share = clip(y, 0, 1) all equilibria satisfy
+    tangent to h = 0; zeros of the combination with 0 < share < 1 are *pseudo-equilibria*. With a
+    further unknown y and share = clip(y, 0, 1) all equilibria satisfy
 
     share * plus(x) + (1 - share) * minus(x) = 0,  h(x) = y - share:
 
     y is above 1 where h > 0, below 0 where h < 0, and the share where h = 0. H is continuous,
     although the field is not. A regular equilibrium that meets h = 0, a *boundary equilibrium*, is
-    a transition; at a non-smooth fold it meets a pseudo-equilibrium and both vanish (di Bernardo,
-    Nordmark and Olivar 2008).
+    a transition; at a non-smooth fold the regular equilibrium and a pseudo-equilibrium meet and
+    vanish (di Bernardo, Nordmark and Olivar 2008).
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class FilippovEquilibria(PiecewiseSystem):
         return np.append(field, y - share - self._h(x, alpha))
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return the tests that bound a mode: one of a regular equilibrium, else both."""
+        """Return the tests that bound a mode: two for a pseudo-equilibrium, else a single test."""
         return ([0], [0, 1], [1])[sum(character.signs)]
 
     def cells(self) -> Iterator[Character]:
@@ -102,10 +102,10 @@ class FilippovEquilibria(PiecewiseSystem):
     # -- stability ---------------------------------------------------------------------------
 
     def eigenvalues(self, z: Array, alpha: float) -> Array:
-        """Return those of the field at a regular equilibrium, (n,), else of sliding, (n - 1,).
+        """Return the eigenvalues of the field, shape (n,), or of sliding, shape (n - 1,).
 
-        Sliding is the differential-algebraic system x' = F(x, y), h(x) = 0; its eigenvalues are
-        the finite ones of the pencil dH/dz - s diag(1, ..., 1, 0).
+        Sliding, at pseudo-equilibria, is the differential-algebraic system x' = F(x, y), h(x) = 0,
+        with the finite eigenvalues of the pencil dH/dz - s diag(1, ..., 1, 0).
         """
         slopes = dense(self.jacobian(z, alpha, self.character(z, alpha)))[:, :-1]
         mass = np.diag(np.append(np.ones(self.n), 0.0))
@@ -118,12 +118,13 @@ class FilippovEquilibria(PiecewiseSystem):
     def growth(self, z: Array, alpha: float) -> float:
         """Return the largest real part of an eigenvalue: along h = 0 for a pseudo-equilibrium.
 
-        Of a pseudo-equilibrium it tells stability only where sliding attracts, see :meth:`pull`.
+        For a pseudo-equilibrium the sign tells stability only where sliding attracts, see
+        :meth:`pull`.
         """
         return float(self.eigenvalues(z, alpha).real.max(initial=-np.inf))
 
     def pull(self, z: Array, alpha: float) -> float:
-        """Return h' under minus less h' under plus: sliding attracts where this is positive."""
+        """Return h' under minus less h' under plus: sliding attracts where the pull is positive."""
         x = z[:-1]
         sliding = Character((True, False))
         gradient = -dense(self.jacobian(z, alpha, sliding))[-1, : self.n]

@@ -1,4 +1,4 @@
-"""Periodic points of maps that change their formula at a border."""
+"""Periodic points of maps with a different formula on either side of a border."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from pwscont.extending import EPS, Array, BringsSearches, Search, dense, finite_
 from pwscont_dynamics.called import Called, Function, affine, first_coordinate, positive_whole
 from pwscont_dynamics.shorter import ShorterPeriods, largest_divisors
 
-#: Points of an orbit that differ by less, relative to the largest, are one.
+#: Distance below which two points of an orbit coincide, as a part of the largest coordinate.
 SAME = EPS**0.5
 
 
 class Orbits(PiecewiseSystem, BringsSearches):
     """Points with f(...f(x)) = x after k steps of f = right where the border is >= 0, else left.
 
-    The unknowns are all points of the orbit, z = (x_0, ..., x_{k-1}), so that products of slopes
-    are never formed; the rows are x_{i+1} - f(x_i), and det(dH/dz) = det(I - Df^k). Step i has one
-    test, the border at x_i. The *word* of an orbit is L or R for each of its points. An orbit of
-    least period k is found k times, once from each of its points.
+    The unknowns are all points of the orbit, z = (x_0, ..., x_{k-1}), so that no products of slopes
+    are formed; the rows are x_{i+1} - f(x_i), and det(dH/dz) = det(I - Df^k). The test of step i is
+    the border at x_i. The *word* of an orbit is L or R for each point. An orbit of least period k
+    is found k times, once from each point.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Orbits(PiecewiseSystem, BringsSearches):
     def multipliers(self, z: Array, alpha: float) -> Array:
         """Return the eigenvalues of the derivative of k steps, complex, shape (n,).
 
-        At a point on the border that side is taken where the border is >= 0.
+        A point on the border counts as a point where the border is >= 0.
         """
         whole = dense(self.jacobian(z, alpha, self.character(z, alpha)))
         product = np.eye(self.n)
@@ -82,11 +82,11 @@ class Orbits(PiecewiseSystem, BringsSearches):
         return values
 
     def largest_multiplier(self, z: Array, alpha: float) -> float:
-        """Return the largest modulus of a multiplier: below one the orbit is stable."""
+        """Return the largest modulus of a multiplier: below 1 the orbit is stable."""
         return float(np.abs(self.multipliers(z, alpha)).max())
 
     def least_period(self, z: Array, alpha: float) -> int:
-        """Return after how many steps the orbit is where it was; a divisor of k."""
+        """Return after how many steps, a divisor of k, the orbit comes back to the first point."""
         points = self._points(z)
         slack = SAME * np.abs(points).max()
         shifts = (d for d in range(1, self.period) if self.period % d == 0)
@@ -115,7 +115,7 @@ class Orbits(PiecewiseSystem, BringsSearches):
         return f"word {self.word(character)}"
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return both words, which differ where a point collides with the border."""
+        """Return two words, which differ at the point that collides with the border."""
         return f"border collision {self.word(before)} → {self.word(after)}"
 
 
@@ -126,10 +126,10 @@ class PeriodicPoints(Orbits):
     Parameters
     ----------
     left, right : callable
-        (x, alpha) -> the image, shape (n,). They agree where the border is zero, and each can be
-        evaluated beyond it.
+        (x, alpha) -> the image, shape (n,). The images agree where the border is zero, and each
+        function can be evaluated beyond the border.
     border : callable
-        (x, alpha) -> a number: right holds where it is not negative.
+        (x, alpha) -> a number: right holds where the number is not negative.
     n : int
         The number of coordinates.
     period : int, optional
@@ -172,7 +172,7 @@ class AffinePeriodicPoints(Orbits, PiecewiseLinearSystem):
     Parameters
     ----------
     left, right : array_like, shape (n, n)
-        A where x_1 < 0, and where x_1 >= 0; they differ in their first columns only.
+        A where x_1 < 0, and A where x_1 >= 0; only the first columns may differ.
     c : array_like, shape (n,)
     b : array_like, shape (n,), optional
         Default 0.
@@ -211,7 +211,7 @@ class AffinePeriodicPoints(Orbits, PiecewiseLinearSystem):
         super().__init__(first, second, Called("border", first_coordinate, 1), n, period)
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block for each step, which is on the left or on the right."""
+        """Return a block for each step, which is on the left or on the right."""
         sides = ((False,), (True,))
         return tuple(
             Block((i,), tuple(range(i * self.n, (i + 1) * self.n)), sides)

@@ -60,6 +60,6 @@ def border_collision(
 
 
 def _period(system: AffinePeriodicPoints, character: Character) -> str:
-    """Return the least period of a word, from one to its length."""
+    """Return the least period of a word, at most the number of letters."""
     word = system.word(character)
     return f"period {(word + word).index(word, 1)}"

@@ -1,4 +1,4 @@
-"""Points of shorter periods, which are points of every multiple of their periods."""
+"""Points of shorter periods: a point of period d has every multiple of d as a period, too."""
 
 from __future__ import annotations
 

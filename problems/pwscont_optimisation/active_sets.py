@@ -1,7 +1,7 @@
 """Optimality conditions whose active set changes from piece to piece.
 
-Some *parts*, constraints or features, are each in one of several modes: inactive, or active in one
-of several ways. The mode of a part chooses one row of H; all rows and tests are affine.
+Each *part*, a constraint or a feature, has several modes: inactive, or active in some way. The mode
+of a part chooses a row of H; all rows and tests are affine.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ import numpy as np
 from pwscont import Block, Character, PiecewiseLinearSystem
 from pwscont.extending import Array, Indices
 
-#: Most active parts that a label names one by one.
+#: Most active parts that a label names; a label gives the number of more parts.
 MOST_NAMED = 12
 
 
 class ActiveSets(PiecewiseLinearSystem):
     """Parts that are active or not; subclasses say what active means.
 
-    A part is in mode j where j of its tests are not negative.
+    A part is in mode j where j tests of the part are not negative.
 
     Parameters
     ----------
     parts : sequence of str, length p
-        Their names.
+        The names of the parts.
     rows : ndarray, shape (k + 1, n, n + 2)
-        Affine rows of H in x = (z, alpha, 1). The last rows, one for each part, are those that
-        its mode chooses; the rows above are the same in all modes.
+        Affine rows of H in x = (z, alpha, 1). The mode of each part chooses among the last p rows;
+        the rows above are the same in all modes.
     tests : ndarray, shape (p, k, n + 2)
         The tests of each part, largest first.
     always : ndarray, shape (q, n + 2)
         Affine functions that are not negative at solutions.
     """
 
-    #: What a part is called in each mode where it is active; None for the inactive mode.
+    #: The suffix of an active part's name in each mode; None for the inactive mode.
     active: ClassVar[tuple[str | None, ...]]
-    #: What a part does when it becomes active, and when it ceases to be.
+    #: The verbs for a part that becomes active, and for a part that becomes inactive.
     enters: ClassVar[str]
     leaves: ClassVar[str]
 
@@ -80,20 +80,20 @@ class ActiveSets(PiecewiseLinearSystem):
         return modes
 
     def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return, for a part in mode j, its tests number j - 1 and j."""
+        """Return the bounding tests: tests j - 1 and j of each part in mode j."""
         modes, numbers = self.modes(character)[:, np.newaxis], np.arange(self._shape[1])
         bounding = (numbers == modes - 1) | (numbers == modes)
         found: list[int] = np.flatnonzero(bounding).tolist()
         return found
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each combination of modes."""
+        """Yield the characters of all combinations of modes."""
         signs = _signs(self._shape[1])
         for chosen in np.ndindex(*[len(signs)] * len(self._parts)):
             yield Character([sign for mode in chosen for sign in signs[mode]])
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return one block for each part."""
+        """Return a block for each part."""
         parts, each = self._shape
         first, signs = self.size - parts, _signs(each)
         return tuple(
@@ -102,7 +102,7 @@ class ActiveSets(PiecewiseLinearSystem):
         )
 
     def necessary(self, alpha: float) -> tuple[Array, Array]:
-        """Return what is not negative at solutions, whatever the modes."""
+        """Return the affine functions that are not negative at solutions in any mode."""
         rows = self._always
         return rows[:, :-2], rows[:, -1] + alpha * rows[:, -2]
 
@@ -124,7 +124,7 @@ class ActiveSets(PiecewiseLinearSystem):
         return self.describe(character) if count <= MOST_NAMED else f"{count} active"
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return which parts become active, and which cease to be."""
+        """Return which parts become active, and which become inactive."""
         old, new = self.active_set(before), self.active_set(after)
         words = [f"{part} {self.leaves}" for part in old if part not in new]
         return ", ".join(words + [f"{part} {self.enters}" for part in new if part not in old])
@@ -136,5 +136,5 @@ def _values(rows: Array, z: Array, alpha: float) -> Array:
 
 
 def _signs(tests: int) -> tuple[tuple[bool, ...], ...]:
-    """Return the signs of the tests of a part in each of its modes."""
+    """Return the signs of the tests of a part in each mode."""
     return tuple(tuple(j < mode for j in range(tests)) for mode in range(tests + 1))

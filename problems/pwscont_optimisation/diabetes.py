@@ -1,7 +1,7 @@
 """The diabetes data of Efron, Hastie, Johnstone and Tibshirani (2004): 442 patients, 10 features.
 
-Of the data the LASSO needs the products only. Features are centred and of length one, so that
-these are correlations; the response, a measure of the disease one year later, is centred.
+The LASSO needs only products of the data. Features are centred and of unit length, so that the
+products are correlations; the response, a measure of the disease a year later, is centred.
 """
 
 from __future__ import annotations

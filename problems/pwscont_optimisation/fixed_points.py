@@ -24,9 +24,9 @@ def BestReplies(  # noqa: N802  used like a class
 ) -> PiecewiseSystem:
     """Return the Nash equilibria x_i = clip((B x + a + alpha c)_i, lower_i, upper_i).
 
-    The reply of player i is the best one to those of the others, if the payoff is
-    -x_i^2 / 2 + x_i (B x + a + alpha c)_i with B_ii = 0: any game with quadratic payoffs, concave
-    in one's own action, is of this kind.
+    The reply of player i to all other players is the best reply if the payoff is
+    -x_i^2 / 2 + x_i (B x + a + alpha c)_i with B_ii = 0: any game with quadratic payoffs, each
+    concave in the player's own action, can be written in this form.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def BestReplies(  # noqa: N802  used like a class
     InvalidInputError
         If shapes do not fit.
     InvalidSystemError
-        If a lower bound is above the upper one.
+        If a lower bound is above the upper bound.
 
     Examples
     --------
@@ -82,12 +82,12 @@ def Game(  # noqa: N802  used like a class
     ----------
     marginal : callable
         (x, alpha) -> the derivative of each player's payoff by that player's action, shape (N,),
-        smooth. An equilibrium has it zero between the bounds, not positive at the lower bound and
-        not negative at the upper one.
+        smooth. At an equilibrium the derivative is zero between the bounds, not positive at the
+        lower bound and not negative at the upper bound.
     lower, upper : array_like, optional
         Bounds of the actions.
     n : int, optional
-        The number of players, where it is not clear.
+        The number of players, needed if the bounds are single numbers.
     **given
         As for :func:`pwscont.Complementarity`.
 
@@ -118,7 +118,7 @@ def ReluLayer(  # noqa: N802  used like a class
 ) -> PiecewiseSystem:
     """Return the fixed points z = max(0, W z + b + alpha c) of a layer that feeds back to itself.
 
-    They are the states of an implicit or equilibrium layer, and the rest states of a
+    The fixed points are the states of an implicit or equilibrium layer, and the rest states of a
     threshold-linear network.
 
     Parameters
@@ -156,7 +156,7 @@ def ReluLayer(  # noqa: N802  used like a class
 
 
 def _affine(**terms: Any) -> tuple[Array, Array, Array]:
-    """Return matrix, constant and slope of an affine map, given by their names in this order."""
+    """Return matrix, constant and slope of an affine map, given by name in this order."""
     matrix, constant, slope = terms
     constants = finite_array(constant, terms[constant]).ravel()
     n = len(constants)

@@ -23,21 +23,21 @@ class Lasso(ActiveSets):
     Hastie, Johnstone and Tibshirani 2004). Feature j is decided by the two tests
     b_j + (c_j +- lambda) / |X_j|^2.
 
-    If X has full column rank there is one minimiser for each lambda. With more features than
-    observations there is for lambda > 0 and features in general position, drawn from a continuous
-    distribution (R. J. Tibshirani 2013): promise it by ``unique=True``, or all starts of the
-    search are followed.
+    The minimiser is unique for each lambda if X has full column rank. With more features than
+    observations the minimiser is unique for lambda > 0 if the features are in general position,
+    such as drawn from a continuous distribution (R. J. Tibshirani 2013): promise uniqueness by
+    ``unique=True``; without the promise all starts of the search are followed.
 
     Parameters
     ----------
     X : array_like, shape (m, p)
-        One column for each feature. Nothing is centred or scaled.
+        A column for each feature. Nothing is centred or scaled.
     y : array_like, shape (m,)
     names : sequence of str, length p, optional
         The features; default b1, b2, ...
     unique : bool, optional
-        The promise that there is one minimiser for each lambda of the interval; default if X has
-        full column rank.
+        The promise that the minimiser is unique for each lambda of the interval; default whether X
+        has full column rank.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Lasso(ActiveSets):
 def _conditions(gram: Array, products: Array, squares: Array) -> tuple[Array, Array, Array]:
     """Return rows, tests and necessary inequalities in x = (b, lambda, 1).
 
-    All rows are divided by |X_j|^2: they are in units of b, and the selections agree.
+    All rows are divided by |X_j|^2, which gives rows in units of b and selections that agree.
     """
     p = len(products)
     zero = np.zeros((p, 1))

@@ -1,4 +1,4 @@
-"""Names that a user gives, or numbered ones."""
+"""Names that a user gives, or default names with numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def numbered(what: str, given: Sequence[str] | None, word: str, count: int) -> t
     Raises
     ------
     InvalidInputError
-        If there are more or fewer names; ``what`` says of what.
+        If there are more or fewer names than ``count``; the message calls the names ``what``.
     """
     names = tuple(given) if given is not None else tuple(f"{word}{i + 1}" for i in range(count))
     if len(names) != count:

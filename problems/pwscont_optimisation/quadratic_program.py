@@ -1,4 +1,4 @@
-"""Parametric quadratic programs: stationary points with their multipliers."""
+"""Parametric quadratic programs: stationary points with multipliers."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class QuadraticProgram(ActiveSets):
 
     Q x + q + alpha d + A^T mu = 0,  s = b + alpha e - A x >= 0,  mu_j s_j = 0.
 
-    For a positive definite Q they are the minimisers; otherwise also maxima and saddle points
-    of the feasible set are among them. Constraint j is active where mu_j >= r_j s_j, with
-    r_j = |Q| / |A_j|^2 for the sake of units.
+    For a positive definite Q the stationary points are the minimisers; for other Q there may be
+    maxima and saddle points of the feasible set, too. Constraint j is active where mu_j >= r_j s_j,
+    with r_j = |Q| / |A_j|^2 for the sake of units.
 
-    Where Q is positive definite and the rows of A are linearly independent, x and mu are unique.
+    If Q is positive definite and the rows of A are linearly independent, x and mu are unique.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class QuadraticProgram(ActiveSets):
         Symmetric.
     q : array_like, shape (n,)
     A : array_like, shape (m, n)
-        One row for each constraint.
+        A row for each constraint.
     b : array_like, shape (m,)
     d : array_like, shape (n,), optional
     e : array_like, shape (m,), optional
@@ -43,7 +43,8 @@ class QuadraticProgram(ActiveSets):
     constraints : sequence of str, length m, optional
         Default g1, g2, ...; the multipliers are called mu_g1, ...
     unique : bool, optional
-        The promise that x and mu are unique at each alpha; default if it follows as above.
+        The promise that x and mu are unique at each alpha; default whether the conditions above
+        hold.
 
     Raises
     ------

@@ -85,10 +85,10 @@ def lcp(n: int = 5, seed: int = 1) -> Scene:
 
 
 def kojima_shindo() -> Scene:
-    """Return the complementarity problem of Kojima and Shindo (1986), its first row + t.
+    """Return the complementarity problem of Kojima and Shindo (1986), with first row + t.
 
-    The constants are those of Josephy (1979), with which t = 0 has one regular solution. One
-    Newton iteration in each active set, and a few from elsewhere, find all there is.
+    With the constants of Josephy (1979) t = 0 has one regular solution. A Newton iteration in each
+    active set, and a few from elsewhere, find all solutions.
     """
     names = [f"z_{i + 1}" for i in range(4)]
     return Scene(
@@ -122,17 +122,17 @@ def kojima_shindo_function(z: Any, t: Any) -> Any:
     )
 
 
-#: Who is whose neighbour on a circle of four.
+#: The adjacency matrix of four players on a circle.
 CIRCLE = np.array([[0.0, 1, 0, 1], [1, 0, 1, 0], [0, 1, 0, 1], [1, 0, 1, 0]])
-#: How much more each of the four gains from acting.
+#: The gain of each of the four players from acting, added to alpha.
 GAINS = np.array([0.0, 0.06, 0.11, -0.05])
 
 
 def game(delta: float = 0.9) -> Scene:
-    """Return four players on a circle, whose actions replace those of their neighbours.
+    """Return four players on a circle; the action of a player replaces actions of the neighbours.
 
     x_i = clip(alpha + gain_i - delta (sum of x over the neighbours), 0, 1). After Bramoullé,
-    Kranton and D'Amours (2014) there is one equilibrium at every alpha, whatever the gains, if
+    Kranton and D'Amours (2014) the equilibrium is unique at every alpha, whatever the gains, if
     delta is below 1 / |the smallest eigenvalue of the graph| = 1/2.
     """
     system = BestReplies(-delta * CIRCLE, GAINS, np.ones(4))
@@ -142,12 +142,12 @@ def game(delta: float = 0.9) -> Scene:
 
 
 def _action(player: int, character: Character) -> str:
-    """Return whether an action is at one of its bounds."""
+    """Return whether an action is at a bound, and at which."""
     between = np.reshape(character.signs, (2, -1)).sum(axis=0)
     return ("at 0", "between", "at 1")[between[player]]
 
 
-#: Units 5 and 6 see the parameter; the others excite themselves, or are bystanders.
+#: How many units excite themselves, and how many see the parameter; more units are bystanders.
 EXCITED, SENSORS = 4, 2
 
 
@@ -155,9 +155,9 @@ def relu_fixed_points(units: int = 20, seed: int = 0) -> Scene:
     """Return a layer with four units that excite themselves, W_kk = 1.6.
 
     Each of the four is driven below zero while |alpha| is small, and then may be on or off: two
-    states, 2^4 = 16 together. Two units that see alpha drive them above zero beyond, and there is
-    no fixed point at all: all solutions lie on closed loops. Each crosses alpha = 0, so one slice
-    near it finds them all.
+    states, 2^4 = 16 together. At larger |alpha| two units that see alpha drive the four units above
+    zero, and no fixed point is left: all solutions lie on closed loops. Each loop crosses
+    alpha = 0, so that a single slice near zero finds all loops.
 
     Raises
     ------

@@ -1,9 +1,10 @@
-"""Files of MATPOWER cases: the tables, and the statements behind them.
+"""Files of MATPOWER cases: the tables, and the statements behind the tables.
 
 A case file is a function in MATLAB. Many public files hold resistances in ohm and loads in kW, and
-convert both in their last lines; read without those lines such a case is another network. So every
-statement is read: values and parts of tables that are assigned, the names of columns, and ``if``
-with a condition that is known. Any other statement is refused with the number of its line.
+convert the units in the last lines; read without the last lines such a case is another network.
+Therefore every statement is read: values and parts of tables that are assigned, the names of
+columns, and ``if`` with a condition that is known. Any other statement is refused with the line's
+number.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pwscont import InvalidInputError
 from pwscont.extending import Array
 from pwscont_power.expressions import Reader, Token, refuse
 
-#: The fields that are read, and those that say nothing about the power flow: names, costs, limits
+#: The fields that are read, and fields that say nothing about the power flow: names, costs, limits
 #: of the optimal power flow, results.
 READ = {"baseMVA", "bus", "gen", "branch", "dcline"}
 # fmt: off
@@ -29,9 +30,9 @@ BESIDE = {
     "order", "internal",
 }
 # fmt: on
-#: The part of a line before a comment or three dots; neither begins within a text in quotes.
+#: The part of a line before a comment or three dots; a text in quotes holds no comment or dots.
 CODE = re.compile(r"(?:'[^'\n]*'|\"[^\"\n]*\"|(?!\.\.\.)[^%])*")
-#: What the functions return that name columns: the values in their order.
+#: Function that names columns -> the names with values, in the order of the returned values.
 NAMES = {
     "idx_bus": "PQ=1 PV=2 REF=3 NONE=4 BUS_I=1 BUS_TYPE=2 PD=3 QD=4 GS=5 BS=6 BUS_AREA=7 VM=8 VA=9 "
     "BASE_KV=10 ZONE=11 VMAX=12 VMIN=13 LAM_P=14 LAM_Q=15 MU_VMAX=16 MU_VMIN=17",
@@ -46,12 +47,12 @@ NAMES = {
 
 
 def read_case_file(file: Path) -> dict[str, Array]:
-    """Return the tables of a case file, with what its statements make of them.
+    """Return the tables of a case file, as changed by all statements of the file.
 
     Raises
     ------
     InvalidInputError
-        If the file cannot be opened, or a statement is not known; with the number of its line.
+        If the file cannot be opened, or a statement is not known; the message gives the line.
     """
     try:
         text = file.read_text(encoding="utf-8-sig")
@@ -74,7 +75,7 @@ def _without_comments(text: str) -> str:
 
 @final
 class CaseFile:
-    """The statements of one case, carried out one by one."""
+    """The statements of a case file, carried out in order."""
 
     def __init__(self, text: str) -> None:
         self._names: dict[str, Array] = {}
@@ -127,7 +128,7 @@ class CaseFile:
             self._assignment(token)
 
     def _function(self) -> None:
-        """Take the names of what the file returns: one case, or its tables one by one."""
+        """Read the names of the values that the file returns: a case, or the tables."""
         reader = self._reader
         if self._fields or self._names:
             refuse(reader.next.line, "a second function is not known here")
@@ -144,7 +145,7 @@ class CaseFile:
             reader.take(")")
 
     def _skipped(self) -> None:
-        """Pass over what an ``if`` whose condition does not hold has, up to its ``end``."""
+        """Pass over the statements of an ``if`` whose condition is false, up to ``end``."""
         depth, begins = 1, True
         while depth:
             token = self._reader.take()
@@ -173,7 +174,7 @@ class CaseFile:
             self._names[name] = np.array([[float(pair.split("=")[1])]])
 
     def _assignment(self, token: Token) -> None:
-        """Carry out an assignment to a name or a field, or to a part of one."""
+        """Carry out an assignment to a name or a field, or to a part of a name or a field."""
         reader, values, name = self._reader, self._names, token.text
         if reader.taken("."):
             values, name = self._fields, reader.take().text
@@ -190,7 +191,7 @@ class CaseFile:
             values[name] = self._changed_part(values[name].copy(), token.line)
 
     def _changed_part(self, table: Array, line: int) -> Array:
-        """Return a table after an assignment to some of its rows and columns."""
+        """Return a table after an assignment to some rows and columns."""
         part = self._reader.indices(table)
         self._reader.take("=")
         value = self._reader.expression()

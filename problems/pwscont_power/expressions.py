@@ -1,7 +1,7 @@
-"""Expressions of MATLAB, as files of numbers hold them, computed without running anything.
+"""Expressions of MATLAB, as in files of numbers, computed without running anything.
 
-Every value is a table of numbers, shape (rows, columns); a number is a table of one entry. What is
-not known here, a matrix product for example, is refused with the number of its line.
+Every value is a table of numbers, shape (rows, columns); a number is a table of a single entry. Any
+other operation, a matrix product for example, is refused with the line's number.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices
 
-#: Tables written out in plain numbers, which most of a file is, are read as they stand.
+#: Tables written out in plain numbers, the largest part of a file, need no reading word by word.
 TABLE = re.compile(r"\[[-+.,;\s\deEiInNfFaA]*\]")
 TOKEN = re.compile(
     r"(?P<space>[ \t\r\f]+)|(?P<number>(?:\d+(?:\.(?![*/^])\d*)?|\.\d+)(?:[eE][-+]?\d+)?(?!\w))"
@@ -31,7 +31,7 @@ FUNCTIONS: dict[str, Callable[[Array], Any]] = {
     **{name: getattr(np, name) for name in ("isinf", "isnan")},
     "find": lambda table: np.flatnonzero(table.ravel(order="F"))[:, np.newaxis] + 1.0,
 }
-#: What binds loosely comes first.
+#: The operators, from loose binding to tight binding.
 BINARY: tuple[dict[str, Callable[[Array, Array], Array]], ...] = (
     {"|": np.logical_or, "||": np.logical_or},
     {"&": np.logical_and, "&&": np.logical_and},
@@ -43,7 +43,8 @@ BINARY: tuple[dict[str, Callable[[Array, Array], Array]], ...] = (
     {"+": np.add, "-": np.subtract},
     {"*": np.multiply, "/": np.divide, ".*": np.multiply, "./": np.divide},
 )
-#: Where signs need numbers that mean something else between tables than between their entries.
+#: Sign that means more than an operation entry by entry -> the side that must be a number, and the
+#: check of the two sides.
 NEEDS_NUMBER: dict[str, tuple[str, Callable[[Array, Array], bool]]] = {
     "*": ("one side", lambda a, b: 1 in (a.size, b.size)),
     "/": ("its right", lambda a, b: b.size == 1),
@@ -56,7 +57,7 @@ ANYTHING = ("", lambda a, b: True)
 @final
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A word of a file, its line, and whether there is a space before it."""
+    """A word of a file, the line of the word, and whether a space stands before the word."""
 
     kind: str
     text: str
@@ -88,7 +89,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 def _lines(text: str) -> int:
-    """Return the number of lines that end in a text; a form feed ends one that is continued."""
+    """Return the number of lines that end in a text; a form feed ends a continued line."""
     return text.count("\n") + text.count("\f")
 
 
@@ -98,7 +99,7 @@ def refuse(line: int, reason: str) -> NoReturn:
 
 
 def _plain(body: str) -> Array | None:
-    """Return a table of plain numbers, None where there is more to it."""
+    """Return a table of plain numbers, None if a text is more than such a table."""
     rows = [row.replace(",", " ").split() for row in re.split(r"[;\n]", body)]
     try:
         numbers = [[float(word) for word in row] for row in rows if row]
@@ -133,7 +134,7 @@ class Reader:
         return self._tokens[self._place]
 
     def take(self, *expected: str) -> Token:
-        """Return the next word and go on; if some are expected, it must be one of them."""
+        """Return the next word and go on; refuse a word that is not among the expected words."""
         token = self.next
         if expected and token.text not in expected:
             refuse(token.line, f"{token.text!r} stands where {expected[0]!r} is expected")
@@ -141,7 +142,7 @@ class Reader:
         return token
 
     def taken(self, *wanted: str) -> bool:
-        """Go on if the next word is one of some, and tell whether it is."""
+        """Go on if the next word is wanted, and return whether the word is wanted."""
         is_wanted = self.next.kind in ("sign", "name") and self.next.text in wanted
         self._place += is_wanted
         return is_wanted
@@ -149,7 +150,7 @@ class Reader:
     # -- expressions ---------------------------------------------------------------------
 
     def expression(self, level: int = 0) -> Array:
-        """Return the value of what comes next."""
+        """Return the value of the next expression."""
         if level == len(BINARY):
             return self._signed()
         value = self.expression(level + 1)
@@ -255,7 +256,7 @@ class Reader:
         return np.ix_(*found)
 
     def _index(self, size: int, line: int) -> Indices:
-        """Return places along one axis, counted from zero."""
+        """Return places along an axis, counted from zero."""
         after = self._tokens[self._place + 1].text
         if self.next.text == ":" and after in (",", ")"):
             self.take()

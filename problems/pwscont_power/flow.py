@@ -1,13 +1,13 @@
 """The power flow equations as a piecewise-smooth system, the loading being the parameter.
 
-At bus i the power that the network takes equals what is injected there,
+At bus i the power that the network takes equals the injected power,
 
     V_i exp(i theta_i) conj(sum_k Y_ik V_k exp(i theta_k)) = S_i + j Q_i,
 
-with S = fixed + loading growing, and Q_i at generators only. A generator holds its voltage until
-its reactive power meets a limit, and its voltage then falls below (at Q_max) or rises above (at
-Q_min) the one to hold: Q is the median of Q_min, Q_max and Q - r (V - V_set), for any r > 0. So the
-last rows are, per generator,
+with S = fixed + loading growing, and Q_i at generators only. A generator holds the voltage V_set
+until the reactive power meets a limit; then the voltage falls below V_set (at Q_max) or rises above
+V_set (at Q_min): Q is the median of Q_min, Q_max and Q - r (V - V_set), for any r > 0. The last
+rows are, per generator,
 
 ===========  ==================  ==========================================
 mode         row                 where
@@ -42,13 +42,13 @@ from pwscont_power.network import Generator, Network, one_each
 from pwscont_power.pattern import Pattern
 from pwscont_power.slopes import Slopes
 
-#: Voltages are at least this: at V = 0, the end of every model of a load of constant power, the
-#: angle means nothing, and any angle is a solution.
+#: Smallest voltage of the model, per unit: at V = 0, the end of every model of a load of constant
+#: power, the angle means nothing, and any angle is a solution.
 LOWEST = 1e-3
-#: One of true and false for each generator.
+#: True or false for each generator.
 Flags: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
 HELD = "voltage held"
-#: What is read at a transition of a generator.
+#: (mode before, mode after) of a generator -> the transition in words.
 CHANGES = {
     (HELD, "at Q max"): "reaches Q max",
     (HELD, "at Q min"): "reaches Q min",
@@ -61,10 +61,10 @@ CHANGES = {
 class PowerFlow(PiecewiseSystem, BringsSearches):
     """AC power flow of a network whose injections grow with the loading.
 
-    Unknowns are the angles theta of all buses but the slack, their voltages V, and the reactive
-    powers Q of all generators but that of the slack, per unit and in radians, named by the numbers
-    of the buses: ``theta3``, ``V3``, ``Q2``. Angles have the period 2 pi. A branch on which a
-    voltage falls to 0.001 ends there: at V = 0 the model ends, with no meaning for the angle.
+    Unknowns are the angles theta and the voltages V of all buses except the slack, and the reactive
+    powers Q of all generators except at the slack, per unit and in radians, named by the numbers of
+    the buses: ``theta3``, ``V3``, ``Q2``. Angles have the period 2 pi. A branch on which a voltage
+    falls to 0.001 ends there: at V = 0 the model ends, with no meaning for the angle.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     growing : array_like of complex, shape (buses,), optional
         Injections that are multiplied by the loading; default generation minus load of the network.
     fixed : array_like of complex, shape (buses,), optional
-        Injections that stay what they are; default none.
+        Injections that do not depend on the loading; default none.
     scale : array_like, optional
-        Typical magnitudes of all unknowns, in the order of their names. Default: 1 for angles and
+        Typical magnitudes of all unknowns, in the order of ``names``. Default: 1 for angles and
         voltages, the largest injection for reactive powers.
 
     Raises
@@ -131,7 +131,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         self._gradients = self._test_gradients()
 
     def with_limits(self, bus: int, Q_min: float, Q_max: float) -> PowerFlow:
-        """Return the same power flow with other reactive limits at one bus, which costs little.
+        """Return the power flow with other reactive limits at a bus, at little cost.
 
         Raises
         ------
@@ -162,8 +162,8 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     def start(self) -> Array:
         """Return a state to start from, shape (n,), near the upper branch of most networks.
 
-        Generators are at the voltages that they hold, and all other buses at those that the network
-        then has without load; reactive powers are zero, or at the limit next to zero.
+        Generators hold the given voltages, and all other buses have the voltages of the network
+        without load; reactive powers are zero, or at the limit next to zero.
         """
         z = np.zeros(self.size)
         voltage = self._without_load()[self._others]
@@ -226,7 +226,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         )
 
     def _jacobian_pattern(self) -> tuple[Pattern, Array]:
-        """Return where derivatives stand, and those of the mismatches by Q and by the loading."""
+        """Return the places of all derivatives, and the constant derivatives of the mismatches."""
         rows, columns = self._slopes.places
         growing = self._growing[self._others]
         loading = np.concatenate([growing.real, growing.imag])
@@ -250,24 +250,24 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
         return pattern.filled(np.concatenate([finite, -finite * np.tile(self._r, 2)]))
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return for each generator the limit that it is at, or both while it is within them."""
+        """Return the two tests of each generator within limits, the single test of a limit met."""
         at_low, at_high = self._modes(character)
         bounds = np.concatenate([~at_high, ~at_low]) & self._finite
         found: list[int] = np.flatnonzero(bounds).tolist()
         return found
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for every combination of the modes of generators."""
+        """Yield the characters of all combinations of the modes of generators."""
         for modes in product(*map(self._possible, range(self._g))):
             yield Character(tuple(np.transpose(modes).ravel().tolist()))
 
     def _possible(self, i: int) -> list[tuple[bool, bool]]:
-        """Return the signs of the tests of a generator in its modes, but at infinite limits."""
+        """Return the signs of a generator's tests in all modes, except at infinite limits."""
         low, high = self._finite[[i, self._g + i]].tolist()
         return [(False, False)] * low + [(True, False)] + [(True, True)] * high
 
     def bounds(self) -> tuple[Array, float]:
-        """Return that voltages are positive, and not so small that angles lose their meaning."""
+        """Return lower bounds of the voltages, below which angles would have no meaning."""
         lower = np.full(self.size, -np.inf)
         lower[self._n : 2 * self._n] = LOWEST
         return lower, np.inf
@@ -278,13 +278,13 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
 
     @property
     def gives_scale(self) -> bool:
-        """Whether the typical magnitudes are known, which they are per unit."""
+        """Whether the typical magnitudes are known: always, per unit."""
         return True
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return the magnitudes that were given, or those of quantities per unit.
+        """Return the given magnitudes, or the magnitudes of quantities per unit.
 
-        Angles are measured in radians, and voltages by the voltages that generators hold: both are
+        Angles, in radians, and voltages, in units of the voltages that generators hold, are
         typically 1. Reactive powers are as large as the largest injection.
         """
         if self._scale is not None:

@@ -1,9 +1,10 @@
 """The plane of the loading and a reactive limit: where limits are met, and where the nose is.
 
-While Q_max grows, the loading at which a generator meets it draws a locus, and so does the nose. A
-nose that reaches the interface of a limit ends there: beyond, the limit itself is the largest
-loading, a limit-induced bifurcation (Dobson and Lu, *Voltage collapse precipitated by the immediate
-change in stability when generator reactive power limits are encountered*, 1992).
+While Q_max grows, the loading at which a generator meets Q_max draws a locus, and the loading of
+the nose draws a locus, too. A nose that reaches the interface of a limit ends there: beyond, the
+limit itself is the largest loading, a limit-induced bifurcation (Dobson and Lu, *Voltage collapse
+precipitated by the immediate change in stability when generator reactive power limits are
+encountered*, 1992).
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from pwscont_power.flow import PowerFlow
 
 #: Points of a part of a locus, for pictures.
 POINTS = 30
-#: Where curves are looked for at a level: that from equal voltages is most often all.
+#: The search for curves at a level: the curve from equal voltages is most often the only curve.
 FEW = MultiStart(count=4)
-#: States closer than this, per unit and in radians, are one.
+#: Distance, per unit and in radians, below which two states coincide.
 SAME = 1e-6
 
 
 @final
 class Crossing(StrEnum):
-    """What the loading does at a locus."""
+    """The behaviour of the loading at a locus."""
 
     LIMIT = "limit, the loading goes on"
     LIMIT_NOSE = "limit and nose at once"
@@ -48,7 +49,7 @@ class Part:
     label : str
         The modes of generators there.
     plane : ndarray, shape (k, 2)
-        Its points (loading, Q_max).
+        The points (loading, Q_max) of the part.
     """
 
     crossing: Crossing
@@ -64,7 +65,7 @@ class Loci:
     Attributes
     ----------
     graphs : tuple of BranchGraph
-        One for each locus, Q_max being the parameter, the loading the last unknown.
+        The graph of each locus, with Q_max as parameter and the loading as last unknown.
     parts : tuple of Part
     meetings : ndarray, shape (k, 2)
         The points (loading, Q_max) at which a nose reaches a limit.
@@ -114,7 +115,7 @@ def follow_loci(
 def _start(
     family: Family, system: PowerFlow, point: SpecialPoint, level: float, loadings: Range
 ) -> tuple[Locus, Array] | None:
-    """Return the locus of a special point, and a point on it; None for ends."""
+    """Return the locus of a special point, and a point on the locus; None for ends."""
     if point.kind == "fold":
         noses = FoldLocus(family, level, loadings)
         return noses, noses.start(point.z, point.alpha, level)[0]
@@ -125,7 +126,7 @@ def _start(
 
 
 def _passes(known: tuple[Locus, BranchGraph], locus: Locus, y: Array, level: float) -> bool:
-    """Tell whether a known locus of the same kind passes through a state and its loading."""
+    """Tell whether a known locus of the same kind passes through y = (z, loading)."""
     other, graph = known
     if type(other) is not type(locus):
         return False
@@ -142,7 +143,7 @@ def _meetings(graph: BranchGraph) -> Iterator[tuple[float, float]]:
 
 
 def _parts(locus: Locus, graph: BranchGraph, cuts: Array) -> Iterator[Part]:
-    """Yield the parts of a locus; that of a limit is cut where it meets noses."""
+    """Yield the parts of a locus; the locus of a limit is cut where noses meet the locus."""
     for piece in graph.pieces:
         lo, hi = piece.interval
         limits = isinstance(locus, TransitionLocus)
@@ -155,7 +156,7 @@ def _parts(locus: Locus, graph: BranchGraph, cuts: Array) -> Iterator[Part]:
 
 
 def _crossing(locus: Locus, solution: Solution) -> Crossing:
-    """Tell what the loading does: it turns at a limit if det(dH/dz) changes its sign there."""
+    """Return the behaviour of the loading: a turn at a limit if det(dH/dz) changes sign."""
     if isinstance(locus, FoldLocus):
         return Crossing.NOSE
     system, z, loading = locus.at(solution.alpha), solution.z[:-1], float(solution.z[-1])

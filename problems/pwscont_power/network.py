@@ -30,7 +30,7 @@ class Branch:
     tap : float
         Ratio of the transformer at ``start``.
     shift : float
-        Its phase shift in radians.
+        Phase shift of the transformer in radians.
     g : float
         Total shunt conductance, such as iron losses.
 
@@ -52,7 +52,7 @@ class Branch:
 
     @cached_property
     def admittance(self) -> Array:
-        """The currents into the branch by the voltages at its ends, shape (2, 2)."""
+        """The currents into the branch by the voltages at the ends, shape (2, 2)."""
         if self.r == self.x == 0.0 or self.tap == 0.0:
             raise InvalidInputError(
                 f"the branch from bus {self.start} to bus {self.end} needs an impedance and a tap "
@@ -67,16 +67,16 @@ class Branch:
 @final
 @dataclass(frozen=True)
 class Generator:
-    """A generator that holds its voltage as long as its reactive power is within limits.
+    """A generator that holds a voltage as long as the reactive power is within limits.
 
     Attributes
     ----------
     bus : int
-        Number of its bus.
+        Number of the bus.
     V : float
         The voltage to hold.
     Q_min, Q_max : float
-        Limits of the reactive power, Q_min < Q_max; either may be infinite.
+        Limits of the reactive power, Q_min < Q_max; a limit may be infinite.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class Generator:
 @final
 @dataclass(frozen=True)
 class Network:
-    """Buses, what joins them, what they take and give.
+    """Buses with loads and generators, joined by branches.
 
     Attributes
     ----------
@@ -112,11 +112,12 @@ class Network:
         Numbers of the buses, the slack first or anywhere.
     branches : tuple of Branch
     generators : tuple of Generator
-        At most one at each bus. That of the slack bus gives its voltage; it has no limits.
+        No two at the same bus. The generator of the slack bus gives the voltage of the slack, and
+        has no limits.
     slack : int
         The bus whose voltage is given, at angle zero.
     load, generation : array_like of complex, shape (buses,)
-        Power taken, and power given but for the reactive power of generators.
+        Power taken, and power given except the reactive power of generators.
     shunt : array_like of complex, shape (buses,)
         Admittances to ground.
 
@@ -173,7 +174,7 @@ class Network:
         return np.array([place[bus] for bus in buses], dtype=np.intp)
 
     def with_limits(self, bus: int, Q_min: float, Q_max: float) -> Network:
-        """Return the same network with other reactive limits at one bus.
+        """Return the network with other reactive limits at a bus.
 
         Raises
         ------
@@ -203,7 +204,7 @@ class Network:
 
 
 def one_each(name: str, values: Any, buses: int) -> Array:
-    """Return one complex number for each bus.
+    """Return given values as a complex number for each bus.
 
     Raises
     ------

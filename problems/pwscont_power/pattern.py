@@ -9,13 +9,13 @@ import scipy.sparse as sp
 
 from pwscont.extending import Array, Indices, Matrix
 
-#: Matrices with at most so many rows are dense: below, bookkeeping costs more than arithmetic.
+#: Most rows of a dense matrix: in small sparse matrices bookkeeping costs more than arithmetic.
 DENSE = 100
 
 
 @final
 class Pattern:
-    """The places of entries; entries in one place add up.
+    """The places of entries of a matrix; entries in the same place add up.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Pattern:
         self._starts = np.searchsorted(places, shape[1] * np.arange(shape[0] + 1))
 
     def filled(self, entries: Array) -> Matrix:
-        """Return the matrix with these entries, shape (k,), dense if it is small."""
+        """Return the matrix with the given entries, shape (k,); a small matrix is dense."""
         data = np.bincount(self._slots, entries, self._count)
         if self._is_dense:
             return data.reshape(self._shape)

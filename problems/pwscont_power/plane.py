@@ -1,4 +1,4 @@
-"""The scene of a loading and a reactive limit, its table and its picture."""
+"""The scene of a loading and a reactive limit, with table and picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GUARANTEE = "no promise: loci that meet none of these values, or no start leads 
 @final
 @dataclass(frozen=True, slots=True, repr=False)
 class LimitPlane(Runnable):
-    """A network whose loading and one reactive limit vary.
+    """A network whose loading and a reactive limit vary.
 
     Attributes
     ----------
@@ -72,14 +72,14 @@ class LimitPlane(Runnable):
 @final
 @dataclass(frozen=True, slots=True)
 class LimitPlaneAnswer(Answer):
-    """The loci of limits and noses, and where they meet."""
+    """The loci of limits and noses, and where noses meet limits."""
 
     scene: LimitPlane
     loci: Loci
 
     @property
     def searched(self) -> str:
-        """What was looked for, in words."""
+        """The search for loci in words."""
         return SEARCHED.format(", ".join(f"{level:g}" for level in self.scene.levels))
 
     def as_text(self) -> str:

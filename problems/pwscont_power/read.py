@@ -1,6 +1,6 @@
 """Networks from MATPOWER cases and from pandapower.
 
-Columns are those of the MATPOWER case format, version 2 (MATPOWER manual, appendix B).
+Columns follow the MATPOWER case format, version 2 (MATPOWER manual, appendix B).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pwscont.extending import Array
 from pwscont_power.case_file import BESIDE, READ, read_case_file
 from pwscont_power.network import Branch, Generator, Network
 
-#: Types of buses: the slack, and those out of service.
+#: Types of buses: the slack, and buses out of service.
 SLACK, ISOLATED = 3, 4
-#: What pandapower adds to a case: one number for each branch.
+#: The fields that pandapower adds to a case, with a number for each branch.
 CONDUCTANCE, END_SHUNT = "branch_g", ("branch_g_asym", "branch_b_asym")
-#: Reactive limits of pandapower that stand for none, in MVAr.
+#: Size of the reactive limits that stand for no limit in pandapower, in MVAr.
 NO_LIMIT = 1e9
-#: The columns that are read of each table.
+#: Table of a case -> the columns that are read.
 COLUMNS = {
     "bus": range(6),
     "gen": (0, 1, 2, 3, 4, 5, 7),
@@ -40,22 +40,23 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
     ----------
     case : mapping, str or Path
         ``baseMVA``, ``bus``, ``gen`` and ``branch``, as in MATPOWER and PYPOWER; or a file ``.m``
-        with these tables written out in numbers. Statements behind the tables, such as those that
-        convert ohm and kW, are carried out as far as they are values and parts of tables.
+        with these tables written out in numbers. Statements behind the tables, such as the
+        conversion of ohm and kW, are carried out if the statements assign values or parts of
+        tables.
 
     Returns
     -------
     Network
-        Per unit of ``baseMVA``. What is out of service is left out, generators at one bus are
-        added up; the slack has no limits. Generators at buses without voltage control, and those
-        whose reactive limits are equal, are loads of fixed power.
+        Per unit of ``baseMVA``. Parts out of service are left out, generators at the same bus are
+        added up; the slack has no limits. Generators at buses without voltage control, and
+        generators with equal reactive limits, are loads of fixed power.
 
     Raises
     ------
     InvalidInputError
-        If tables are missing, too narrow, or not finite, or there is not one slack; if the case
-        has what is not read, such as DC lines in service or a statement of another kind, which is
-        named by its line.
+        If tables are missing, too narrow, or not finite, or there is no single slack; if the case
+        has parts that are not read, such as DC lines in service or a statement of another kind,
+        with the line of the statement.
 
     Examples
     --------
@@ -103,8 +104,9 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
 def from_pandapower(net: Any) -> Network:
     """Return the network of a pandapower net, whose extra must be installed.
 
-    Buses have pandapower's own numbers where its conversion keeps them. Iron losses of transformers
-    and conductances of lines are read. Reactive limits that are not given are none.
+    Buses have pandapower's own numbers where the conversion keeps the numbers. Iron losses of
+    transformers and conductances of lines are read. Reactive limits that are not given are
+    infinite.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ def from_pandapower(net: Any) -> Network:
         If pandapower is not installed.
     InvalidInputError
         As for :func:`from_matpower`; for loads that depend on the voltage, DC lines, elements of
-        power electronics, and impedances that differ from one direction to the other.
+        power electronics, and impedances that depend on the direction.
 
     Examples
     --------
@@ -136,14 +138,14 @@ def from_pandapower(net: Any) -> Network:
     for name in set(case) - READ:
         if name.startswith("branch_") and len(case[name]) == len(in_service):
             case[name] = case[name][in_service]  # the converted case has no other branches
-    wider = net["_options"].get("delta", 0.0)  # pandapower widens the limits by this
+    wider = net["_options"].get("delta", 0.0)  # pandapower widens the limits by ``delta``
     limits = case["gen"][:, 3:5] - [wider, -wider]
     case["gen"][:, 3:5] = np.where(abs(limits) < NO_LIMIT, limits, np.copysign(np.inf, limits))
     return from_matpower(case)
 
 
 def _check_all_is_converted(net: Any) -> None:
-    """Refuse what pandapower leaves out, without a word, of the case that it makes."""
+    """Refuse elements that pandapower leaves out of a case without a word."""
     loads = net["load"][net["load"]["in_service"]]
     shares = [name for name in loads if name.startswith("const_") and loads[name].any()]
     if shares:
@@ -157,7 +159,7 @@ def _check_all_is_converted(net: Any) -> None:
 
 
 def _check_all_is_read(tables: Mapping[str, Any]) -> None:
-    """Refuse tables that are not known; those of results, names and costs are."""
+    """Refuse unknown tables; tables of results, names and costs are known."""
     known = READ | BESIDE | {CONDUCTANCE, *END_SHUNT}
     for name, table in tables.items():
         if name not in known and not name.startswith("_") and np.size(table):
@@ -178,7 +180,7 @@ def _base(given: Any) -> float:
 
 
 def _check_buses(bus: Array, gen: Array, branch: Array) -> None:
-    """Check numbers and types of buses, and that what is in service is at one of them."""
+    """Check numbers and types of buses, and that parts in service are at known buses."""
     if not np.isin(bus[:, 1], [1, 2, SLACK, ISOLATED]).all():
         raise InvalidInputError("types of buses are 1, 2, 3 and 4, in column 2 of 'bus'")
     if (bus[:, 0] != np.round(bus[:, 0])).any():
@@ -190,7 +192,7 @@ def _check_buses(bus: Array, gen: Array, branch: Array) -> None:
 
 
 def _of_branches(tables: Mapping[str, Any], name: str, count: int) -> Array:
-    """Return one number for each branch, zero by default."""
+    """Return a number for each branch, zero by default."""
     given = np.asarray(np.real(tables.get(name, np.zeros(count))), dtype=float)
     if given.shape != (count,) or not np.isfinite(given).all():
         raise InvalidInputError(f"{name!r} must be one finite number for each of {count} branches")

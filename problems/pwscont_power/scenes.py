@@ -26,7 +26,7 @@ def _three_bus_flow() -> PowerFlow:
 
 
 def three_bus(Q_max: float = 0.8, start: float = 0.2) -> Scene:
-    """Return three buses: generator 2 meets its limit, then the load at bus 3 meets the nose.
+    """Return three buses: generator 2 meets a limit, then the load at bus 3 meets the nose.
 
     The lower branch goes on to lambda = 0, where V3 = 0: the end of the model.
     """
@@ -56,7 +56,7 @@ def ieee14() -> Scene:
 
 
 def ieee118() -> Scene:
-    """Return the IEEE 118-bus test case: the largest load is where a generator meets its limit."""
+    """Return the IEEE 118-bus test case: a generator meets a limit at the largest load."""
     return Scene(
         "ieee118",
         "IEEE 118 buses, loads and generation scaled together",

@@ -27,13 +27,13 @@ class Slopes:
     ----------
     Y : sparse array, shape (buses, buses)
     others : ndarray of int
-        The buses whose voltages are unknown; the mismatches of all active powers come first, then
-        those of reactive powers, as angles come before sizes.
+        The buses whose voltages are unknown; the mismatches of active powers come first, then the
+        mismatches of reactive powers, as angles come before sizes.
 
     Attributes
     ----------
     places : tuple of ndarray
-        Rows and columns of what a call returns.
+        Rows and columns of the derivatives that a call returns.
     """
 
     def __init__(self, Y: sp.csr_array, others: Indices) -> None:

@@ -1,4 +1,4 @@
-"""The force of a von Mises truss, with or without a stop under it."""
+"""The force of a von Mises truss, with or without a stop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from pwscont.extending import EPS, Array
 
-#: Compressions at which p(d) = d (d - 1)(d - 2) has its largest and its smallest force.
+#: Compressions at which p(d) = d (d - 1)(d - 2) has a local maximum and a local minimum.
 LIMITS = (1.0 - 3.0**-0.5, 1.0 + 3.0**-0.5)
 
 
@@ -22,7 +22,7 @@ class SnapLaw:
     ----------
     k : float or ndarray
     place, stiffness : float
-        Of the stop, if there is one.
+        Place and stiffness of the stop; the defaults stand for no stop.
     """
 
     def __init__(self, k: Any, place: float = np.inf, stiffness: float = 0.0) -> None:
@@ -38,7 +38,7 @@ class SnapLaw:
         return self.k * (3.0 * d * (d - 2.0) + 2.0)
 
     def turns(self) -> Array:
-        """Return where the force may turn: its stationary points and its kink, ascending."""
+        """Return where the force may turn: the stationary points and the kink, ascending."""
         if not self.stiffness:
             return np.array(LIMITS)
         inside = 1.0 - self.stiffness / self.k  # of 3 (d - 1)^2 = 1 - stiffness / k

@@ -19,7 +19,7 @@ def membrane(
     tension: float = 1.0,
     load: float = 1.0,
 ) -> tuple[ObstacleProblem, Indices]:
-    """Return a membrane that is fixed along its boundary over an obstacle, by linear elements.
+    """Return a membrane with a fixed boundary over an obstacle, by linear elements.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def membrane(
     -------
     problem : ObstacleProblem
     nodes : ndarray of int
-        The nodes of the mesh, one for each unknown.
+        The node of the mesh for each unknown.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 K u + f_0 + alpha f_1 = r: the elastic forces and the load (positive downwards) leave the reaction
 r of the obstacle. u >= obstacle, r >= 0, and r is zero where u is above the obstacle. With K
-symmetric and positive definite there is exactly one solution at each alpha (the minimum of a convex
+symmetric and positive definite the solution at each alpha is unique (the minimum of a convex
 energy; Kinderlehrer and Stampacchia, *An Introduction to Variational Inequalities*, 1980).
 """
 
@@ -18,7 +18,7 @@ from pwscont import BandedJacobian, Block, Character, InvalidInputError, Piecewi
 from pwscont.extending import Array, Matrix, finite_array
 from pwscont_structures.stretches import stretches
 
-#: Modes of a node: above the obstacle, and on it.
+#: Modes of a node: above the obstacle, and in contact.
 MODES = ((False,), (True,))
 
 
@@ -29,7 +29,7 @@ class ObstacleProblem(PiecewiseLinearSystem):
     Parameters
     ----------
     stiffness : array_like or sparse matrix, shape (n, n)
-        K, symmetric and positive definite. Where it is tridiagonal, solves cost O(n).
+        K, symmetric and positive definite. Solves with a tridiagonal K cost O(n).
     obstacle : array_like, shape (n,)
         The height of the obstacle at each node.
     load : array_like, shape (n,)
@@ -78,15 +78,15 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return height
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return what is positive at nodes on the obstacle: reaction less height."""
+        """Return reaction less height of all nodes, positive on the obstacle."""
         return self.reaction(z, alpha) - self.height(z)
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return what vanishes: the height on the obstacle, the reaction above."""
+        """Return the height of nodes on the obstacle, the reaction of nodes above."""
         return np.where(character.array, self.height(z), self.reaction(z, alpha))
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Any:
-        """Return the rows of K above the obstacle, those of its diagonal on it."""
+        """Return rows of K for nodes above the obstacle, of the diagonal for nodes in contact."""
         free = np.where(character.array, 0.0, 1.0)
         if self._bands is not None:
             below, above = self._bands
@@ -101,17 +101,17 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return (self._free - self._held).tocsr()
 
     def kink(self, before: Character, after: Character, test: int) -> Array:
-        """Return c, shape (n,): a node that comes to lie on the obstacle loses its test."""
+        """Return c, shape (n,): the row of a node that touches the obstacle loses the test."""
         c = np.zeros(self.size)
         c[test] = -1.0 if after.array[test] else 1.0
         return c
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the nodes, each above the obstacle or on it."""
+        """Return a block for each node, which is above the obstacle or in contact."""
         return tuple(Block((i,), (i,), MODES) for i in range(self.size))
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return that neither heights nor reactions are negative."""
+        """Return the inequalities height >= 0 and reaction >= 0 of all nodes."""
         rows = sp.vstack([self._held[:, :-1], self._free[:, :-1]]).tocsr()
         load = self.rest + alpha * self.load
         return rows, np.concatenate([-self.diagonal * self.obstacle, load])
@@ -139,7 +139,7 @@ class ObstacleProblem(PiecewiseLinearSystem):
         return f"contact of node {test + 1}"
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return which nodes touch the obstacle or leave it."""
+        """Return which nodes touch or leave the obstacle."""
         was, now = before.array, after.array
         changes = {"touches": now & ~was, "leaves": was & ~now}
         return ", ".join(
@@ -208,7 +208,7 @@ def _symmetric(stiffness: Any) -> Matrix:
 
 
 def _bands(K: Matrix) -> tuple[Array, Array] | None:
-    """Return the diagonals below and above the main one of a tridiagonal matrix."""
+    """Return the diagonals next to the main diagonal of a tridiagonal matrix, else None."""
     rows, columns = K.nonzero()
     if (np.abs(rows - columns) > 1).any():
         return None

@@ -1,7 +1,7 @@
-"""A rod that bends and neither stretches nor shears, by quadratic finite elements for its angle.
+"""A rod that bends and does not stretch or shear, by quadratic finite elements for the angle.
 
-With theta(s) the angle of the rod to its chord, x' = cos theta and w' = sin theta (Euler's
-elastica). Integrals are sums over the Gauss points of the elements.
+With theta(s) the angle between rod and chord, x' = cos theta and w' = sin theta (Euler's elastica).
+Integrals are sums over the Gauss points of the elements.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ POINTS = 4
 
 @final
 class Rod:
-    """The finite elements of a rod of length one.
+    """The finite elements of a rod of length 1.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Rod:
         self.s = (half * (xi + 1.0) + 2.0 * half * np.arange(elements)[:, np.newaxis]).ravel()
 
     def _spread(self, block: Array) -> Array:
-        """Return a matrix with the rows of one element for each."""
+        """Return the matrix of all elements from the rows of a single element."""
         matrix = np.zeros((self.elements * POINTS, self.n))
         for e in range(self.elements):
             matrix[e * POINTS : (e + 1) * POINTS, 2 * e : 2 * e + 3] = block

@@ -21,7 +21,7 @@ from pwscont_structures.softening import SofteningBar
 from pwscont_structures.strut import Strut, Support
 from pwscont_structures.truss import TrussChain
 
-#: Most trusses of a chain: so many already take more than a minute.
+#: Most trusses of a chain: 10,000 trusses already take more than a minute.
 MOST_TRUSSES = 10_000
 
 
@@ -40,7 +40,7 @@ def truss_stop(place: float = 0.9, stiffness: float = 20.0) -> Scene:
 
 
 def truss_chain(trusses: int = 3, spread: float = 0.1) -> Scene:
-    """Return K trusses in series, each stiffer than the one before: 3^K equilibria at no load."""
+    """Return K trusses in series, with ascending stiffness: 3^K equilibria at no load."""
     if not 1 <= trusses <= MOST_TRUSSES:
         raise InvalidInputError(f"trusses must be from 1 to {MOST_TRUSSES}, got {trusses}")
     stiffness: Array = 1.0 + spread * np.arange(float(trusses))
@@ -127,7 +127,7 @@ def _reaction(system: ObstacleProblem, z: Array, load: float) -> float:
 
 
 def strut_supports(elements: int = 8, gap: float = 0.1, bow: float = 0.01) -> Scene:
-    """Return a slightly bent strut between a support above and one below its middle."""
+    """Return a slightly bent strut with supports above and below the middle."""
     if elements % 2:
         raise InvalidInputError(f"elements of strut-supports must be even, got {elements}")
     supports = [Support(0.5, gap), Support(0.5, -gap)]

@@ -1,8 +1,8 @@
-"""A bar of softening elements in series with a spring, under a given displacement of its end.
+"""A bar of softening elements in series with a spring, under a given displacement of the end.
 
-Where an element softens faster than the rest of the bar can follow, the displacement of the end
-must go back for equilibrium: a snap-back (Bazant and Cedolin, *Stability of Structures*, 1991,
-ch. 13). Of several equal elements any may soften first, and deformation localises.
+If an element softens faster than the rest of the bar can follow, the displacement of the end must
+go back for equilibrium: a snap-back (Bazant and Cedolin, *Stability of Structures*, 1991, ch. 13).
+Any of several equal elements may soften first, and deformation localises.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pwscont.extending import Array, finite_array
 
 #: Modes of an element, by the signs of (e - e_peak, e - e_ultimate).
 MODES = {(False, False): "elastic", (True, False): "softening", (True, True): "broken"}
-#: What a user reads of an element that changes its mode.
+#: (mode before, mode after) -> the event in words.
 EVENTS = {
     ("elastic", "softening"): "reaches its strength",
     ("softening", "elastic"): "goes back to elastic",
@@ -41,11 +41,11 @@ class SofteningBar(PiecewiseLinearSystem):
     spring : float
         The stiffness of the spring.
     strength, modulus, softening : float or sequence of float
-        The largest force, the slope before and the slope after it (with its sign reversed) of each
-        element; as many elements as the longest has entries.
+        The largest force, the slope before the largest force, and minus the slope after the largest
+        force, of each element; the longest sequence gives the number of elements.
     remaining : float
         The slope of broken elements, below the modulus; positive where there are several elements,
-        because two that carry nothing could share their elongation in any way.
+        because two elements without force could share an elongation in any way.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class SofteningBar(PiecewiseLinearSystem):
     3
     """
 
-    degree = 1  # forces fall without bound with all elongations, and stay bounded as they grow
+    degree = 1  # forces fall without bound with falling elongations, else stay bounded
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class SofteningBar(PiecewiseLinearSystem):
         return np.concatenate([z - self.peak, z - self.ultimate])
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the force of each element less that of the spring."""
+        """Return the force of each element less the force of the spring."""
         soft, broken = character.array.reshape(2, -1)
         falling = self.strength + self.softening * (self.peak - z)
         softened = np.where(broken, self.remaining * z, falling)
@@ -104,13 +104,13 @@ class SofteningBar(PiecewiseLinearSystem):
         return balance
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return the peak where an element is elastic, the end where it is broken, else both."""
+        """Return e - e_peak of elements not broken, then e - e_ultimate of elements not elastic."""
         n, signs = self.size, character.signs
         peaks = [i for i in range(n) if not signs[n + i]]
         return peaks + [n + i for i in range(n) if signs[i]]
 
     def blocks(self) -> tuple[Block, ...]:
-        """Return the elements, each in one of three modes."""
+        """Return a block for each element, with three modes."""
         return tuple(Block((i, self.size + i), (i,), tuple(MODES)) for i in range(self.size))
 
     def scale(self, lo: float, hi: float) -> Array:
@@ -155,7 +155,7 @@ class SofteningBar(PiecewiseLinearSystem):
 
 
 def _alike(*numbers: float | Sequence[float] | Array) -> list[Array]:
-    """Return positive numbers in their common shape, (n,)."""
+    """Return positive numbers in a common shape, (n,)."""
     try:
         given = np.broadcast_arrays(np.ones(1), *numbers)[1:]
     except ValueError as error:

@@ -1,8 +1,8 @@
 """A strut under an axial load, between one-sided supports.
 
 Euler's elastica with hinged ends: the energy of an inextensible rod with bending stiffness EI is
-the integral of EI (theta' - kappa_0)^2 / 2 + P cos(theta), under the constraint that its ends stay
-on one line. Supports let the rod go to one side only.
+the integral of EI (theta' - kappa_0)^2 / 2 + P cos(theta), under the constraint that the ends stay
+on the line of the load. Supports let the rod go to one side only.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from pwscont import Character, InvalidInputError, PiecewiseSystem
 from pwscont.extending import Array, finite_array
 from pwscont_structures.rod import Rod
 
-#: Beyond this angle of an end the ends of a free elastica have passed each other.
+#: Largest angle at a node, in radians: beyond, the ends of a free elastica have passed each other.
 LARGEST_ANGLE = np.radians(150.0)
-#: The midspan force that bends a hinged rod by one unit of length, after the linear theory.
+#: The midspan force, in EI / L^2, per deflection, in L, of a hinged rod in the linear theory:
+#: REACTION turns reactions into lengths, as gaps are.
 REACTION = 48.0
 
 
@@ -29,14 +30,14 @@ REACTION = 48.0
 class Support:
     """A support that a strut may touch from one side, without friction.
 
-    It stands at one point of the rod, and follows when that moves along the chord.
+    A support stands at a point of the rod, and follows when the point moves along the chord.
 
     Attributes
     ----------
     place : float
         Along the rod, between 0 and 1, moved to the next end of an element.
     height : float
-        Where the support is, in units of length: above the straight rod if positive.
+        Height of the support, in units of length: above the straight rod if positive.
 
     Examples
     --------
@@ -50,17 +51,17 @@ class Support:
 
     @property
     def side(self) -> float:
-        """1.0 for a support above the rod, -1.0 for one below."""
+        """The side of the support: 1.0 above the rod, -1.0 below."""
         return 1.0 if self.height > 0.0 else -1.0
 
 
 @final
 class Strut(PiecewiseSystem):
-    """A strut with hinged ends; alpha is its axial load, positive in compression.
+    """A strut with hinged ends; alpha is the axial load, positive in compression.
 
     Lengths are in units of the length of the rod L, forces in EI / L^2: Euler's load is pi^2. The
     unknowns are the angles at the nodes, the transverse force V of the hinge at the end, and the
-    reactions R_1, R_2, ... of the supports, which push away from them.
+    reactions R_1, R_2, ... of the supports, positive if the supports push.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ class Strut(PiecewiseSystem):
             raise InvalidInputError(f"support {number} must be off the unloaded rod: change height")
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return what is positive at supports in contact: reaction less gap."""
+        """Return reaction less gap of all supports, positive in contact."""
         return self._reactions(z) - self.gaps(z)
 
     def test_jacobian(self, z: Array, alpha: float) -> Array:
@@ -146,7 +147,7 @@ class Strut(PiecewiseSystem):
         return jacobian
 
     def _transverse(self, z: Array) -> Array:
-        """Return the transverse forces beyond each Gauss point, times its weight, shape (q,)."""
+        """Return weight times transverse force beyond each Gauss point, shape (q,)."""
         n = self.rod.n
         forces: Array = np.append(z[n], -self.sides * z[n + 1 :]) @ self._sums
         return forces
@@ -192,7 +193,7 @@ class Strut(PiecewiseSystem):
         return x, w
 
     def scale(self, lo: float, hi: float) -> Array:
-        """Return one for angles, and Euler's load for forces."""
+        """Return 1.0 for angles, and Euler's load for forces."""
         forces = np.full(self.size - self.rod.n, np.pi**2)
         return np.append(np.ones(self.rod.n), forces)
 
@@ -203,7 +204,7 @@ class Strut(PiecewiseSystem):
         return -largest, largest
 
     def names(self) -> tuple[str, ...]:
-        """Return the angles by their places, the force of the hinge, and the reactions."""
+        """Return names: angles with places, the force of the hinge, and the reactions."""
         angles = (f"theta({s:g})" for s in self.rod.nodes.round(6))
         return (*angles, "V", *(f"R_{i + 1}" for i in range(len(self.supports))))
 

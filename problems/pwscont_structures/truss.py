@@ -2,9 +2,9 @@
 
 Two bars that meet in a shallow roof snap through under a load on the ridge. With the rise as the
 unit of length the force is p(d) = k d (d - 1)(d - 2) for shallow roofs: d = 0 is the unloaded roof,
-d = 1 the flat one, d = 2 the roof turned inside out (von Mises, *Ueber die Stabilitaetsprobleme der
-Elastizitaetstheorie*, ZAMM 3, 1923). The first of K trusses carries the load, and each stands on
-the next; the last stands on the ground.
+d = 1 the flat roof, d = 2 the roof turned inside out (von Mises, *Ueber die Stabilitaetsprobleme
+der Elastizitaetstheorie*, ZAMM 3, 1923). The first of K trusses carries the load, and each stands
+on the next; the last stands on the ground.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pwscont.extending import Array, BringsSearches, finite_array
 from pwscont_structures.law import SnapLaw
 from pwscont_structures.truss_search import AllEquilibria
 
-#: Node -> place and stiffness of its stop.
+#: Node -> place and stiffness of the node's stop.
 Stops = Mapping[int, tuple[float, float]]
 
 
@@ -29,16 +29,16 @@ class TrussChain(PiecewiseSystem, BringsSearches):
     """K von Mises trusses in series under a load on the first; alpha is the load.
 
     The unknowns are the displacements u_1, ..., u_K of the ridges, positive in the direction of the
-    load; truss i is compressed by d_i = u_i - u_(i+1). A stop at node i pushes back with
-    stiffness (u_i - place) where u_i exceeds its place. Give the trusses different stiffnesses:
-    equal ones snap at one load together, and at a point where three or more do, branches stop.
+    load; truss i is compressed by d_i = u_i - u_(i+1). A stop at node i pushes back with stiffness
+    (u_i - place) where u_i exceeds the place. Give the trusses different stiffnesses: equal trusses
+    snap at the same load, and where three or more trusses snap, branches stop.
 
     Parameters
     ----------
     stiffness : sequence of float, shape (K,)
         k_1, ..., k_K, in units of load.
     stops : mapping of int to (float, float), optional
-        Number of a node, from 1 -> place and stiffness of its stop.
+        Number of a node, from 1 -> place and stiffness of the node's stop.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class TrussChain(PiecewiseSystem, BringsSearches):
         self.stiffness = _positive("stiffness of stops", pairs[:, 1])[: len(stops)]
 
     def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return how far the nodes with stops are beyond their stops."""
+        """Return how far the nodes with stops are beyond the stops."""
         beyond: Array = z[self.nodes] - self.places
         return beyond
 
@@ -85,7 +85,7 @@ class TrussChain(PiecewiseSystem, BringsSearches):
         return balance
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the tangent stiffness, and the load with its sign."""
+        """Return the tangent stiffness, and the derivative by the load as last column."""
         slope = SnapLaw(self.k).slope(self.compressions(z))
         jacobian = np.zeros((self.size, self.size + 1))
         on, below = np.arange(self.size), np.arange(1, self.size)
@@ -114,7 +114,7 @@ class TrussChain(PiecewiseSystem, BringsSearches):
         return set(self.nodes) <= {self.size - 1}
 
     def laws(self) -> list[SnapLaw]:
-        """Return the force of each truss with the stop under it, if they are decoupled."""
+        """Return the force laws of decoupled trusses, including a stop at the last node."""
         stops = dict(zip(self.nodes, zip(self.places, self.stiffness, strict=True), strict=True))
         return [SnapLaw(k, *stops.get(i, ())) for i, k in enumerate(self.k)]
 
@@ -123,7 +123,7 @@ class TrussChain(PiecewiseSystem, BringsSearches):
         return tuple(f"u_{i + 1}" for i in range(self.size))
 
     def describe(self, character: Character) -> str:
-        """Return which nodes are on their stops."""
+        """Return which nodes are on stops."""
         on = [
             f"node {node + 1}"
             for node, beyond in zip(self.nodes, character.signs, strict=True)
@@ -136,7 +136,7 @@ class TrussChain(PiecewiseSystem, BringsSearches):
         return f"stop at node {self.nodes[test] + 1}"
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return which nodes reach or leave their stops."""
+        """Return which nodes reach or leave stops."""
         changes = zip(self.nodes, before.signs, after.signs, strict=True)
         return ", ".join(
             f"node {node + 1} {'reaches' if now else 'leaves'} its stop"

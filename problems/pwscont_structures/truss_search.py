@@ -16,11 +16,11 @@ from pwscont.extending import Array, Guarantee, Metric, SearchScope
 @final
 @dataclass(frozen=True, slots=True)
 class AllEquilibria(Search):
-    """All equilibria at both ends, and at one load between any two neighbouring limit loads.
+    """All equilibria at the ends of the interval, and at a load between neighbouring limit loads.
 
-    Each truss is compressed by a root of its own equation force(d) = load. A branch turns only
-    where one of these forces turns, so the range of loads of a closed loop has limit loads at both
-    ends, and one of the loads tried inside. This finds every branch.
+    The compression d of each truss is a root of force(d) = load. A branch turns only where the
+    force of a truss turns, so that the loads of a closed loop range from limit load to limit load,
+    with a load that is tried inside. The search therefore finds every branch.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class AllEquilibria(Search):
 
 
 def _loads(laws: Any, lo: float, hi: float) -> list[float]:
-    """Return both ends and the middles between limit loads."""
+    """Return the ends of an interval and the middles between limit loads."""
     limits = np.unique([float(law(d)) for law in laws for d in law.turns()])
     inside = np.concatenate([[lo], limits[(lo < limits) & (limits < hi)], [hi]])
     return [lo, *(0.5 * (inside[:-1] + inside[1:])).tolist(), hi]

@@ -64,17 +64,17 @@ def smallest(values: Array) -> float:
 
 
 def is_everywhere(signs: Signs) -> bool:
-    """Tell whether a vector of at least one sign is true everywhere, faster than ``all``."""
+    """Tell whether a vector of signs, not empty, is true everywhere, faster than ``all``."""
     return signs.item(signs.argmin())
 
 
 def is_anywhere(signs: Signs) -> bool:
-    """Tell whether a vector of at least one sign is true anywhere, faster than ``any``."""
+    """Tell whether a vector of signs, not empty, is true anywhere, faster than ``any``."""
     return signs.item(signs.argmax())
 
 
 def are_finite(values: Array) -> bool:
-    """Tell whether all numbers of a vector with at least one entry are finite."""
+    """Tell whether all numbers of a vector, not empty, are finite."""
     return isfinite(blas.dasum(values)) or bool(np.isfinite(values).all())  # sums may overflow
 
 
@@ -93,7 +93,7 @@ def product(matrix: Matrix, x: Array) -> Array:
 
 
 def indices(numbers: Sequence[int] | Indices) -> Indices:
-    """Return integers as an array, a range without numpy's loop over its numbers."""
+    """Return integers as an array, a range without numpy's loop over all numbers."""
     if isinstance(numbers, range):
         return np.arange(numbers.start, numbers.stop, numbers.step, dtype=np.intp)
     return np.asarray(numbers, dtype=np.intp)
@@ -111,7 +111,7 @@ def by_rows(matrix: Matrix) -> Matrix:
 
 
 def own_dense(matrix: Matrix) -> Array:
-    """Return a dense copy of any matrix: the owner of the matrix may reuse its memory."""
+    """Return a dense copy of any matrix: the owner of the matrix may reuse the memory."""
     return np.array(dense(matrix), dtype=float)
 
 

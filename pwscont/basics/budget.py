@@ -1,7 +1,7 @@
 """Limits of a run, and how much of each limit is left.
 
-Whatever may take long calls :func:`check_budget` now and then: searches, enumeration, Newton's
-method, the loop over steps. The caller does not need to know which run is going on.
+Long work calls :func:`check_budget` now and then: searches, enumeration, Newton's method, the loop
+over steps. The caller does not need to know which run is going on.
 
 Failure modes and answers
 -------------------------
@@ -36,14 +36,14 @@ from pwscont.basics.errors import InvalidInputError
 class Limits:
     """The limits of :func:`pwscont.trace` and :func:`pwscont.explore`.
 
-    Where a limit runs out, everything found so far comes back, and the guarantee says so.
+    If a limit runs out, everything found so far comes back, and the guarantee names the limit.
 
     Attributes
     ----------
     pieces : int, optional
         The most pieces that the graph may have; default any number.
     seconds : float, optional
-        The time after which the run ends; default no limit. The run first finishes its current step
+        The time after which the run ends; default no limit. The run first finishes the current step
         of the search or of a piece, which takes longer for large systems.
 
     Raises
@@ -103,7 +103,7 @@ def check_budget() -> None:
 
 @final
 class Budget:
-    """The budget of one run, which lasts as long as the ``with`` block of the budget.
+    """The budget of a run, which lasts as long as the ``with`` block of the budget.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Budget:
     Attributes
     ----------
     spent : str
-        What ran out, in words; empty while nothing has.
+        What ran out, in words; empty while every limit allows more.
     """
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
@@ -130,7 +130,7 @@ class Budget:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the run; an interrupted run also ends the run around it."""
+        """End the run; an interrupted run also ends an enclosing run."""
         _current.reset(self._token)
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)
@@ -139,7 +139,7 @@ class Budget:
 
     @property
     def spent(self) -> str:
-        """What ran out, in words; empty while nothing has."""
+        """What ran out, in words; empty while every limit allows more."""
         return self._reason or (INTERRUPTED if self._is_interrupted else "")
 
     @property
@@ -157,7 +157,7 @@ class Budget:
             self._outer.check()
 
     def allows(self, pieces: int) -> bool:
-        """Tell whether a run that has followed ``pieces`` pieces may follow one more."""
+        """Tell whether a run that has followed ``pieces`` pieces may follow another piece."""
         most = self._limits.pieces
         if most is not None and pieces >= most and not self.spent:
             self._reason = f"the limit of {most} piece{'' if most == 1 else 's'} was reached"

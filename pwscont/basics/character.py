@@ -14,7 +14,7 @@ from pwscont.basics.looks import MOST_LETTERS, short
 #: From bytes 0 and 1 to the printed signs, and back.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
-#: The signs as :meth:`Character.among` writes them: 1 for negative, 2 for positive.
+#: The bytes of signs in :meth:`Character.among`: 1 for negative, 2 for positive.
 ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
@@ -25,7 +25,7 @@ class Character:
     Parameters
     ----------
     signs : iterable of bool, length m
-        One sign per test function (Janovsky and Ligursky 2012, section 3.1; there the
+        The sign of each test function (Janovsky and Ligursky 2012, section 3.1; there the
         signs are stored as a triple of 0 and 1 per contact node).
 
     Examples
@@ -38,7 +38,7 @@ class Character:
     """
 
     __slots__ = ("_array", "_signs")
-    #: One byte per sign, 0 or 1: one block of memory, which is compared, hashed and copied fast.
+    #: A byte per sign, 0 or 1: a block of memory, which is compared, hashed and copied fast.
     _signs: bytes
     #: The same signs as an array of bool.
     _array: Signs
@@ -52,7 +52,7 @@ class Character:
 
     @property
     def signs(self) -> tuple[bool, ...]:
-        """One sign per test function."""
+        """The sign of each test function."""
         return _as_tuple(self._signs)
 
     @property
@@ -67,14 +67,14 @@ class Character:
 
     @classmethod
     def beyond(cls, tests: Array, crossed: int, sign: bool) -> Character:
-        """Return the character of a point where one test vanishes, on the side of this sign."""
+        """Return the character of a point where a test vanishes, on the side of the given sign."""
         signs = tests >= 0.0
         signs[crossed] = sign
         return cls._of_bytes(signs.tobytes())
 
     @classmethod
     def read(cls, text: str) -> Character:
-        """Return the character that is printed so, by ``+`` and ``-``."""
+        """Return the character from the printed form, ``+`` and ``-``."""
         return cls._of_bytes(text.encode("ascii").translate(FROM_TEXT))
 
     @classmethod
@@ -101,7 +101,7 @@ class Character:
         return self._of_bytes(bytes(signs))
 
     def among(self, tests: Indices) -> bytes:
-        """Return the signs of some tests: one byte each, 1 or 2, and 0 for every other test."""
+        """Return the signs of some tests as bytes: 1 or 2, and 0 for every other test."""
         signs = self.array
         if len(tests) == len(signs):
             return self._signs.translate(ONE_OR_TWO)
@@ -110,7 +110,7 @@ class Character:
         return some.tobytes()
 
     def __bytes__(self) -> bytes:
-        """Return one byte per sign, 0 or 1."""
+        """Return a byte per sign, 0 or 1."""
         return self._signs
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -34,7 +34,7 @@ class InvalidInputError(PwscontError, ValueError):
 
 
 class InvalidSystemError(PwscontError, ValueError):
-    """A user's system breaks its contract; the message names the method and the point.
+    """A user's system breaks the contract; the message names the method and the point.
 
     Examples
     --------

@@ -17,7 +17,7 @@ def checked_kind(name: str, value: object, kind: type) -> None:
 
 
 def check_callable(name: str, value: object, signature: str) -> None:
-    """Refuse an argument that is no function; ``signature`` says what the function is given."""
+    """Refuse an argument that is no function; ``signature`` names the arguments in the message."""
     if not callable(value):
         raise InvalidInputError(f"{name} must be a function of {signature}, got {value!r}")
 

@@ -15,19 +15,19 @@ MOST_UNKNOWNS = 6
 MOST_LETTERS = 72
 #: The first of the default names of unknowns.
 UNNAMED = ("z[0]",)
-#: Significant digits of numbers as users read them, and of the difference of the ends of a narrow
+#: Significant digits of numbers for users, and of the difference of the ends of a narrow
 #: interval.
 DIGITS_SHOWN, DIGITS_OF_DIFFERENCE = 8, 3
 
 
 def counted(count: int | float, noun: str) -> str:
-    """Return a number with its noun, such as ``3 pieces``."""
+    """Return a number with a noun, such as ``3 pieces``."""
     number = "infinitely many" if count == math.inf else count
     return f"{number} {noun}{'' if count == 1 else 's'}"
 
 
 def with_article(noun: str) -> str:
-    """Return a noun with its article, such as ``a fold`` or ``an isolated solution``."""
+    """Return a noun with the article, such as ``a fold`` or ``an isolated solution``."""
     return f"{'an' if noun[:1].lower() in set('aeio') else 'a'} {noun}"
 
 
@@ -65,7 +65,7 @@ def at(x: Array) -> str:
 
 
 def state(names: Sequence[str], z: Array) -> str:
-    """Return the first unknowns with their names, and the number of unknowns."""
+    """Return the first unknowns with names, and the number of unknowns."""
     values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
     dots = ["..."] if len(z) > MOST_UNKNOWNS else []
     rest = f" {len(z)} unknowns" if dots else ""

@@ -1,4 +1,4 @@
-"""What a run ends in: kinds of special points, reasons of failure, guarantees."""
+"""The outcome of a run: kinds of special points, reasons of failure, guarantees."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import final
 
 @final
 class Kind(StrEnum):
-    """The kind of a special point; its value is the word that users read and query by."""
+    """The kind of a special point; the value is the word that users read and query by."""
 
     START = "start"
     END = "end"
@@ -31,17 +31,17 @@ def kind_of(word: str) -> Kind | str:
     return Kind(word) if word in set(Kind) else word
 
 
-#: The message where special points seem to accumulate; the value of alpha follows.
+#: The message for special points that seem to accumulate; the value of alpha follows.
 ACCUMULATE = "special points seem to accumulate at alpha ="
-#: How the message of a corner at which solutions are no curves begins.
+#: The beginning of the message of a corner at which solutions are no curves.
 FILL = "solutions fill"
-#: How the message of a point says that only some of the branches there stay within the bounds.
+#: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 
 
 @final
 class FailureReason(Enum):
-    """The reason of a failure; its value is the advice that a user reads."""
+    """The reason of a failure; the value is the advice that a user reads."""
 
     NOT_CONVERGED = (
         "Newton did not converge down to the smallest step; check the Jacobian with "
@@ -101,7 +101,7 @@ class Failure:
     Attributes
     ----------
     trouble : FailureReason or str
-        What a user reads: a :class:`FailureReason`, or the words of a user's own stepper.
+        Advice to the user: a :class:`FailureReason`, or the words of a user's own stepper.
     """
 
     trouble: FailureReason | str
@@ -114,7 +114,7 @@ class Failure:
 class Guarantee(IntEnum):
     """How much of the zero set a search finds; larger is more.
 
-    UNIQUE is the system's own promise: at every alpha at most one solution.
+    UNIQUE is a promise of the system: no alpha has two solutions.
     """
 
     NOTHING = 0
@@ -137,7 +137,7 @@ class SearchScope:
         Why the run ended early, in words; empty if the run was finished.
     gap : float
         Distance along a curve within which two smooth folds may be passed over, where alpha is
-        measured by the interval and each unknown by its typical magnitude; zero if no fold is
+        measured by the interval and each unknown by the typical magnitude; zero if no fold is
         passed over.
     """
 
@@ -148,7 +148,7 @@ class SearchScope:
 
     @property
     def unseen(self) -> str:
-        """What may have been passed over on the pieces that were followed; empty where nothing."""
+        """What may have been passed over on the pieces that were followed; empty for nothing."""
         if not self.gap:
             return ""
         return f"two smooth folds closer together along a curve than {self.gap:.2g} of the interval"

@@ -19,12 +19,13 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError, Unknown
 Function = Callable[[Array, float], float]
 Naming = Callable[[], Iterable[str]] | Sequence[str] | None
 
-#: Names with another meaning in data frames, JSON or networkx: no recorded quantity has them.
+#: Names with another meaning in data frames, JSON or networkx: no recorded quantity has such a
+#: name.
 TAKEN = frozenset(
     {"alpha", "character", "component", "det_sign", "digits", "end", "error", "id", "kind", "label"}
     | {"message", "name", "piece", "points", "start", "z"}
 )
-#: No message lists more names than this.
+#: Most names that a message lists.
 MOST_NAMES = 12
 ONLY_SPECIAL = (
     "the file of this graph has {0!r} at special points only; for other states give its function: "
@@ -48,7 +49,7 @@ def _letter(letter: str) -> str:
 
 
 def as_written(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is meant: the same name, or that with Greek letters."""
+    """Return the known name that is meant: the same name, or the name with Greek letters."""
     names = list(known)
     meant = [other for other in names if spelled(other) == spelled(name)]
     return name if name in names or len(meant) != 1 else meant[0]
@@ -147,7 +148,7 @@ class Quantities:
 
     @property
     def is_named(self) -> bool:
-        """Whether the system names its unknowns."""
+        """Whether the system names the unknowns."""
         return self.naming is not None
 
     def names(self, size: int) -> tuple[str, ...]:
@@ -170,7 +171,7 @@ class Quantities:
         Raises
         ------
         UnknownNameError
-            If there is none of this name.
+            If no unknown or quantity has the name.
         InvalidInputError
             If the function of a recorded quantity fails, or returns no finite float.
         """
@@ -188,7 +189,7 @@ class Quantities:
         return float(z[self._components[name] if self.is_named else names.index(name)])
 
     def recorded(self, z: Array, alpha: float) -> dict[str, float]:
-        """Return all recorded quantities at a state; errors as those of :meth:`value`."""
+        """Return all recorded quantities at a state; errors as for :meth:`value`."""
         return {name: self.value(name, z, alpha) for name in self.record}
 
     def attempted(self, z: Array, alpha: float) -> dict[str, float | str]:
@@ -224,7 +225,7 @@ def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
 
 
 def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:
-    """Return what a user's function of (z, alpha) returns.
+    """Return the value of a user's function of (z, alpha).
 
     Raises
     ------

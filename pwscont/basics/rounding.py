@@ -14,16 +14,16 @@ EPS = sys.float_info.epsilon
 #: next correction would be of the order of the square of the last, which is below rounding.
 CONVERGED = 1e-11
 
-#: A quantity is zero when it is below GUARD times the rounding error of the quantity's own terms. A
+#: A quantity is zero if below GUARD times the rounding error of the quantity's own terms. A
 #: dot product of k terms errs by at most k EPS; the solves before the product add a few digits.
 GUARD = 64.0
 
-#: A quantity is zero when it is below CONFIDENCE times the quantity's estimated error. The estimate
-#: is the root of the sum of squares of a few samples, or of all columns of the inverse where these
-#: are few; the chance that the true error is ten times as large is negligible.
+#: A quantity is zero if below CONFIDENCE times the quantity's estimated error. The estimate
+#: is the root of the sum of squares of a few samples, or of all columns of an inverse with few
+#: columns; the chance that the true error is ten times as large is negligible.
 CONFIDENCE = 10.0
 
-#: Parameter values closer than SAME_ALPHA times the scale of the parameter are one value.
+#: Parameter values closer than SAME_ALPHA times the scale of the parameter are the same value.
 SAME_ALPHA = 64.0 * EPS
 
 #: States of two evolutions are one state when they differ by less than SAME_STATE times their size:

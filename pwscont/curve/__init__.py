@@ -1,1 +1,1 @@
-"""One smooth curve: metric, Newton, predictors, correctors, step sizes."""
+"""A smooth curve: metric, Newton, predictors, correctors, step sizes."""

@@ -1,7 +1,7 @@
 """Correctors: from a prediction back onto the curve.
 
 Newton accepts a point that is off the curve by a little more than rounding, where the tangent
-differs from that of the curve: :func:`polished` corrects the point again. A Jacobian of central
+differs from the curve's tangent: :func:`polished` corrects the point again. A Jacobian of central
 differences has ten digits: a tangent with twelve digits is computed again, see
 :mod:`pwscont.curve.curve`.
 
@@ -9,9 +9,9 @@ Failure modes and answers
 -------------------------
 - The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
   :class:`~pwscont.basics.outcome.Failure`, not a point.
-- The curve is nearly tangent to the zero set: at the angle d, a correction c is followed by one of
-  about c^2 / d, which need not be rounding where c is small. Newton goes on until its corrections
-  are rounding; where they never are, the last correction counts as an error.
+- The curve is nearly tangent to the zero set: at the angle d, a correction c is followed by a
+  correction of about c^2 / d, which need not be rounding where c is small. Newton goes on until the
+  corrections are rounding; if no correction ever is, the last correction counts as an error.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from pwscont.linear.factorise import Factor, bordered, last_unit
 @final
 @dataclass(slots=True, eq=False)
 class Corrected:
-    """A point on the curve and how hard it was to get there.
+    """A point on the curve, with the effort and the contraction of Newton's method.
 
     Attributes
     ----------
     state : State
     iterations : int
     factor : Factor
-        A factorisation of [J; border] near the point, with which points beside it are corrected.
+        A factorisation of [J; border] near the point, for correcting neighbouring points.
     contraction : float
         Ratio of the first two corrections: small where the prediction belongs to this curve.
     """
@@ -71,7 +71,7 @@ class Corrector(ABC):
 
     @abstractmethod
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
-        """Return the corrected state, its tangent oriented like ``tangent``, or the failure."""
+        """Return the corrected state, with a tangent oriented like ``tangent``, or a failure."""
 
 
 @final
@@ -94,7 +94,7 @@ class BorderedNewton(Corrector):
 
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
         """Solve [H_chi(x); t . (x - predicted)] = 0."""
-        # the border is linear: zero at the prediction, it stays zero
+        # the border is linear: zero at the prediction, and zero at all iterates
         border = (0.0, curve.metric.covector(tangent))
         root = newton(curve, lambda _: border, predicted, self.most_iterations)
         if isinstance(root, Failure):
@@ -152,9 +152,10 @@ class MoorePenrose(Corrector):
         return Failure(FailureReason.NOT_CONVERGED)
 
 
+#: Most Newton iterations to a zero of a function, and to a root from which corrections begin again.
 MOST_NEWTON = 8
-#: Most corrections next to a double root, each of which is about half of the previous correction;
-#: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous one.
+#: Most corrections next to a double root, where each correction is about half of the previous;
+#: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous.
 MOST_HALVING, SHRINKS = 40, 0.75
 
 
@@ -167,7 +168,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     border : callable
         x -> (value, gradient).
     x : ndarray, shape (n + 1,)
-        Where Newton begins.
+        The point from which Newton begins.
     """
     root = newton(curve, border, x, MOST_NEWTON)
     if isinstance(root, Failure):
@@ -189,14 +190,14 @@ def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
 
 
 def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
-    """Return the root once its corrections are rounding, and its uncertainty.
+    """Return the root once the corrections are rounding, and the uncertainty of the root.
 
     For nearly every root a few corrections with the factorisation of the root leave only rounding.
-    Where these corrections do not shrink, Newton's method begins again with a new factorisation.
+    If these corrections do not shrink, Newton's method begins again with a new factorisation.
     """
     settled = again(curve, border, root)
     unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])
-    error = uncertainty(settled, unseen)  # that of a few corrections more differs by rounding
+    error = uncertainty(settled, unseen)  # more corrections hardly change the error
     for _ in range(MOST_CHORDS):
         if is_within(settled, error) and curve.metric.admits(settled.x):
             return settled, error

@@ -1,20 +1,20 @@
-"""Where two smooth curves of one selection cross, and the directions of both.
+"""The point where two smooth curves of a selection cross, and the directions of the curves.
 
 At a simple branch point the Jacobian J, (n, n + 1), has rank n - 1. With borders b and C for
 which M = [[J, b], [C, 0]] is regular, the functions g of M (V; g) = (0; I) vanish exactly where
 J loses rank, and {H + mu b = 0, g = 0} is a square system for (x, mu), regular at the branch
 point although J is not: the minimally extended system of Moore (1980) and of Allgower and Georg
 (1990, section 8.2), with g by bordering (Govaerts 2000, chapter 3). The directions d = V delta of
-the curves solve the algebraic branching equation w^T H''[d, d] = 0, whose two by two matrix is
-also the one that Newton solves with.
+the curves solve the algebraic branching equation w^T H''[d, d] = 0, whose two by two matrix also
+serves in Newton's method.
 
 Failure modes and answers
 -------------------------
-- [J; t^T] is singular at the point, and points of the curve are known to no more than
-  EPS / distance near it: no point of the curve is computed here, all matrices stay regular.
-- Poor borders make M singular: they are renewed from its own null vectors in each iteration.
+- [J; t^T] is singular at the point, and nearby points of the curve are known to no more than
+  EPS / distance: no point of the curve is computed here, all matrices stay regular.
+- Poor borders make M singular: each iteration renews the borders from the null vectors.
 - Two curves pass each other without meeting: mu says how far H misses zero at the point.
-- Curves that touch, or more than two that meet: the two by two matrix has no two real
+- Curves that touch, or more than two curves that meet: the two by two matrix has no two real
   directions that are told apart, which is a failure, not a guess.
 """
 
@@ -32,16 +32,18 @@ from pwscont.curve.curve import Curve
 from pwscont.linear.augmented import augmented
 from pwscont.linear.factorise import columns_scaled, largest_in_rows, power_of_two, rows_divided
 
+#: Most Newton iterations to a branch point.
 MOST_ITERATIONS = 12
 #: Rounds of renewing generic borders before the first iteration.
 FIRST_BORDERS = 2
-#: H misses zero at the crossing by less than this part of its terms, else the curves pass by.
+#: Largest H at a crossing, as a part of the terms of H; with a larger H the curves pass by.
 MEETS = EPS**0.75
-#: The two directions are told apart: ratio of the eigenvalues of the branching equation.
+#: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
 APART = EPS**0.5
-#: How far z is displaced to see how large the equations are, relative to its typical magnitude.
+#: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
-#: A component of a direction below this, relative to its length, is the error of differences.
+#: Component of a direction, as a part of the length, below which the component is the error of
+#: differences.
 FLAT = EPS**0.4
 
 
@@ -56,9 +58,9 @@ class Crossing:
     error : ndarray, shape (1, n + 1)
         The last Newton correction, a sample of the error.
     directions : tuple of two ndarrays, shape (n + 1,)
-        The tangents of both curves, of length one in the metric, signs arbitrary.
+        The tangents of the two curves, of unit length in the metric, signs arbitrary.
     meets : bool
-        Whether the curves meet there to rounding; else they pass each other close by.
+        Whether the curves meet there to rounding; else the curves pass each other close by.
     """
 
     x: Array
@@ -70,7 +72,7 @@ class Crossing:
 @final
 @dataclass(frozen=True, slots=True)
 class _Null:
-    """The bordered matrix at a point, in unknowns and equations scaled to about one.
+    """The bordered matrix at a point, in unknowns and equations scaled to about 1.
 
     Attributes
     ----------
@@ -79,13 +81,13 @@ class _Null:
     left : ndarray, shape (n,)
         w: spans the left null space.
     rows : ndarray, shape (n,)
-        What the equations are divided by.
+        The divisors of the equations.
     g : ndarray, shape (2,)
         The functions that vanish where J loses rank.
     particular : ndarray, shape (n + 2,)
         M^-1 (-H; 0).
     size : float
-        w . |J| |x|, the terms of which H consists, as the unfolding mu sees them.
+        w . |J| |x|, the size of the terms of H in the equation for the unfolding mu.
     """
 
     right: Array
@@ -126,14 +128,14 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
 
 
 def _in_the_interval(curve: Curve, x: Array) -> Array:
-    """Return ``x`` with alpha in the interval, outside of which nothing is evaluated."""
+    """Return ``x`` with alpha clipped to the interval: nothing is evaluated outside."""
     differences = curve.selection.system.differences(float(x[-1]))
     x[-1] = min(max(x[-1], differences.lo), differences.hi)
     return x
 
 
 def _step(curve: Curve, x: Array, null: _Null) -> _Step | None:
-    """Solve with the Jacobian of the extended system, None where it is singular."""
+    """Solve with the Jacobian of the extended system; None for a singular Jacobian."""
     rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
     form = rows @ null.right
     if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
@@ -175,7 +177,7 @@ def _equations(curve: Curve, x: Array) -> Array:
 
 
 def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | None:
-    """Solve with M and its transpose; None where M is singular."""
+    """Solve with M and the transpose of M; None for a singular M."""
     n, scale = len(b), curve.metric.scale
     scaled = columns_scaled(curve.selection.jacobian(x), scale)
     matrix = augmented(rows_divided(scaled, rows), b, C)

@@ -1,12 +1,12 @@
-"""The curve of one selection, a state on it, and its tangents.
+"""The curve of a selection, a state on a curve, and the tangents of a curve.
 
 Failure modes and answers
 -------------------------
-- A function changes within the longer steps of fourth order: with errors d of second order, those
-  of fourth order are RATIO d^2, and are taken only where that is less.
-- Along a vertical piece the slope of alpha is nothing but the errors of differences, and its signs
-  would be folds. These errors depend on the units of alpha and on the length of the interval, and
-  are estimated from the terms of the derivatives.
+- A function changes within the longer steps of fourth order: if differences of second order err by
+  d, differences of fourth order err by RATIO d^2, and are taken only if RATIO d^2 is less than d.
+- Along a vertical piece the slope of alpha is only the error of differences, and changes of sign
+  would be folds. The errors depend on the units of alpha and on the length of the interval, and are
+  estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.differences import FINE_STEP, STEP
 from pwscont.system.selection import Selection
 
-#: What differences of second and of fourth order are off by at least, relative to derivatives.
+#: Least relative errors of derivatives by differences of second and of fourth order.
 CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
-#: Errors of both are (STEP / w)^2 and (FINE_STEP / w)^4 for a function that changes over a width w.
+#: Ratio of an error of fourth order to the square of an error of second order: the errors are
+#: (FINE_STEP / w)^4 and (STEP / w)^2 for a function that changes over a width w.
 RATIO = (FINE_STEP / STEP) ** 4
 
 
 def finer_tangent(
     selection: Selection, metric: Metric, x: Array, tangent: Array
 ) -> tuple[Array, Array] | None:
-    """Return the tangent by differences of fourth order, and samples of its rounding error.
+    """Return the tangent by differences of fourth order, and samples of the rounding error.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ def finer_tangent(
     Returns
     -------
     tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
-        None where the bordered matrix is singular.
+        None if the bordered matrix is singular.
     """
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)
@@ -74,15 +75,15 @@ def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -
     return fine if abs(fine) > off else 0.0
 
 
-#: Along a direction in which alpha changes by less than this part of the interval it may not change
-#: at all: neither differences nor a factorisation from next to the point tell.
+#: Slope of alpha, in intervals per arc length, below which alpha may not change at all: differences
+#: and a factorisation from next to the point do not tell.
 LEAN = GUARD * CONVERGED
 
 
 @final
 @dataclass(slots=True, eq=False)
 class Curve:
-    """The solutions of H_chi(x) = 0 for one frozen character, measured in a metric.
+    """The solutions of H_chi(x) = 0 for a frozen character, measured in a metric.
 
     Attributes
     ----------
@@ -94,7 +95,7 @@ class Curve:
     metric: Metric
 
     def slope(self, state: State) -> float:
-        """Return d alpha / d arc length, exactly zero where it is zero to rounding.
+        """Return d alpha / d arc length, exactly zero for a slope that is zero to rounding.
 
         The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
@@ -107,24 +108,24 @@ class Curve:
 
 
 @final
-@dataclass(slots=True, eq=False)  # a frozen one takes several times as long to make
+@dataclass(slots=True, eq=False)  # making a frozen object takes several times as long
 class State:
-    """A point on a curve and the direction in which it is followed.
+    """A point on a curve and the direction in which the curve is followed.
 
     Attributes
     ----------
     x : ndarray, shape (n + 1,)
         The point (z, alpha).
     tangent : ndarray, shape (n + 1,)
-        Direction in which the curve is followed, of length one in the metric.
+        Direction in which the curve is followed, of unit length in the metric.
     error : ndarray, shape (k, n + 1)
         Samples of the error of ``x``: at a located point estimates, on the way the last
         correction.
     orientation : int
         Sign of det[J; tangent^T] (Janovsky and Ligursky 2012, Definition 1).
     located_by : Factor, optional
-        Where a function vanishes: a factorisation of [J; gradient of the function], which corrects
-        points of the curve close by. A reversed state has none.
+        A factorisation of [J; gradient of the function], for a state at which a function vanishes;
+        corrects points of the curve close by. A reversed state has none.
     """
 
     x: Array

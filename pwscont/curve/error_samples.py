@@ -2,8 +2,8 @@
 
 The root of the sum of squares of independent contributions, component by component or through a
 linear function, is the estimated error. A test function may depend on a point through a difference
-that is known better than the point itself: its error is taken from the samples, not from a bound on
-each component.
+that is known better than the point itself: the error of the test is taken from the samples, not
+from a bound on each component.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
 
-#: A solution (z, alpha), and samples of its error or the size of the last correction.
+#: A solution (z, alpha), and samples of the error or the size of the last correction.
 Found = tuple[Array, Array]
-#: Up to this many unknowns the inverse is formed column by column, instead of sampled.
+#: Most unknowns for which the inverse is formed column by column, instead of sampled.
 MOST_WHOLE_INVERSE = 16
-#: The number of entries up to which ``hypot`` is faster than squares and their sums.
+#: The number of entries up to which ``hypot`` is faster than sums of squares.
 MOST_BY_HYPOT = 256
-#: A point is known to one digit where its error is at most this part of it.
+#: Largest error, as a part of a number, of a number with a certain digit.
 ONE_DIGIT = 0.1
-#: Numbers below this have squares that lose digits; in any unit.
+#: Smallest number whose square keeps all digits, in any unit.
 SQUARES_UNDERFLOW = 1e-140
 #: Number of samples for larger systems.
 SAMPLES = 4
@@ -67,7 +67,7 @@ def _root_of_squares(error: Array) -> Array:
         spread = np.abs(np.hypot.reduce(error, axis=0))
         return spread
     spread = np.sqrt(_ones(len(error)).dot(np.square(error)))
-    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most of these are zero
+    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most numbers are zero
         lost = spread < SQUARES_UNDERFLOW
         if len(error) and is_anywhere(np.logical_and(error, lost)):
             spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
@@ -90,16 +90,16 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
     """Return how far below zero tests may be computed at a solution of a closed cell, shape (l,).
 
     The slack is the rounding of the terms of the tests, and of terms of typical magnitude: an
-    unknown may be zero because constants in H cancel, of which the error of x knows nothing.
+    unknown may be zero because constants in H cancel, which the error of x does not show.
     """
     slack: Array = CONFIDENCE * magnitude_of_values(rows, x, error) + EPS * (abs(rows) @ scale)
     return slack
 
 
 def has_digits(x: Array, error: Array, scale: Array) -> bool:
-    """Tell whether at least one digit of every component of ``x`` is certain, all finite.
+    """Tell whether a digit or more of every component of ``x`` is certain, all finite.
 
-    Each component is measured by the larger of its size and its typical magnitude.
+    Each component is measured by the larger of size and typical magnitude.
     """
     sizes = np.abs(x)
     known = ONE_DIGIT * np.maximum(sizes, scale)
@@ -107,9 +107,9 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
 
 
 def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
-    """Tell whether a solution with samples of its error may lie within the bounds of unknowns.
+    """Tell whether a solution with samples of the error may lie within the bounds of unknowns.
 
-    Rounding of typical magnitudes counts as well: the rounding of an unknown that is zero is none.
+    Rounding of typical magnitudes counts as well: an unknown that is zero has no rounding.
     """
     if not box.is_bounded:
         return True  # nearly always, and magnitudes cost something
@@ -118,14 +118,14 @@ def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:
 
 
 def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> bool:
-    """Tell whether two solutions, each with samples of its error, agree within these errors."""
+    """Tell whether two solutions, each with samples of the error, agree within the errors."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
     return metric.norm(metric.difference(a[0], b[0])) <= CONFIDENCE * sum(errors)
 
 
 @lru_cache(maxsize=8)
 def _ones(number: int) -> Array:
-    """Return a vector of ones: a product with that vector is twice as fast as a sum."""
+    """Return (1, ..., 1): a product with that vector is twice as fast as a sum."""
     return np.ones(number)
 
 
@@ -133,7 +133,7 @@ def _ones(number: int) -> Array:
 def samples(size: int) -> Array:
     """Return unit vectors, or a few fixed random vectors for many unknowns; runs are identical.
 
-    The squares of each column add up to one.
+    The squares of each column add up to 1.
     """
     if size <= MOST_WHOLE_INVERSE:
         return np.asarray(np.eye(size))

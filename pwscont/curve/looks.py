@@ -1,19 +1,21 @@
 """What lies inside a step: places at which H tells whether the curve is where the cubic leads.
 
-Two folds of a bump that is far narrower than the step leave no trace at its ends. Only values of H
-inside the step show such a bump, and only next to it.
+Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. Only
+values of H inside the step, next to the bump, show such a bump.
 
 Failure modes and answers
 -------------------------
 - A bump between two places: neighbouring places are about :attr:`~pwscont.StepSize.gap` apart.
-  What is narrower may be passed over.
-- H repeats itself as places do: their distances vary, as multiples of the golden section do.
+  A narrower bump may be passed over.
+- H repeats itself with the period of the places: the distances between places vary, as multiples of
+  the golden section do.
 - At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
-  the distances from the cubic vary. Along a smooth curve they are u^2 (1 - u)^2 times a polynomial.
-  Where the distances do not vary so, places around the odd place are looked at, ever closer.
+  the distances from the cubic vary. Along a smooth curve the distances are u^2 (1 - u)^2 times a
+  polynomial. If the distances vary otherwise, places around the odd place are looked at, ever
+  closer.
 - The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
-  points of the curve next to the places must be in order. Points that are not are corrected before
-  they count.
+  points of the curve next to the places must be in order. Points out of order are corrected before
+  the order counts.
 - Looking must cost less than the step: a residual for each place, all solved for at once with the
   factorisation of the end; fewer places where there are many unknowns.
 """
@@ -34,12 +36,14 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The largest number of places in a step.
 MOST_PLACES = 256
-#: Up to this many unknowns a look costs little beside a step.
+#: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
-#: How much the distances between places vary, as a part of them.
+#: Variation of the distances between places, as a part of the distance.
 UNEVEN = 0.3
+#: The golden section, whose multiples place the distances unevenly.
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-#: Distances from the cubic are smooth up to this part of the largest.
+#: Largest part of the distances from the cubic that is not smooth, as a part of the largest
+#: distance: beyond, a place is odd.
 ROUGH_PART = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
@@ -52,7 +56,7 @@ SMOOTH_DEGREE = 3
 def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
     """Return how far apart the places are in which the steps of a system are looked at.
 
-    In the metric; infinite where no cell has a fold, for at fixed alpha its equations are linear.
+    In the metric; infinite for equations that are linear at fixed alpha, as no cell has a fold.
     """
     if isinstance(system, SlicewiseLinearSystem):
         return inf
@@ -73,11 +77,11 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     ----------
     segment : CurvedSegment
     factor : Factor
-        A factorisation [J; border] from its end.
+        A factorisation [J; border] from the end of the segment.
     gap : float
         The distance between places, in the metric.
     allowed : float
-        Places are not looked at more closely where the curve is farther from the cubic than this.
+        Largest distance of the curve from the cubic; beyond, no closer look is taken.
     """
     gap = gap_between_looks(segment.curve.selection.system, gap)
     if segment.length <= gap:
@@ -86,7 +90,7 @@ def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: fl
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
-        return worst if worst > allowed else inf  # perhaps it is not a number
+        return worst if worst > allowed else inf  # worst may be nan
     if worst > INVISIBLE and len(off) == count:
         rough = np.abs(_rough(count) @ off).max(axis=1)
         odd = int(rough.argmax())
@@ -106,7 +110,7 @@ def places(count: int) -> Array:
 
 @lru_cache(maxsize=MOST_PLACES)
 def _rough(count: int) -> Array:
-    """Return the projection on what of distances from the cubic at some places is not smooth."""
+    """Return the projection of distances from the cubic on the part that is not smooth."""
     u = places(count)
     smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH_DEGREE, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]
@@ -115,7 +119,7 @@ def _rough(count: int) -> Array:
 
 
 def _weights(u: Array) -> Array:
-    """Return what a cubic makes of its chord and its tangents at parts of it, shape (k, 3)."""
+    """Return the weights of chord and tangents in points of a cubic at u, shape (k, 3)."""
     v = 1.0 - u
     first, last = u * v * v, v * u * u
     return np.stack([u - first + last, first, -last], axis=1)
@@ -160,7 +164,7 @@ def _close_in(
 
 
 def _turns(segment: CurvedSegment, alphas: Array) -> bool:
-    """Tell whether alpha turns more often than the slopes at both ends of a step say."""
+    """Tell whether alpha turns more often than the slopes at the ends of a step say."""
     start, end = segment.start, segment.end
     steps = np.empty(len(alphas) + 1)
     steps[:-1], steps[-1] = alphas, end.alpha

@@ -1,4 +1,4 @@
-"""Length and angle in (z, alpha), independent of the units of either."""
+"""Length and angle in (z, alpha), independent of units."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
 from pwscont.system.system import PiecewiseSystem
 
-#: Squares and products of magnitudes up to this one stay far from overflow.
+#: Largest magnitude whose squares and products stay far from overflow.
 LARGEST = 1e120
-#: And down to this one far from underflow.
+#: Smallest magnitude whose squares and products stay far from underflow.
 SHORTEST = 1.0 / LARGEST
-#: What of the size of alpha counts where a correction is compared with CONVERGED.
+#: Part of the size of alpha that counts where a correction is compared with CONVERGED.
 ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
-#: Up to this many unknowns directions are sketched whole, longer ones by so many projections.
+#: Most unknowns of a direction that is sketched whole, and the number of projections of a longer
+#: direction.
 WHOLE, PROJECTIONS = 64, 16
 EVERYWHERE = (-math.inf, math.inf)
 _NONE = np.zeros(0, dtype=np.intp)
@@ -32,7 +33,7 @@ _NONE = np.zeros(0, dtype=np.intp)
 
 @final
 class Metric:
-    """Euclidean geometry after dividing each unknown by its typical magnitude.
+    """Euclidean geometry after dividing each unknown by the typical magnitude.
 
     Parameters
     ----------
@@ -41,12 +42,12 @@ class Metric:
     interval : tuple of float
         The values of alpha at which a system may be asked for anything.
     period : ndarray, shape (n,), optional
-        After what the unknowns repeat themselves, infinite where they do not; default all.
+        The periods of the unknowns, infinite if not periodic; default all infinite.
 
     Attributes
     ----------
     scale, binary : ndarray, shape (n + 1,)
-        The magnitudes, and the powers of two next above them.
+        The magnitudes, and the next larger powers of two.
     width : float
         The typical magnitude of alpha.
     """
@@ -75,7 +76,7 @@ class Metric:
 
     @classmethod
     def at(cls, system: PiecewiseSystem, alpha: float) -> Metric:
-        """Return the metric of a system at one alpha."""
+        """Return the metric of a system at a single alpha."""
         width = max(1.0, abs(alpha))
         return cls._checked(system, system.scale(alpha, alpha), width, EVERYWHERE)
 
@@ -99,7 +100,7 @@ class Metric:
         return cls(everything, interval, box.period if box.is_periodic else None)
 
     def admits(self, x: Array) -> bool:
-        """Tell whether alpha lies in the interval; beside an end by rounding, it is put there."""
+        """Tell whether alpha is in the interval; alpha outside by rounding is moved to the end."""
         lo, hi = self.interval
         alpha = float(x[-1])
         if lo <= alpha <= hi:
@@ -113,7 +114,7 @@ class Metric:
     def difference(self, x: Array, y: Array) -> Array:
         """Return x - y, up to whole periods: from y to the nearest copy of x.
 
-        Either may be several points, shape (k, n + 1).
+        The arrays x and y may hold several points, shape (k, n + 1).
         """
         apart: Array = x - y
         if len(self._turning):
@@ -127,31 +128,31 @@ class Metric:
         return math.sqrt(dot(y, y))
 
     def largest(self, sizes: Array) -> float:
-        """Return the largest of some magnitudes, each relative to the typical one."""
+        """Return the largest of some magnitudes, each relative to the typical magnitude."""
         return largest(sizes / self.scale)
 
     @cached_property
     def kinds(self) -> Indices:
-        """A number for each unknown; those with the same typical magnitude share it."""
+        """A number for each unknown; unknowns with the same typical magnitude share a number."""
         kinds: Indices = np.unique(self.scale, return_inverse=True)[1]
         return kinds
 
     def relative(self, dx: Array, x: Array) -> float:
-        """Return the largest component of ``dx`` relative to that of ``x`` or its scale.
+        """Return the largest component of ``dx`` relative to the component of ``x`` or the scale.
 
         Alpha is relative to the interval, wherever that lies; rounding of alpha is converged.
         """
         return largest(np.abs(dx) / self.sizes(x))
 
     def sizes(self, x: Array) -> Array:
-        """Return what the components of a correction of ``x`` are relative to, shape (n + 1,)."""
+        """Return the sizes that a correction of ``x`` is compared with, shape (n + 1,)."""
         sizes = np.abs(x)
         sizes[-1] *= ROUNDING_OF_ALPHA
         sizes += self.scale
         return sizes
 
     def sketch(self, t: Array) -> Array:
-        """Return what tells a direction t of length one from others, a vector of length one.
+        """Return a unit vector that tells a unit direction t from other directions.
 
         A long direction is reduced to a few projections, which agree where directions are equal and
         differ where directions clearly differ.
@@ -165,15 +166,15 @@ class Metric:
 
     @cached_property
     def _sketching(self) -> Array:
-        """What a direction is multiplied by: nothing but units, or projections of many unknowns."""
+        """The factor of a direction: units, or projections of many unknowns."""
         size = len(self.scale)
         return (_projections(size) if size > WHOLE else 1.0) / self.scale
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
 
-        It is relative to z, and no more than rounding of alpha: how far the interval lies from zero
-        does not make two of its alphas one.
+        The tolerance is relative to z, and adds no more than rounding of alpha: an interval far
+        from zero does not make two values of alpha the same.
         """
         alpha, z = abs(float(x[-1])) / self.width, x[:-1] / self.scale[:-1]
         return tolerance * (1.0 + math.sqrt(z.dot(z))) + GUARD * EPS * alpha
@@ -183,9 +184,9 @@ class Metric:
         return self._weight * t
 
     def normalised(self, t: Array) -> Array:
-        """Return t with length one, of whatever length it is."""
+        """Return t of any length, divided by the length in the metric."""
         length = self.norm(t)
-        if not SHORTEST < length < LARGEST:  # its squares leave the range of numbers
+        if not SHORTEST < length < LARGEST:  # squares leave the range of numbers
             t = t / self.largest(np.abs(t))
             length = self.norm(t)
         unit: Array = t / length

@@ -14,24 +14,24 @@ and Laub 1994).
 
 Failure modes and answers
 -------------------------
-- The root is zero where the terms were not (an unloaded body reached from a loaded body): the terms
-  are taken before the last correction as well as after.
+- The root is zero although the terms were not (an unloaded body reached from a loaded body): the
+  terms are taken before the last correction as well as after.
 - Constants in H cancel, and no derivative tells: (z + B) - B moves in stairs as high as the
   rounding of B. H is evaluated next to the root, at three places on a line, where rounding shows as
   a second difference. The difference has a part from curvature as well; that part is measured
   farther away in the same direction, and removed.
-- The selection is undefined far from its cell: non-finite values are a failure, and the caller
+- The selection is undefined far from the cell: non-finite values are a failure, and the caller
   shortens the step.
 - H need not be defined outside the interval of alpha: an iterate that leaves the interval is a
   failure.
 - Newton converges from far away, to another curve: the ratio of the first two corrections is kept,
   and the caller judges by that ratio (Deuflhard 2011, chapter 5).
 - Scale: convergence is judged by the correction of each unknown relative to the size of the
-  unknown, which neither the units of z nor the units of the equations change.
+  unknown, which does not depend on the units of z or of the equations.
 - Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
   there, and the error estimate says how few digits are left.
 - A needless iteration costs as much as the rest of a step: where quadratic convergence predicts
-  that one or two further corrections suffice, these corrections use the old factorisation (each
+  that two further corrections at most suffice, these corrections use the old factorisation (each
   correction shrinks by the relative change of the Jacobian). The factorisation is marked as stale:
   next to a branch point the tangent turns within these corrections.
 """
@@ -58,13 +58,13 @@ from pwscont.system.system import SlicewiseLinearSystem
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
-#: A first correction below this relative size is followed by a correction that is rounding.
+#: Relative size of a first correction below which the next correction is rounding.
 NEXT_IS_ROUNDING = CONVERGED**0.5
-#: Corrections with the last factorisation, where so many are expected to be enough.
+#: Most corrections with the last factorisation, if expected to be enough.
 MOST_CHORDS = 2
-#: Corrections with a factorisation from a point close by.
+#: Most corrections with a factorisation from a point close by.
 MOST_CORRECTIONS = 6
-#: A correction larger than this part of the previous correction does not converge any more.
+#: Largest ratio of two corrections that still converge.
 STALLED = 0.1
 #: A factorisation is stale where the Jacobian changes by more than this part within the last
 #: correction. A direction that the factorisation corrects by no more than this part is right to
@@ -129,7 +129,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
-        # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for one
+        # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = (size / before) ** 2 if before > 0.0 else size, False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
@@ -162,7 +162,7 @@ def again(curve: Curve, border: Border, root: Root) -> Root:
 def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     """Return the point of a curve next to ``x``, by a factorisation [J; border] from close by.
 
-    None where corrections do not shrink as fast as with a factorisation that is new enough.
+    None if corrections do not shrink as fast as with a factorisation that is new enough.
     """
     before = math.inf
     for _ in range(MOST_CORRECTIONS):
@@ -179,12 +179,12 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
 
 
 def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
-    """Return a nearly exact point after one correction, and the error of the point.
+    """Return a nearly exact point after a single correction, and the error of the point.
 
     Parameters
     ----------
     curve : Curve
-        Of an affine selection.
+        The curve of an affine selection.
     x : ndarray, shape (n + 1,)
     value, row
         The border there and the gradient of the border, as for :func:`newton`.
@@ -192,7 +192,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
     Returns
     -------
     Root and ndarray, or None
-        The error is that of :func:`uncertainty`; None where the correction is more than rounding,
+        The error as from :func:`uncertainty`; None if the correction is more than rounding,
         or cannot be computed.
     """
     metric = curve.metric
@@ -215,7 +215,7 @@ def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, A
 def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
     """Return a factorisation at a root, and the unit tangent along which the border grows.
 
-    The factorisation is made afresh where that of the root is too old.
+    The factorisation is made afresh if the root's factorisation is too old.
     """
     metric, unit = curve.metric, last_unit(len(root.x))
     along = root.factor.solve(unit)
@@ -241,9 +241,9 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
 #: How far from a root H is evaluated, as a part of typical magnitudes: near enough for rounding to
 #: show, and far enough for curvature to show.
 ROUNDING_SHOWS, CURVATURE_SHOWS = EPS**0.5, EPS ** (1.0 / 3.0)
-#: At so many places near a root H is evaluated.
+#: Number of places near a root at which H is evaluated.
 ROUNDING_PLACES = 4
-#: Third derivatives make the curvature near a root differ from that farther away by this factor.
+#: Third derivatives make the curvatures near a root and farther away differ by this factor.
 CURVATURE_VARIES = 4.0
 
 
@@ -251,15 +251,16 @@ def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
     """Return independent contributions to the error of ``root.x``, shape (k, n + 1).
 
     The root of the sum of squares of the contributions, component by component or through a linear
-    function, is the estimated error. ``unseen`` is rounding of the rows beyond that of their terms.
+    function, is the estimated error. ``unseen`` is rounding of the rows beyond the rounding of the
+    terms.
     """
-    # the last correction was solved with errors of its largest parts everywhere
+    # the last solve made errors as large as the largest part of the correction everywhere
     size = np.abs(root.x) + largest(root.error / root.scale) * root.scale
     return root.factor.solve_all(_rounding(root.jacobian, root.row, size, unseen))
 
 
 def is_rounding(root: Root) -> bool:
-    """Tell whether the last correction was nothing but rounding, as ill conditioning makes it."""
+    """Tell whether the last correction was only rounding, which ill conditioning enlarges."""
     return is_within(root, uncertainty(root))
 
 

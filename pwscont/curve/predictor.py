@@ -6,7 +6,7 @@ Failure modes and answers
   every predictor tends to the tangent.
 - The previous step is so short that the chord of the step is rounding: the prediction is along the
   tangent.
-- Tangents of length one belong to a polynomial of arc length, which is longer than the chord: the
+- Unit tangents belong to a polynomial of arc length, which is longer than the chord: the
   angle between the tangents gives arc length well enough.
 """
 
@@ -29,7 +29,7 @@ class Predictor(ABC):
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
-        """Return a point about ``length`` beyond ``state`` and a direction of length one.
+        """Return a point about ``length`` beyond ``state`` and a unit direction.
 
         ``previous`` is the state before on the same piece, None on the first step of the piece.
         """
@@ -79,7 +79,7 @@ class Secant(Predictor):
 @final
 @dataclass(frozen=True, slots=True)
 class Hermite(Predictor):
-    """Along the cubic through the last two points and their tangents: of fourth order.
+    """Along the cubic through the last two points and tangents: of fourth order.
 
     Newton often needs a single Jacobian from there (higher order predictors: Allgower and Georg
     1990, section 6.3; Lundberg and Poore 1991).

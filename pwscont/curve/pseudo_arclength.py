@@ -1,9 +1,9 @@
-"""One step of pseudo-arclength continuation: predict, correct, accept or say why not.
+"""The step of pseudo-arclength continuation: predict, correct, accept or say why not.
 
 :meth:`PseudoArclength.step` halves the step until :func:`accepted` calls the corrected prediction a
 true step; where a prediction leaves the interval of alpha, the step ends at the end of the interval
-(:func:`land_on_end`). Where a function with a gradient vanishes about a step ahead, the step ends
-at the zero (:meth:`PseudoArclength.aim`).
+(:func:`land_on_end`). If a function with a gradient vanishes about a step ahead, the step ends at
+the zero (:meth:`PseudoArclength.aim`).
 
 What stays unseen: sheets that are closer than about a thousandth of a step.
 
@@ -21,9 +21,9 @@ Failure modes and answers
 - Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
   of the point is estimated, and measures no larger than that error tell nothing.
 - The check must be cheap: a point inside costs a residual and a solution with the factorisation
-  that the corrector leaves. One well chosen point is enough: where the cubic has crossed a golden
-  section of the distance between the sheets. Of all parts, the multiples of the golden section stay
-  farthest from whole numbers, so that no sheet between passes for the curve.
+  that the corrector leaves. A well chosen point is enough: where the cubic has crossed a golden
+  section of the distance between the sheets. The multiples of the golden section stay farther from
+  whole numbers than of any other part, so that no sheet between passes for the curve.
 - A jump over many sheets at once may pass even so: for Fibonacci numbers the golden multiple is
   nearly whole. Such a jump needs a large correction: there a second point is looked at, and the
   larger the correction, the closer the cubic must be.
@@ -57,23 +57,24 @@ FARTHEST = 0.1
 SLOWEST = 0.1
 #: Largest distance of the cubic between the two points from the curve, as a part of the step.
 OFF = 0.1 * BESIDE
-#: Where the correction is a larger part of the step than this, the cubic is looked at twice.
+#: Largest correction, as a part of the step, for which a single look at the cubic is enough.
 SURE = 3e-3
-#: Where the correction is larger than this part of the step, OFF shrinks in proportion.
+#: Largest correction, as a part of the step, for which OFF holds; OFF shrinks as corrections grow.
 CLOSE = 1e-2
 #: The second place at which the cubic is looked at, as a part of the step: there the cubic has
 #: crossed sqrt(3) - 1 of the distance between sheets.
 SECOND = 0.6602
-#: The cubic may be off by this length, in the metric, however short the step is: tangents from
-#: differences are no better, and points this close are not told apart anyway.
+#: Largest distance, in the metric, of the cubic from the curve that is always allowed, however
+#: short the step is: tangents from differences are no better, and points this close are not told
+#: apart anyway.
 NEGLIGIBLE: float = EPS**0.5
-#: The step ends at the end of the interval, or at a zero, that is no farther than this many times
-#: the length of the step.
+#: Largest distance, in lengths of the step, of an end of the interval or a zero at which the step
+#: ends instead.
 STRETCH = 1.5
-#: A prediction farther away than this, in the metric, is not looked at: H may overflow there.
+#: Farthest prediction, in the metric, that is looked at: H may overflow beyond.
 FARTHEST_PREDICTION = 10.0
-#: A zero closer than this, in the metric, is located within a longer step: the direction of a chord
-#: this short is known to few digits.
+#: Shortest step, in the metric, that ends at a zero: a shorter chord has a direction of few digits.
+#: A closer zero is located within a longer step.
 SHORTEST_LANDING = 1e-6
 
 NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureReason.OUTSIDE)
@@ -82,7 +83,7 @@ NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureRe
 @final
 @dataclass(frozen=True, slots=True)
 class PseudoArclength(Stepper):
-    """Predict along the curve behind, correct normal to its tangent; turns at folds.
+    """Predict along the curve behind, correct normal to the tangent; turns at folds.
 
     Keller (1977), Allgower and Georg (1990), chapters 2 to 6.
 
@@ -198,7 +199,7 @@ def accepted(
     ----------
     curve : Curve
     state : State
-        Where the step begins.
+        The state from which the step begins.
     predicted : ndarray, shape (n + 1,)
     corrected : Corrected
     length : float
@@ -230,9 +231,10 @@ def accepted(
 def _strain(
     correction: float, off: float, contraction: float, length: float, noise: float
 ) -> float:
-    """Return the largest ratio of a measure of a step to what is allowed; above 1, no step is true.
+    """Return the largest ratio of a measure of a step to the bound; above 1, no step is true.
 
-    A correction no larger than the noise tells nothing, nor does a cubic off by no more than that.
+    A correction no larger than the noise tells nothing, nor does a cubic off by no more than the
+    noise.
     """
     by_contraction = contraction / SLOWEST if correction > noise else 0.0
     by_correction = correction / (FARTHEST * length + noise)

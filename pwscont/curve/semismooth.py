@@ -7,17 +7,17 @@ Failure modes and answers
 -------------------------
 - A singular element of the Jacobian: the step is regularised (Levenberg and Marquardt).
 - Cycling between cells: the merit function must fall, by Armijo's rule.
-- At a kink, such as the body at rest, the step of one cell need not reduce the merit at all: a few
-  steps are taken undamped, and the rule holds again from where they lead.
-- A short last step crosses an interface: the solution of the cell that was left is none, however
-  close by. Newton goes on in the cell on the other side.
+- At a kink, such as the body at rest, the step of a single cell need not reduce the merit at all: a
+  few steps are taken undamped, and the rule holds again from there on.
+- A short last step crosses an interface: the solution of the cell that was left is no solution,
+  however close by. Newton goes on in the cell on the other side.
 - A stationary point of the merit function that is no solution: the failure says so.
 - Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
-- Equations in different units: each row is divided by its largest scaled coefficient.
-- Divergence: so far out that rounding hides the residual, no step reduces it. A point whose error
-  is as large as the point itself is no solution.
-- Ill conditioning: a solution can be so uncertain that its correction never converges. A point is
-  a solution where no step reduces the residual any more and the correction is nothing but rounding.
+- Equations in different units: each row is divided by the row's largest scaled coefficient.
+- Divergence: so far out that rounding hides the residual, no step reduces the residual. A point
+  whose error is as large as the point itself is no solution.
+- Ill conditioning: a solution can be so uncertain that corrections never converge. A point is
+  a solution where no step reduces the residual any more and the correction is only rounding.
 """
 
 from __future__ import annotations
@@ -41,13 +41,16 @@ from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_un
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
+#: Most Newton iterations from a start, and most halvings of a step that hardly reduces the merit.
 MOST_ITERATIONS = 100
 MOST_HALVINGS = 30
-#: The same where solutions are deflated away: shorter steps creep to a minimum of the merit, which
-#: is no solution. Random bodies: as many solutions found as with 30, in less than half the time.
+#: Most halvings of a step if solutions are deflated away: shorter steps creep to a minimum of
+#: the merit, which is no solution. Random bodies: as many solutions found as with 30, in less than
+#: half the time.
 MOST_HALVINGS_DEFLATED = 12
+#: Least fall of the merit, as a part of the fall that the slope promises (Armijo's rule).
 ARMIJO = 1e-4
-#: Undamped steps from points where no step reduces the merit: a watchdog strategy.
+#: Most undamped steps from points where no step reduces the merit: a watchdog strategy.
 MOST_LEAPS = 3
 
 
@@ -65,7 +68,7 @@ class _Linearised(NamedTuple):
     rows : ndarray, shape (n,)
         The largest coefficient of z in each row, for unknowns in typical magnitudes.
     factor : Factor
-        Of [J; e_alpha], whose last row holds alpha.
+        A factorisation of [J; e_alpha], whose last row holds alpha.
     is_singular : bool
     """
 
@@ -172,7 +175,7 @@ def _linearised(
 def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
     """Tell whether a residual, divided by coefficients, fits a correction that is rounding.
 
-    Where J is singular the regularised step may vanish although the residual does not. A row is
+    The regularised step of a singular J may vanish although the residual does not. A row is
     flat where the coefficients of z are rounding of the coefficient of alpha, as far outside where
     a start has run away: rounding of the point is no part of the residual of a flat row.
     """
@@ -186,7 +189,7 @@ def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -
 def _misses(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
     """Tell whether a regularised step is tiny where the Newton step is not.
 
-    A Jacobian that is singular in the units of the metric may be regular in units of its own, as
+    A Jacobian that is singular in the units of the metric may be regular in balanced units, as
     where an exponential in every row hides what tells the rows apart.
     """
     if not linear.is_singular:
@@ -202,9 +205,9 @@ def _misses(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> b
 def _as_good_as_it_gets(
     root: Root, metric: Metric, known: Sequence[Array]
 ) -> tuple[Array, Array] | Failure:
-    """Return a point whose residual no step reduces, if it is a solution within rounding.
+    """Return a point whose residual no step reduces, if the point is a solution within rounding.
 
-    Within rounding of a known solution it is the known one again, and refused.
+    A point within rounding of a known solution is the known solution again, and refused.
     """
     again = (replace(root, error=np.abs(metric.difference(root.x, other))) for other in known)
     if root.factor.is_singular() or not is_rounding(root) or any(map(is_rounding, again)):

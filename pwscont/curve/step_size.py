@@ -1,4 +1,4 @@
-"""Control of the step length from what the corrector reports."""
+"""Control of the step length from the strain and the turn of the last step."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pwscont.basics.errors import InvalidInputError
 
 #: The strain that the control aims at, where 1 is the largest strain that is accepted.
 WANTED_STRAIN = 0.5
-#: Divisors are at least this large.
+#: Least divisor.
 NO_DIVISION_BY_ZERO = 1e-300
-#: Default lengths in the metric: the first step of a piece, and the gap between looks.
+#: Default lengths in the metric: the first step of a piece, and the gap between looks into a step.
 FIRST_STEP = 0.02
 LARGEST_GAP = 0.0025
 
@@ -22,7 +22,7 @@ LARGEST_GAP = 0.0025
 class StepSize:
     """Control the step length: grow where Newton converges fast and the curve is straight.
 
-    Lengths are measured in the metric, in which the interval of alpha has length one.
+    Lengths are measured in the metric, in which the interval of alpha has length 1.
 
     Attributes
     ----------
@@ -30,11 +30,11 @@ class StepSize:
         Lengths of the first step of a piece, of the last try, and of the longest step. If only
         ``largest`` is given, and is shorter than 0.02, the first step is as long as the longest.
     least_cosine : float
-        Cosine of the largest angle between the tangents at both ends of a step.
+        Cosine of the largest angle between the tangents at the two ends of a step.
     gap : float
-        Distance between the places inside a step in which H is evaluated; with n > 8 unknowns it is
-        sqrt(n / 8) times as long. Two smooth folds closer together may be passed over. Half the
-        gap doubles the evaluations.
+        Distance between the places inside a step in which H is evaluated; with n > 8 unknowns
+        sqrt(n / 8) times the given distance. Two smooth folds closer together may be passed over.
+        Half the gap doubles the evaluations.
 
     Raises
     ------

@@ -22,8 +22,8 @@ from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
-#: The curve is off the cubic of a segment by less than this part of the chord; a step is accepted
-#: where the curve is off by a tenth of this at points inside.
+#: Bound on the distance of the curve from the cubic of a segment, as a part of the chord; a step is
+#: accepted if the distance at points inside is at most a tenth of the bound.
 BESIDE = 1e-3
 #: The place inside a step that is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden
 #: section.
@@ -31,7 +31,7 @@ INSIDE = 0.4209
 
 
 class Segment(ABC):
-    """A stretch of one curve, parametrised by the distance s along its chord.
+    """A stretch of a curve, parametrised by the distance s along the chord.
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ class CurvedSegment(Segment):
     ----------
     end : State
     chord : ndarray, shape (n + 1,)
-        Direction from start to end, of length one.
+        Unit direction from start to end.
     leaving, arriving : tuple of ndarray, shape (n + 1,), and float
-        The tangents at both ends, and the factors that make these tangents unit speed along the
+        The tangents at the two ends, and the factors that make the tangents unit speed along the
         chord.
     length : float
         Length of the chord.
@@ -128,11 +128,11 @@ class CurvedSegment(Segment):
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
 
     def until(self, end: State) -> CurvedSegment:
-        """Return the part of this segment up to a state on it."""
+        """Return the part of this segment up to a state on the segment."""
         return CurvedSegment.between(self.curve, self.start, end, self.suggestion)
 
     def near(self, s: float) -> Array:
-        """Return the point at ``s`` of the cubic through both ends and along their tangents."""
+        """Return the point at ``s`` of the cubic through the two ends and along the tangents."""
         u, (leaving, by), (arriving, to) = s / self.length, self.leaving, self.arriving
         v = s * (1.0 - u)
         first, last = v * (1.0 - u), v * u
@@ -141,12 +141,12 @@ class CurvedSegment(Segment):
         return plus(point, -last * to, arriving)
 
     def combined(self, weights: Array) -> Array:
-        """Return points of the cubic through both ends, shape (k, n + 1).
+        """Return points of the cubic through the two ends, shape (k, n + 1).
 
         Parameters
         ----------
         weights : ndarray, shape (k, 3)
-            Of the chord and the tangents at the start and the end, for a segment of length one.
+            Weights of the chord and the tangents at start and end, for a segment of length 1.
         """
         (leaving, by), (arriving, to), length = self.leaving, self.arriving, self.length
         ways = np.array([self.chord, leaving, arriving])
@@ -173,9 +173,9 @@ class CurvedSegment(Segment):
         return apart <= BESIDE * self.length + rounding
 
     def point(self, s: float, factor: Factor | None) -> Array | None:
-        """Return a point of the curve at about ``s``, shape (n + 1,), None where none is found.
+        """Return a point of the curve at about ``s``, shape (n + 1,), None if not found.
 
-        A factorisation [J; border] from close by is used, if there is one that serves.
+        A factorisation [J; border] from close by is used, if given and good enough.
         """
         near = self.near(s)
         x = by_chords(self.curve, factor, near) if factor else None
@@ -232,12 +232,12 @@ class Stepper(ABC):
         interval : tuple of float
             No point outside this interval of alpha is computed.
         state : State
-            Where the step starts.
+            The state from which the step begins.
         before : Segment or None
             The step before on the same piece; None on the first.
         longest : float
-            Upper bound on the length of the step in the curve's metric: there the interval of
-            alpha has length one, and each unknown is measured by its typical magnitude.
+            Upper bound on the length of the step in the curve's metric: there the interval of alpha
+            has length 1, and each unknown is measured by the typical magnitude.
 
         Returns
         -------

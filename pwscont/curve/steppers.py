@@ -16,7 +16,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 @final
 @dataclass(frozen=True, slots=True)
 class ExactLinear(Stepper):
-    """Takes a whole piece of a :class:`~pwscont.PiecewiseLinearSystem` in one step.
+    """Takes a whole piece of a :class:`~pwscont.PiecewiseLinearSystem` in a single step.
 
     The ray along the tangent is the curve. A ratio test says where the ray leaves the cell, and the
     point there is solved for afresh, so that errors do not accumulate from piece to piece.
@@ -53,7 +53,7 @@ class NaturalParameter(Stepper):
     Attributes
     ----------
     step_size : StepSize
-        Lengths along the tangent, in the metric, in which the interval of alpha has length one.
+        Lengths along the tangent, in the metric, in which the interval of alpha has length 1.
 
     Examples
     --------

@@ -1,21 +1,21 @@
-"""Straight pieces, cell by cell: one solve from each to the next (docs/theory, F11).
+"""Straight pieces, cell by cell: a single solve from cell to cell (docs/theory, F11).
 
 With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
-vanishes, the direction beyond follows from the one before by the solution of J w = c alone. The
-same update holds for everything that was solved for: the samples of the error of a point are
-carried along. From time to time, in small systems always, and where residuals show that directions
-have drifted, an *audit* solves for all of them afresh, together with corrections of point and
-direction. Jacobians that are neither small nor at hand are asked for by audits alone.
+vanishes, the direction beyond follows from the direction before by the solution of J w = c alone.
+The same update holds for all solutions: the samples of the error of a point are carried along. From
+time to time, in small systems always, and where residuals show that directions have drifted,
+an *audit* solves for all samples afresh, together with corrections of point and direction. Only
+audits ask for Jacobians that are large and not at hand.
 
 Failure modes and answers
 -------------------------
 - Rounding adds up from cell to cell: the residual of the system is asked for at every transition.
   A residual larger than the stated error covers corrects the point, and asks for an audit if the
   last audit was long ago.
-- The Jacobians of the cells differ by more than one rank, because the system is wrong, or gives its
-  matrices in one array that it writes to, or c: an audit compares the direction with the new
+- The Jacobians of the cells differ by a matrix of rank 2 or more, because the system is wrong, or
+  returns all matrices, or c, in the same array: an audit compares the direction with the new
   Jacobian, and the residual of the next point is more than rounding.
-- 1 + g.w is small beside its terms, or the direction is nearly vertical or in the interface: the
+- 1 + g.w is small beside 1 and g.w, or the direction is nearly vertical or in the interface: the
   caller is given nothing, and goes the way of :mod:`pwscont.transitions.bounding`.
 """
 
@@ -44,18 +44,20 @@ from pwscont.system.system import PiecewiseLinearSystem
 #: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
 #: times after 64 transitions.
 ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
-#: After this many transitions a residual above rounding asks for an audit: directions have drifted.
+#: Least number of transitions after which a residual above rounding asks for an audit: directions
+#: have drifted.
 DRIFTED_AFTER = 8
 #: Systems of fewer unknowns are asked for Jacobians at every transition: two residuals cost more.
 ASKED_FOR_JACOBIANS = 64
-#: A residual is corrected from this part of the terms of its row on: three quarters of what the
-#: stated error of the point covers.
+#: Least residual that is corrected, as a part of the terms of the same row: three quarters of the
+#: residual that the stated error of the point covers.
 UNSEEN = 0.75 * CONFIDENCE * EPS
-#: Errors are estimated afresh where an unknown is larger than this times all of its kind were.
+#: Errors are estimated afresh if an unknown is larger than GROWN times the largest unknown of the
+#: same typical magnitude at the last audit.
 GROWN = 2.0
 #: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
 FAR_AWAY = 2.0**20
-#: A direction is on its selection where its residual is below this part of its terms.
+#: Largest residual of a direction of a selection, as a part of the terms.
 ASTRAY = EPS**0.5
 
 
@@ -66,15 +68,15 @@ class Settled(NamedTuple):
     ----------
     x : ndarray, shape (n + 1,)
     error : ndarray, shape (k, n + 1)
-        Samples of its error.
+        Samples of the error of x.
     size : ndarray, shape (n + 1,)
-        The estimate of its error.
+        The estimate of the error of x.
     extent : tuple of two float
-        The largest of the point, and of that estimate, in typical magnitudes.
+        The largest component of the point, and of the estimate, in typical magnitudes.
     along : float
         By how much alpha was corrected along the piece.
     aside : ndarray, shape (n,), or None
-        By how much z was corrected beside; None where that was not needed.
+        By how much z was corrected as well; None if not needed.
     """
 
     x: Array
@@ -93,11 +95,11 @@ class StraightCell:
     ----------
     curve : Curve
     along : ndarray, shape (n + 1,)
-        Direction of the piece, with an alpha of one; not to be kept, for it changes with the cell.
+        Direction of the piece, with alpha component 1; changes with the cell, not to be kept.
     turn : int
         The sign of 1 + g.w where the cell was entered: -1 at a fold.
     length : float
-        That of the direction with an alpha of one, in the metric.
+        Length of the direction ``along``, in the metric.
     """
 
     def __init__(self, curve: Curve, solver: ProductForm, along: Array) -> None:
@@ -106,13 +108,13 @@ class StraightCell:
         system = curve.selection.system
         self._is_told = isinstance(system, PiecewiseLinearSystem) and system.knows_kinks
         self._jacobian: Matrix | None = None
-        #: The direction of the piece, and samples of the error of its points, of which alpha is 0.
+        #: The direction of the piece, and samples of the error of points, with alpha component 0.
         self._samples = samples(len(along))
         self._lines = np.zeros((1 + len(self._samples), len(along)))
         self._lines[0] = along
         self.along: Array = self._lines[0]
         self._wide = np.zeros(len(along))
-        self._slopes = np.empty(0)  # of the last test crossed, along all of these
+        self._slopes = np.empty(0)  # of the last test crossed, along all lines
         self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
         self._most, self._since = np.empty(0), AUDIT_AFTER
 
@@ -137,16 +139,16 @@ class StraightCell:
         Parameters
         ----------
         other : Curve
-            Of the selection on the other side.
+            The curve of the selection on the other side.
         x : ndarray, shape (n + 1,)
-            A point of the interface, but for rounding.
+            A point of the interface, up to rounding.
         test, gradient, value
             The test that vanishes there.
 
         Returns
         -------
         Settled or None
-            None where the correction is more than rounding, or cannot be computed: the cell is of
+            None if the correction is more than rounding, or cannot be computed: the cell is of
             no use then.
         """
         if not self._enter(other, x, test, gradient):
@@ -159,7 +161,7 @@ class StraightCell:
         return self._settled(x, gradient, value)
 
     def _settled(self, x: Array, gradient: Array, value: float) -> Settled | None:
-        """Correct a point, and everything else now and then."""
+        """Correct a point, and in audits also the direction and the samples."""
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._is_due(sizes)
         is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
@@ -173,13 +175,13 @@ class StraightCell:
         return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
 
     def _is_due(self, sizes: Array) -> bool:
-        """Tell whether an audit is due at a point with unknowns as large as these."""
+        """Tell whether an audit is due at a point with unknowns of given sizes."""
         if self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED:
             return True
         return is_anywhere(sizes > self._most)
 
     def _enter(self, other: Curve, x: Array, test: int, gradient: Array) -> bool:
-        """Change to the Jacobian on the other side; False where that loses too many digits."""
+        """Change to the Jacobian on the other side; False if the change loses too many digits."""
         is_ready, kink = self._has_room(x), self._kink(other, x, test, gradient)
         if not is_ready or kink is None:
             return False
@@ -210,11 +212,11 @@ class StraightCell:
         return found if metric.admits(found.x) and self._is_rounding(dx, found) else None
 
     def _has_room(self, x: Array) -> bool:
-        """Tell whether one more change can be taken up, after factorising afresh now and then."""
+        """Tell whether a further change can be taken up, after factorising afresh if due."""
         return not self._solver.is_full or self._has_renewed(self._jacobian_at(x))
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
-        """Factorise the Jacobian of the cell afresh, where it is regular."""
+        """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
         core = inner(jacobian, self.curve.metric.binary)
         if core is not None:
             self._solver.renew(core)
@@ -235,7 +237,7 @@ class StraightCell:
         return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, found: Settled) -> bool:
-        """Tell whether a correction is no more than rounding of unknowns as large as these are."""
+        """Tell whether a correction is no more than rounding and error of the corrected point."""
         typical = GUARD * EPS * found.extent[0]
         if found.aside is None and abs(found.along) * self.length <= typical:
             return True  # nearly always
@@ -249,7 +251,7 @@ class StraightCell:
     def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction of the point.
 
-        None where the direction is not one of this selection.
+        None if the direction is no direction of this selection.
         """
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
@@ -260,7 +262,7 @@ class StraightCell:
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
             return None
         if self._solver.is_full:
-            self._has_renewed(jacobian)  # due at the next change, for which it is no more at hand
+            self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
         asked = np.empty((1 + len(self._lines), n))
         asked[0], asked[1] = residual, astray
         np.multiply(self._samples[:, :n], EPS * self._terms, out=asked[2:])
@@ -287,17 +289,18 @@ def _factorised(curve: Curve, x: Array) -> tuple[Matrix, Factor | None]:
 
 
 def _compares_columns(curve: Curve, jacobian: Matrix) -> bool:
-    """Tell whether c is read off Jacobians: these cost little, or far residuals mean nothing."""
+    """Tell whether c is read off Jacobians: if cheap, or if unknowns have bounds."""
     is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
     is_small = jacobian.shape[0] < ASKED_FOR_JACOBIANS
     return is_small or is_at_hand or Box.of(curve.selection.system).is_bounded
 
 
 def _largest_alike(sizes: Array, metric: Metric) -> Array:
-    """Return the largest magnitude of the unknowns with the same typical one, for each unknown.
+    """Return for each unknown the largest of all unknowns of the same typical magnitude.
 
-    Until the next audit each may become as large as others of its kind are now; all of a kind may
-    be far smaller than is typical, as displacements of a soft body are that its contact holds.
+    Until the next audit an unknown may become as large as another unknown of the same typical
+    magnitude is now; all may be far smaller than is typical, such as displacements of a soft body
+    that contact holds.
     """
     largest = np.zeros(len(sizes))
     np.maximum.at(largest, metric.kinds, sizes)
@@ -327,14 +330,15 @@ def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array
 def kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
     """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
 
-    The residuals on both sides are compared far away along the unknown along which the test changes
-    most. That unknown is so large there that the rounding of all other terms is less than the
-    rounding of its column. Systems whose unknowns have bounds are not asked for such residuals.
+    The residuals on the two sides are compared far away along the unknown along which the test
+    changes most. That unknown is so large there that the rounding of all other terms is less than
+    the rounding of the unknown's column. Systems whose unknowns have bounds are not asked for such
+    residuals.
 
     Parameters
     ----------
     before, after : Curve
-        Of the selections on both sides, affine in z.
+        The curves of the selections on the two sides, affine in z.
     x : ndarray, shape (n + 1,)
         A point of the interface, up to rounding.
     gradient : ndarray, shape (n + 1,)

@@ -1,4 +1,4 @@
-"""All solutions of systems that are affine in z, by a search over their cells."""
+"""All solutions of systems that are affine in z, by a search over all cells."""
 
 from pwscont.enumeration.by_parts import Cells, Table, is_regular, most_cells
 from pwscont.enumeration.exact import solve_exactly

@@ -1,17 +1,17 @@
-"""Small linear systems without a search: parts with one unknown, and blocks in batches.
+"""Small linear systems without a search: parts with a single unknown, and blocks in batches.
 
-A part with one unknown is solved mode by mode, by a division. In a chain of such parts magnitudes
-may fall from part to part until no typical magnitude can be told; a division needs none.
+A part with a single unknown is solved mode by mode, by a division. In a chain of such parts
+magnitudes may fall from part to part until no typical magnitude can be told; a division needs none.
 
-Blocks are decided in batches, one block after the other: each block has one batch of small
-factorisations, which all the choices of later blocks share. Batches serve if the cells are few, and
-if no choice can be cut off because a point lies in the cells of all choices.
+Blocks are decided in batches, block after block: each block has a batch of small factorisations,
+which all choices of later blocks share. Batches serve if the cells are few, and if no choice can be
+cut off because a point lies in the cells of all choices.
 
 Failure modes and answers
 -------------------------
 - Equations of a block depend on equations decided before: the factorisation of the block's
-  equations, on the orthonormal basis of the subspace that is left, finds this, and the choice
-  leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
+  equations, on the orthonormal basis of the subspace that is left, finds the dependence, and the
+  choice leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
 - A pivot is rounding that has grown above what is negligible: exact elimination of the equations
   decides about every pivot that small.
 """
@@ -37,7 +37,7 @@ from pwscont.enumeration.polyhedron import Point, Slice
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
-    """Return all solutions of a part with one unknown; None if a mode leaves the unknown free.
+    """Return all solutions of a part with a single unknown; None if a mode leaves the unknown free.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
 @final
 @dataclass(slots=True, eq=False)
 class _Root:
-    """The solution of one mode, the values of all tests there, and the errors of the values."""
+    """The solution of a mode, the values of all tests there, and the errors of the values."""
 
     x: float
     error: Array
@@ -78,7 +78,7 @@ class _Root:
 
     @classmethod
     def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
-        """Solve one mode; None if the equation of the mode does not depend on the unknown."""
+        """Solve a mode; None if the equation of the mode does not depend on the unknown."""
         slope, value, errors = part.scalar_row(character)
         if slope == 0.0:
             return None
@@ -103,7 +103,7 @@ class _Root:
 
 
 def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
-    """Decide all remaining blocks, one after the other, for all their choices at once.
+    """Decide all remaining blocks, block after block, for all choices at once.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
     chosen : tuple of int
         The options of the first blocks.
     space : Subspace
-        What the equations of these options leave.
+        The points that satisfy the equations of the options.
     """
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     growth = np.array([space.growth])
@@ -129,7 +129,7 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
 def _spread(
     problem: Problem, choices: Choices, options: Sequence[Option]
 ) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
-    """Impose every option of one more block on every choice.
+    """Impose every option of a further block on every choice.
 
     Returns the choices whose new equations are independent of the old equations, and for each
     dependent choice the picks with the subspace before the last pick.

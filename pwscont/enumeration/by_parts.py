@@ -1,9 +1,9 @@
-"""Enumeration part by part, along the graph of which unknowns stand in which rows.
+"""Enumeration part by part, along the graph of rows and the unknowns in each row.
 
 The unknowns that stand in each row, in any mode, make a directed graph. The strongly connected
 components of the graph, in topological order, are the parts: each part depends on earlier parts
-only. A search over all modes is then exponential in the largest part only. The rows of a block
-belong to one part, and so do the tests of the block, unless tests depend on earlier parts alone.
+only. A search over all modes is then exponential in the largest part only. The rows and tests of a
+block belong to a single part, except tests that depend on earlier parts alone.
 
 For each solution of the parts before, a part is a small slice, which is solved like any slice. The
 error of the solution before enters the slice as an uncertainty of the constants.
@@ -12,8 +12,8 @@ Failure modes and answers
 -------------------------
 - An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if any mode
   has a nonzero value there, and only inequalities that a part really decides cut off cells.
-- Rows and unknowns that cannot be paired, as in a system that is singular by its structure, and
-  blocks without rows: there is one part only.
+- Rows and unknowns that cannot be paired, as in a system with a singular structure, and blocks
+  without rows: the whole system is a single part.
 - A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
   solved at once, as far as there are not too many cells.
 - A solution lies on interfaces of many parts: the cells of the solution are all combinations of the
@@ -116,11 +116,11 @@ def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
     return max(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
 
 
-#: A part whose constants are below this part of typical constants keeps typical magnitudes.
+#: Constants below this fraction of typical constants are as good as zero: typical magnitudes stay.
 TINY = 1e-150
-#: Most cells of one solution that are listed.
+#: Most cells of a solution that are listed.
 MOST_LISTED = 4**6
-#: Parts with more cells are not checked for regularity.
+#: Most cells of a part that is checked for regularity, to bound the time.
 MOST_CELLS = 4**6
 
 
@@ -132,7 +132,7 @@ class Table:
     Attributes
     ----------
     rows : list of (ndarray, ndarray)
-        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in its k-th mode.
+        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
     tests : tuple of ndarray
         Gradients by z, shape (m, n), and values at z = 0, shape (m,).
     blocks : tuple of Block
@@ -184,10 +184,10 @@ class Partial:
     in_doubt: bool = False
 
     def with_part(self, part: Part, point: Point) -> Partial:
-        """Return the solution with the unknowns of one more part."""
+        """Return the solution with the unknowns of a further part."""
         z, error = self.z.copy(), np.zeros((len(point.error), len(self.z)))
         z[part.unknowns] = point.x[:-1]
-        error[-len(self.error) :] = self.error  # the last samples are those of the parts before
+        error[-len(self.error) :] = self.error  # the last samples come from the parts before
         error[:, part.unknowns] = point.error[:, :-1]
         in_doubt = self.in_doubt or bool(point.in_doubt)
         return Partial(z, error, (*self.cells, point.characters), in_doubt)
@@ -195,7 +195,7 @@ class Partial:
 
 @final
 class PartSlice(SlicewiseLinearSystem):
-    """One part of a slice, where all parts before have a known solution.
+    """A part of a slice, where all parts before have a known solution.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class PartSlice(SlicewiseLinearSystem):
         self.unknowns, self._before = part.unknowns, before
         known, rows = np.abs(before.z), part.rows
         self._rows = [(J[rows], J[rows] @ before.z + r[rows]) for J, r in table.rows]
-        #: Sizes of the terms of these constants, in every mode.
+        #: Sizes of the terms of the constants, the largest of all modes.
         self._terms = np.max([np.abs(J[rows]) @ known + np.abs(r[rows]) for J, r in table.rows], 0)
         blocks = [table.blocks[i] for i in part.blocks]
         tests = [test for block in blocks for test in block.tests]
@@ -252,7 +252,7 @@ class PartSlice(SlicewiseLinearSystem):
         return np.column_stack([matrix, np.zeros(self.size)])
 
     def bounding_tests(self, character: Character) -> list[int]:
-        """Return the tests of each block that bound its mode."""
+        """Return the tests of each block that bound the block's mode."""
         bounding = zip(self._bounds, self._modes(character), strict=True)
         return [test for bounds, mode in bounding if mode is not None for test in bounds[mode]]
 
@@ -264,7 +264,7 @@ class PartSlice(SlicewiseLinearSystem):
         return [b.modes.index(mode) if mode in b.modes else None for b, mode in pairs]
 
     def _in_cell(self, character: Character) -> tuple[Array, Array]:
-        """Return the rows of a cell, by all unknowns of the system, and their values at z = 0."""
+        """Return the rows of a cell, by all unknowns of the system, and the values at z = 0."""
         modes = [mode for mode in self._modes(character) if mode is not None]
         rows = [block.rows for block in self._blocks]
         matrices, values = zip(*self._rows, strict=True)
@@ -313,7 +313,7 @@ class Cells(Sequence[Character]):
     Parameters
     ----------
     tests : list of tuple of int
-        For each part, the numbers of its tests in the whole system.
+        For each part, the numbers of the part's tests in the whole system.
     cells : list of sequence of Character
     size : int
         Number of tests of the system.
@@ -328,7 +328,7 @@ class Cells(Sequence[Character]):
         return min(prod(map(len, self._cells)), sys.maxsize)
 
     def listed(self) -> tuple[Character, ...]:
-        """Return all cells, of too many cells those that differ from the first cell in one part."""
+        """Return all cells; if too many, the cells that differ from the first in a single part."""
         if len(self) <= MOST_LISTED:
             return tuple(self)
         found, stride = [self[0]], 1
@@ -363,7 +363,7 @@ def solve_parts(
     table : Table
     parts : sequence of Part
     solve : callable
-        Solves the slice of one part.
+        Solves the slice of a part.
     """
     n = len(table.rows[0][1])
     found = [Partial(np.zeros(n), np.zeros((1, n)))]
@@ -388,7 +388,7 @@ def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
 def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
     """Tell whether every part is small, and has a regular matrix in each cell of the part.
 
-    Then H = 0 with all constants zero has no solution but zero.
+    Then zero is the only solution of H = 0 with all constants zero.
     """
     return all(_is_regular(table, part, scale) for part in parts)
 

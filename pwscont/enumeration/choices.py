@@ -1,4 +1,4 @@
-"""Choices of options, and the subspaces that their equations leave.
+"""Choices of options, and the subspaces that the equations of options leave.
 
 Failure modes and answers
 -------------------------
@@ -20,7 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.options import Option
 
-#: A pivot above rounding by less than this factor may be rounding that has grown.
+#: Largest ratio to rounding of a pivot that may be rounding that has grown.
 GROWN_ROUNDING = 256.0
 #: Relative slack of inequalities by which choices are cut off.
 SLACK = 1e-5
@@ -29,7 +29,7 @@ SLACK = 1e-5
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Choices:
-    """Choices of options for the first m blocks, with the points that satisfy their equations.
+    """Choices of options for the first m blocks, with the points that satisfy the equations.
 
     The points of choice i are ``starts[i] + directions[i] @ s``.
 

@@ -14,7 +14,7 @@ from pwscont.basics.arrays import Array
 
 Row: TypeAlias = list[int]
 
-#: Multiplications of integers that take a few seconds.
+#: Most multiplications of integers in an elimination, which take a few seconds.
 MOST_WORK = 5_000_000
 
 
@@ -65,7 +65,7 @@ class Echelon:
         return self.rows[-1][self.columns[-1]] if self.rows else self.level
 
     def solved(self, side: int, D: int | None = None, y: Row | None = None) -> Row:
-        """Return y, integers with A y + D b = 0, for the right side in one of the columns.
+        """Return y, integers with A y + D b = 0, for the right side b in a given column.
 
         Parameters
         ----------

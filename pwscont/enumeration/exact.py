@@ -13,15 +13,15 @@ if the distance is less than rounding.
 Failure modes and answers
 -------------------------
 - Floating point does not know the solution of a nearly singular cell: the cell is left to exact
-  arithmetic, and so is a cell whose solution may be within rounding of an interface.
+  arithmetic, as is a cell whose solution may be within rounding of an interface.
 - Many cells are looked at in batches, so that memory is bounded.
 - Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded, so that selections agree on an interface to rounding only.
-  A solution that close to an interface may lie in two cells: the two points found are merged if
-  their errors cover the distance. Or the solution lies in neither cell: a cell that misses its
-  solution by no more than the error of the solution is counted as undecided, unless the solution
-  was found in another cell.
+  A solution that close to an interface may lie in two cells: the two points found are merged if the
+  errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
+  by no more than the error of the solution is counted as undecided, unless the solution was found
+  in another cell.
 - Cells with infinitely many solutions are counted, not solved.
 """
 
@@ -49,26 +49,26 @@ from pwscont.enumeration.slices import tests_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
-#: Cells that are looked at together.
+#: Number of cells that are looked at together, to bound memory.
 BATCH = 4**6
 #: Largest condition of unit rows at which doubles decide: half of all digits are right.
 WORST = EPS**-0.5
-#: A solution of such a cell is outside if a test is negative by more than this part of the sum of
-#: the magnitudes of the terms of the test, far above the error of the solution.
+#: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
+#: magnitudes of the test's terms: far above the error of the solution.
 OUTSIDE = 1e-5
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CellsInDoubles:
-    """Equations of cells and their tests, by the unknowns that blocks decide, in doubles.
+    """Equations and tests of cells, by the unknowns that blocks decide, in doubles.
 
     Attributes
     ----------
     options : list of ndarray, shapes (modes, k, d + 1)
         The equations of each mode of each block, rows of unit size with the constant last.
     sides : list of ndarray, shapes (modes, m)
-        +1 or -1 where a test bounds a mode, 0 where it does not.
+        +1 or -1 if a test bounds a mode, else 0.
     tests : ndarray, shape (m, d + 1)
     z : ndarray, shape (n, d + 1)
         All unknowns as functions of the unknowns that blocks decide.
@@ -103,7 +103,7 @@ class CellsInDoubles:
         return picks[~excluded]
 
     def _excluded(self, picks: Indices, rows: Array) -> Signs:
-        """Tell which regular choices have a solution outside of their cell."""
+        """Tell which regular choices have a solution outside of the cell."""
         inverse = np.linalg.inv(rows[..., :-1])
         condition = self.growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
         y = np.ones((len(picks), len(self.tests.T)))
@@ -120,15 +120,15 @@ class CellsInDoubles:
 
 
 def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
-    """Yield all choices of one number below each of some numbers, in batches."""
+    """Yield all tuples of whole numbers from 0 to below ``numbers``, in batches."""
     for first in range(0, prod(numbers), BATCH):
         check_budget()
         which = np.arange(first, min(first + BATCH, prod(numbers)))
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 
-#: A solution is not returned if a test is negative by more than this part of the sum of the
-#: magnitudes of the terms of the test.
+#: Largest negative test of a solution that is returned, as a part of the sum of the magnitudes of
+#: the test's terms.
 FAR_OUTSIDE = 0.1
 #: Largest condition of unit rows at which an inverse matrix has several right digits.
 WELL_CONDITIONED = EPS**-0.75
@@ -137,7 +137,7 @@ WELL_CONDITIONED = EPS**-0.75
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class ExactSolution:
-    """The solution of the equations of one cell, which lies in the cell or not far outside.
+    """The solution of the equations of a cell, which lies in the cell or not far outside.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class ExactSolution:
     exactly : tuple of Fraction
         The solution, not rounded.
     error : ndarray, shape (n, n)
-        The error by the rounding of each equation, one row per equation.
+        The error by the rounding of each equation, a row per equation.
     character : Character
     det_sign : int
     is_inside : bool
@@ -163,7 +163,7 @@ class ExactSolution:
 
 @final
 class ExactSlice:
-    """The rows of all modes and all tests at one alpha, as integers.
+    """The rows of all modes and all tests at a fixed alpha, as integers.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class ExactSlice:
     def solutions(self) -> list[ExactSolution] | None:
         """Return the solutions of regular cells that lie in the cell, or not far outside.
 
-        None where numbers are not finite, and so not rational, or the work takes more than seconds.
+        None for numbers that are not finite, hence not rational, or if the work takes too long.
         """
         if self._price() > MOST_WORK or not self._is_finite():
             return None
@@ -253,14 +253,14 @@ class ExactSlice:
         self._reduced_tests = [reduced(row) for row in self._tests]
         decided = [common.solved(j) for j in kept]
         D = common.determinant
-        #: The decided unknowns as affine functions of the free ones, rounded.
+        #: The decided unknowns as affine functions of the free unknowns, rounded.
         known = [[_float(Fraction(y[c], D)) for y in decided] for c in common.columns]
         self._decided = np.array(known).reshape(-1, len(kept))
 
     def _descend(
         self, picks: tuple[int, ...], echelon: Echelon, left: Indices
     ) -> Iterator[tuple[tuple[int, ...], Echelon]]:
-        """Yield the regular choices among those left, which share the elimination of blocks."""
+        """Yield the regular choices among ``left``, which share the elimination of blocks."""
         depth = len(picks)
         if depth == len(self._blocks):
             check_budget()
@@ -273,7 +273,7 @@ class ExactSlice:
                 yield from self._descend((*picks, k), longer, some)
 
     def _at(self, picks: tuple[int, ...], echelon: Echelon) -> ExactSolution | None:
-        """Return the solution of a cell, None where it is far outside."""
+        """Return the solution of a cell, None for a solution far outside."""
         free, D = echelon.solved(echelon.n), echelon.determinant
         worst = self._worst(picks, free, D)
         if worst <= -FAR_OUTSIDE:
@@ -293,7 +293,7 @@ class ExactSlice:
         return ExactSolution(z, exactly, error, Character(signs), det_sign, worst >= 0.0)
 
     def _roughly(self, free: Row, D: int) -> Array:
-        """Return a solution from its free unknowns, rounded."""
+        """Return a solution from the free unknowns, rounded."""
         z, some = np.zeros(self._n), np.array([_float(Fraction(value, D)) for value in free])
         z[self._free] = some
         if self._eliminated.columns:
@@ -407,9 +407,9 @@ def solve_exactly(
 ) -> Slice | None:
     """Return all isolated solutions by trying every cell in exact arithmetic.
 
-    None where that takes too long, or the system's numbers are not finite. Faces are left out; the
-    points ``known`` lie on faces, and rounding in the system may put such points outside of regular
-    cells.
+    None if exact arithmetic takes too long, or the system's numbers are not finite. Faces are left
+    out; the points ``known`` lie on faces, and rounding in the system may put such points outside
+    of regular cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
@@ -433,11 +433,11 @@ def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
 
 
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points of exact cells are one.
+    """Tell whether two points of exact cells are the same point.
 
-    Equal points are one point. Points that differ by no more than their errors are one point if the
-    signs agree: by F1 the curve crosses the interface between the two cells. If the signs differ,
-    the curve turns back at the interface, and there are two points.
+    Points that differ by no more than the errors are the same point if the signs agree: by F1 the
+    curve crosses the interface between the two cells. If the signs differ, the curve turns back at
+    the interface, and there are two points.
     """
     if np.array_equal(a.x, b.x):
         return True
@@ -451,7 +451,7 @@ def _is_undecided(
     point: Point,
     points: Sequence[Point],
 ) -> bool:
-    """Tell whether a solution misses its cell by no more than its error, and lies in no cell."""
+    """Tell whether a solution lies in no cell, and misses a cell by no more than the error."""
     if one.is_inside:
         return False
     selection = Selection(system, one.character)

@@ -1,13 +1,13 @@
 """Sets of solutions that fill a segment or an area.
 
-With alpha as one more unknown, the solutions in a closed cell of a piecewise-linear system are a
+With alpha as a further unknown, the solutions in a closed cell of a piecewise-linear system are a
 polyhedron: a segment where the cell is regular. A polyhedron of two or more dimensions fills all
-values of alpha between its ends; a polyhedron at a single alpha fills that value.
+values of alpha between two ends; a polyhedron at a single alpha fills a single value.
 
 Failure modes and answers
 -------------------------
 - Many cells: linear programs cut off the cells that no solution of the interval reaches, as in the
-  search for all solutions at one alpha.
+  search for all solutions at a fixed alpha.
 - A polyhedron ends in a point, or in a segment: the face at the end is looked at alone.
 - A polyhedron is flat, because inequalities hold with equality only: the dimension of the flat
   polyhedron counts.
@@ -36,8 +36,7 @@ from pwscont.system.system import PiecewiseLinearSystem
 
 #: Cells are cut off by linear programs before anything else is done.
 CUT_OFF = Prices(1, 1e-9)
-#: A unit direction lies at one alpha if the component along alpha is smaller than this, in widths
-#: of the interval.
+#: Largest component along alpha, in widths of the interval, of a unit direction at a single alpha.
 LEVEL = EPS**0.5
 
 
@@ -67,7 +66,7 @@ def filled(
     interval: tuple[float, float],
     bounds: tuple[Array, Array],
 ) -> list[Filled]:
-    """Return where in an interval infinitely many solutions fill a segment or more of one cell.
+    """Return where in an interval infinitely many solutions fill a segment or more of a cell.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ def _with_alpha(
     interval: tuple[float, float],
     bounds: tuple[Array, Array],
 ) -> Problem | None:
-    """Return the problem for the unknowns (z, alpha - lo), None if nothing solves it."""
+    """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution."""
     lo, hi = interval
     n, blocks = system.size, system.blocks()
     x, dx = np.append(np.zeros(n), lo), aside(scale)
@@ -115,14 +114,14 @@ def _with_alpha(
 
 
 def _within(least: Array, most: Array) -> tuple[Array, Array]:
-    """Return the inequalities A x + b >= 0 of bounds, as far as they are finite."""
+    """Return the inequalities A x + b >= 0 of all finite bounds."""
     unit, below, above = np.eye(len(least)), np.isfinite(least), np.isfinite(most)
     b: Array = np.append(-least[below], most[above])
     return np.vstack([unit[below], -unit[above]]), b
 
 
 def _may_fill(problem: Problem, choices: Choices, interval: tuple[float, float]) -> Array:
-    """Tell which choices leave more than a line, or a line at one alpha."""
+    """Tell which choices leave more than a line, or a line at a single alpha."""
     if choices.directions.shape[-1] != 1:
         return np.ones(len(choices), dtype=bool)
     rise = choices.directions[..., 0] @ problem.basis[-1] / (interval[1] - interval[0])
@@ -130,7 +129,7 @@ def _may_fill(problem: Problem, choices: Choices, interval: tuple[float, float])
 
 
 def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) -> Iterator[Filled]:
-    """Yield the interval that the solutions of one cell fill, if any."""
+    """Yield the interval that the solutions of a cell fill, if any."""
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
     if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return
@@ -158,9 +157,9 @@ def _filled_by(problem: Problem, one: Choices, interval: tuple[float, float]) ->
 
 
 def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool] | None:
-    """Return the rise to the end of a polyhedron, and whether it holds more than a point there.
+    """Return the rise to the end of a polyhedron, and whether the end is more than a point.
 
-    None where rounding hides the end.
+    None if rounding hides the end.
     """
     w = flat.farthest(way)
     if w is None:

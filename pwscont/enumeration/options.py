@@ -1,4 +1,4 @@
-"""A piecewise-linear problem as a list of blocks, each of which must choose one option.
+"""A piecewise-linear problem as a list of blocks with options to choose from.
 
 With y the unknowns, every block (a contact node, say) contributes a set of
 equations ``E y + e = 0`` and inequalities ``G y + g >= 0``. Equations common to all cells are
@@ -28,7 +28,7 @@ from pwscont.system.system import Block, SlicewiseLinearSystem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Option:
-    """One choice of one block: E y + e = 0 and G y + g >= 0.
+    """An option of a block: E y + e = 0 and G y + g >= 0.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Option:
     bounding, side : ndarray, shape (t,)
         The tests of the block that bound the cell, and +1 or -1 for the signs of these tests.
     E, e, G, g : ndarray
-        Shapes (k, d), (k,), (t, d), (t,); rows of E and G have length one.
+        Shapes (k, d), (k,), (t, d), (t,); rows of E and G have unit length.
     rows : ndarray, shape (k, N)
         The coefficients of the original unknowns in the equations.
     """
@@ -58,7 +58,7 @@ class Option:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A slice of a system, reduced to the unknowns that its blocks decide.
+    """A slice of a system, reduced to the unknowns that blocks decide.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Problem:
     def rank_added(self, picks: tuple[int, ...]) -> int | None:
         """Return how many equations of the last option picked are independent, exactly.
 
-        None where the same question for all choices would take too long.
+        None if the same question for all choices would take too long.
         """
         chosen = [option.rows for option in self.chosen(picks)]
         rows = np.vstack([self.common, *chosen])
@@ -107,7 +107,7 @@ class Problem:
         return sum(independent(rows)[len(rows) - len(chosen[-1]) :])
 
     def character(self, picks: Indices) -> Character:
-        """Return the character of a choice of one option per block."""
+        """Return the character of a choice of an option per block."""
         signs = [True] * self.tests
         for option in self.chosen(picks):
             for test, sign in zip(option.tests, option.signs, strict=True):
@@ -116,13 +116,13 @@ class Problem:
 
 
 def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
-    """Return the slice of a system at ``alpha`` as a reduced problem, None if nothing solves it.
+    """Return the slice of a system at ``alpha`` as a reduced problem, None if without solution.
 
     Parameters
     ----------
     system : SlicewiseLinearSystem
     scale : ndarray, shape (n,)
-        Typical magnitudes of z; the reduced unknowns are of the order of one.
+        Typical magnitudes of z; the reduced unknowns are of the order of 1.
     alpha : float
     """
     zero, dx = np.zeros(system.size), aside(scale)
@@ -142,15 +142,15 @@ def problem_of(
     necessary: tuple[Array, Array],
     scale: Array,
 ) -> Problem | None:
-    """Return a problem from affine forms of some unknowns, None if nothing solves it.
+    """Return a problem from affine forms of some unknowns, None if without solution.
 
     Parameters
     ----------
     system : SlicewiseLinearSystem
         The system that names blocks and bounding tests.
     slices : sequence of (ndarray, ndarray)
-        Matrix, shape (n, N), and constant, shape (n,), of H where every block is in its k-th mode
-        (or its last mode). The first n of the N unknowns are z; parameters may follow.
+        Matrix, shape (n, N), and constant, shape (n,), of H where every block is in mode k (or the
+        last mode). The first n of the N unknowns are z; parameters may follow.
     tests, necessary : tuple of ndarray
         Matrix and constant of the tests, and of the functions that are never negative.
     scale : ndarray, shape (N,)
@@ -213,7 +213,7 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
 
     None without solution. An orthogonal factorisation in scaled unknowns makes the basis as well
-    conditioned as possible. Rows may depend on each other, as where a vanishing test is one more
+    conditioned as possible. Rows may depend on each other, as where a vanishing test is a further
     equation.
     """
     if not len(C):
@@ -233,7 +233,7 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
         return None
     growth = 1.0 / float(np.abs(np.diagonal(R))[:rank].min(initial=1.0))
     decided, free = Q[:, :rank] @ inner, Q[:, rank:]
-    # what is nothing but rounding is zero: other equations are measured by it
+    # rounding is made zero, because other equations are measured by the size of these numbers
     decided[np.abs(decided) <= GUARD * EPS * np.abs(inner).max(initial=0.0)] = 0.0
     free[np.abs(free) <= GUARD * EPS] = 0.0
     return scale * decided, scale[:, np.newaxis] * free, growth
@@ -258,7 +258,7 @@ def _option(
 def bounding(
     system: SlicewiseLinearSystem, block: Block, mode: tuple[bool, ...], tests: int
 ) -> list[int]:
-    """Return the tests of the block that bound its cell in this mode."""
+    """Return the tests of a block that bound the cell in a mode."""
     signs = [True] * tests
     for test, sign in zip(block.tests, mode, strict=True):
         signs[test] = sign
@@ -266,7 +266,7 @@ def bounding(
 
 
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:
-    """Return matrix @ basis with rows of length one, and matrix @ origin + vector divided alike.
+    """Return matrix @ basis with unit rows, and matrix @ origin + vector divided alike.
 
     A row below the rounding of the terms of the row is made zero: such a row does not depend on the
     reduced unknowns.

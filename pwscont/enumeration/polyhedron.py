@@ -61,7 +61,7 @@ class Point:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """All solutions at one alpha.
+    """All solutions at a fixed alpha.
 
     Attributes
     ----------
@@ -72,8 +72,8 @@ class Slice:
     exact : bool
         Whether the points were found in exact arithmetic.
     singular : int
-        Number of cells whose equations rounding does not tell from singular ones, although exact
-        arithmetic finds a solution, of which no digit is certain.
+        Number of cells whose equations may be singular, by rounding, although exact arithmetic
+        finds a solution; no digit of such a solution is certain.
     """
 
     points: tuple[Point, ...]
@@ -90,7 +90,7 @@ MOST_DIMENSIONS = 3
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Infinitely many solutions in one cell, or the only solution of a singular cell.
+    """Infinitely many solutions in a cell, or the only solution of a singular cell.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
 
 def polyhedron_of(problem: Problem, one: Choices, rounding: float) -> Polyhedron | None:
-    """Return the closed cell of a choice, in the coordinates of its directions."""
+    """Return the closed cell of a choice, in the coordinates of the choice's directions."""
     start, directions = one.starts[0], one.directions[0]
     chosen = problem.chosen(one.picks[:, 0])
     G = np.vstack([problem.A, *(option.G for option in chosen)])
@@ -198,13 +198,13 @@ TIGHT = {
 MAGNIFIED = (1.0, 2.0**16)
 #: The status of scipy for a program without a largest value.
 UNBOUNDED = 3
-#: A multiplier above this is not zero; the sum of all multipliers is one.
+#: Least multiplier that is not zero; the sum of all multipliers is 1.
 LEAST_MULTIPLIER = 1e-6
 #: Most points at which the vanishing of inequalities is tried.
 MOST_CORNERS = 2000
-#: Unit rows with a smaller determinant are taken for parallel.
+#: Least determinant of unit rows that are not taken for parallel.
 PARALLEL = 1e-10
-#: A point is well inside if every inequality exceeds this part of the size of the point.
+#: Least value of all inequalities at a point well inside, as a part of the size of the point.
 WELL_INSIDE = 1e-5
 #: Least length by which a direction is divided.
 TINY = float(np.finfo(float).tiny)
@@ -239,7 +239,7 @@ class Polyhedron:
         return cls(matrix[moves], vector[moves])
 
     def moved(self, point: Array) -> Polyhedron:
-        """Return the same polyhedron with a point as its origin."""
+        """Return the polyhedron in coordinates with a given point as origin."""
         return Polyhedron(self.matrix, self.vector + self.matrix @ point)
 
     def farthest(self, way: Array) -> Array | None:
@@ -286,7 +286,7 @@ class Polyhedron:
     def _nearly_corners(self, rounding: float) -> Array | None:
         """Return points where some inequalities vanish and all hold to rounding.
 
-        None where the candidates are too many, or the polyhedron may hold a whole line.
+        None if the candidates are too many, or the polyhedron may hold a whole line.
         """
         k, q = self.matrix.shape
         if comb(k, q) > MOST_CORNERS or np.linalg.matrix_rank(self.matrix) < q:
@@ -306,14 +306,14 @@ class Polyhedron:
         return bool((self.matrix @ point + self.vector > off).all())
 
     def ends(self) -> tuple[float, float]:
-        """Return the least and the largest w of a polyhedron of one dimension."""
+        """Return the least and the largest w of a polyhedron of dimension 1."""
         slopes, values = self.matrix[:, 0], self.vector
         rises, falls = slopes > 0.0, slopes < 0.0
         lo = (-values[rises] / slopes[rises]).max(initial=-np.inf)
         return float(lo), float((-values[falls] / slopes[falls]).min(initial=np.inf))
 
     def _inside_line(self, rounding: float) -> tuple[Array, Array] | None:
-        """Return :meth:`inside` of a polyhedron of one dimension."""
+        """Return :meth:`inside` of a polyhedron of dimension 1."""
         lo, hi = self.ends()
         finite = [end for end in (lo, hi) if np.isfinite(end)]
         steepest = np.abs(self.matrix).min(initial=1.0)

@@ -4,7 +4,7 @@ Equations and inequalities of all options, and of every cell, are affine forms o
 forms appear several times, with either sign. Each form is listed once. To choose an option is to
 ask more signs: a form asked to be >= 0 and <= 0 has to vanish.
 
-Each program asks whether some point has the signs that its forms are asked for. A vertex is the
+Each program asks whether some point has the signs that are asked of the forms. A vertex is the
 point where q independent forms, the basis, vanish; s = coordinates + directions @ (values of the
 basis). The objective is any linear function that is least at the vertex, for the signs asked of the
 basis. The vertex stays least when more signs are asked: the dual simplex method (Lemke 1954) begins
@@ -45,7 +45,7 @@ Asked: TypeAlias = npt.NDArray[np.int8]
 
 #: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
 ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
-#: Rows of unit length are one form if all entries agree to this number of decimals.
+#: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
 DIGITS = 12
 
 
@@ -57,7 +57,7 @@ class Forms:
     Attributes
     ----------
     rows, constants : ndarray, shapes (N, q) and (N,)
-        Rows have length one, or zero; the last q forms are the unknowns themselves.
+        Rows have length 1, or 0; the last q forms are the unknowns themselves.
     always : ndarray of int8, shape (N,)
         The signs that every solution has.
     options : ndarray of int8, shape (k, m, N)
@@ -147,15 +147,15 @@ def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
 
 Flags = npt.NDArray[np.bool_]
 
-#: Coefficients below this part of the largest in a row, or of one, are taken for rounding.
+#: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
 NEGLIGIBLE = 1e-9
-#: A form of unit length may have the wrong sign by this much at a solution: far above rounding.
+#: Largest value of the wrong sign of a unit form at a solution: far above rounding.
 MARGIN = 1e-9
-#: Largest reduced unknown of a solution; typical reduced unknowns are of the order of one.
+#: Largest reduced unknown of a solution; typical reduced unknowns are of the order of 1.
 REACH = 1e4
-#: Costs that differ by less than this count as equal, so that steps divide by no small number.
+#: Largest difference of costs that count as equal, so that steps divide by no small number.
 EQUAL_COSTS = 1e-4
-#: Steps of one program, per unknown.
+#: Most steps of a program, per unknown.
 MOST_STEPS = 20
 #: The change of a form that is asked for a sign: free forms may change either way.
 _WAY = np.array([0.0, 1.0, -1.0, 0.0])
@@ -164,7 +164,7 @@ _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Vertices:
-    """One vertex for each of N programs.
+    """A vertex for each of N programs.
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ def slack_of(vertices: Vertices) -> Array:
 
 
 def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
-    """Make one form of each program vanish.
+    """Make a form of each program vanish.
 
     Returns the programs to go on with, and the programs that cannot be decided. Programs that are
     proved to have no point are dropped.
@@ -349,7 +349,7 @@ def _computed_anew(forms: Forms, some: _Open) -> _Open:
 
 
 def _joined(parts: Sequence[Vertices]) -> Vertices:
-    """Return the programs of several batches as one."""
+    """Return the programs of several batches as a single batch."""
     names = [field.name for field in fields(Vertices)]
     return Vertices(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 

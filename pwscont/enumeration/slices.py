@@ -1,4 +1,4 @@
-"""All solutions of one slice alpha = constant.
+"""All solutions of a slice alpha = constant.
 
 Failure modes and answers
 -------------------------
@@ -43,7 +43,7 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number
 FEW_CELLS = 64
 #: The known signs of solutions of singular cells.
 ALONE = (0,)
-#: Most Newton iterations on an affine selection: one solves, the rest mends rounding.
+#: Most Newton iterations on an affine selection: the first solves, the rest mends rounding.
 REFINEMENTS = 3
 
 
@@ -112,7 +112,7 @@ def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
 
 
 def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
-    """Return all solutions part by part; None for a system of one part, or of few cells."""
+    """Return all solutions part by part; None for a system of a single part, or of few cells."""
     if number_of_cells(system.blocks()) <= FEW_CELLS:
         return None
     table = Table.of(system, alpha, aside(metric.scale[:-1]))
@@ -154,7 +154,7 @@ def _whole(
 
 
 def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution lies within rounding of an interface, but in one cell only."""
+    """Tell whether a solution lies within rounding of an interface, and in a single cell."""
     if len(point.characters) > 1:
         return False
     if point.in_doubt is not None:
@@ -184,7 +184,7 @@ def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Chara
 
 
 def _root(curve: Curve, start: Array) -> Root | Failure:
-    """Return the solution of one selection at the alpha of ``start``."""
+    """Return the solution of a selection at the alpha of ``start``."""
     alpha, row = float(start[-1]), last_unit(len(start))
     root = newton(curve, lambda x: (float(x[-1]) - alpha, row), start, REFINEMENTS)
     if not isinstance(root, Failure):
@@ -196,8 +196,8 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 class _Points:
     """The isolated solutions found so far, each with the choices whose cells share the solution.
 
-    A solution in the closure of another cell solves the equations of the other cell too, and these
-    have one solution only: the choice of the other cell need not be solved.
+    A solution in the closure of another cell is the only solution of the other cell's equations,
+    too: the choice of the other cell need not be solved.
     """
 
     def __init__(
@@ -240,7 +240,7 @@ class _Points:
         return new
 
     def _refined(self, one: Choices) -> _Known | None:
-        """Return the solution of one choice, None for a solution outside of the closed cell."""
+        """Return the solution of a choice, None for a solution outside of the closed cell."""
         problem, picks = self._problem, one.picks[:, 0]
         start = np.append(problem.origin + problem.basis @ one.starts[0], self._alpha)
         selection = Selection(self._system, problem.character(picks))

@@ -1,6 +1,6 @@
 """The search over all choices of options.
 
-Blocks are decided one after the other. Linear programs cut off choices that no point can satisfy.
+Blocks are decided in turn. Linear programs cut off choices that no point can satisfy.
 The programs relax the undecided blocks, and ask only what holds in all options of a block. Many
 programs are solved at once, each from the vertex where the program of the parent ended. Each choice
 branches on the block whose options are most wrong at the vertex of the choice.
@@ -11,7 +11,7 @@ Failure modes and answers
   unloaded body), or because the inequalities are too weak: all choices that are left are decided
   together (:mod:`pwscont.enumeration.batch`). If the search has cost as much as a decision about
   all choices together, the search is given up for that decision.
-- Many blocks have one option: the equations of these blocks are eliminated first.
+- Many blocks have a single option: the equations of such blocks are eliminated first.
 - A cell has no unique point: the cell is handed on as a subspace, with or without a look at the
   inequalities of the cell.
 """
@@ -43,13 +43,13 @@ from pwscont.enumeration.simplex import (
     slack_of,
 )
 
-#: Most choices in one batch: a larger batch would gain little and cost memory.
+#: Most choices in a batch: a larger batch would gain little and cost memory.
 BATCH = 4**7
 #: Number of choices for which batches take about as long as linear programs.
 FEW_CHOICES = 4**8
-#: Choices that are decided in batches in the time of one linear program.
+#: Choices that are decided in batches in the time of a linear program.
 CHOICES_PER_PROGRAM = 16
-#: More options of one block than this are not branched on.
+#: Most options of a block that the search branches on.
 MANY_OPTIONS = 64
 #: Most linear programs solved at once: more programs would gain little and cost memory.
 PROGRAMS = 1024
@@ -67,7 +67,7 @@ class Prices:
     few : int
         Number of choices for which batches take about as long as linear programs.
     per_program : int
-        Choices that are decided in batches in the time of one linear program.
+        Choices that are decided in batches in the time of a linear program.
     """
 
     few: int
@@ -75,7 +75,7 @@ class Prices:
 
 
 def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
-    """Yield all complete choices with a point that nearly satisfies their inequalities.
+    """Yield all complete choices with a point that nearly satisfies the inequalities.
 
     The inequalities of singular cells need not have been looked at.
 
@@ -136,7 +136,7 @@ def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Nodes:
-    """Choices that leave some blocks open, each with the vertex of its program."""
+    """Choices that leave some blocks open, each with the vertex of a linear program."""
 
     vertices: Vertices
     picks: Indices
@@ -194,7 +194,7 @@ class _Search:
         return wrong
 
     def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
-        """Tell which choices are complete, or are decided together with all their completions.
+        """Tell which choices are complete, or are decided together with all completions.
 
         Choices are decided together if the completions fit into a batch and the vertex lies in the
         cells of all options, so that no option could be cut off.

@@ -1,12 +1,12 @@
-"""The matrix [[J, b], [C, 0]], with one more column and two more rows than a Jacobian (n, n + 1).
+"""The matrix [[J, b], [C, 0]]: a Jacobian (n, n + 1) with a further column and two further rows.
 
 Newton's method for branch points solves with this matrix, see :mod:`pwscont.curve.crossing`.
 
 Failure modes and answers
 -------------------------
-- The full rows and the full column would fill a sparse factorisation: rows and columns are added
-  one by one to an LU of B, the part of J for z. First come the borders that make up for the rank
-  that B lacks, then the column for alpha.
+- The full rows and the full column would fill a sparse factorisation: rows and columns are added in
+  turn to an LU of B, the part of J for z. First come the borders that make up for the rank that B
+  lacks, then the column for alpha.
 - B lacks two ranks, where two vertical curves cross: the whole matrix is factorised, sparse, at
   whatever cost.
 """
@@ -27,12 +27,12 @@ from pwscont.linear.sparse import SparseFactor
 
 
 def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
-    """Factorise [[J, b], [C, 0]], for solves with the matrix and with its transpose.
+    """Factorise [[J, b], [C, 0]], for solves with the matrix and with the transpose.
 
     Parameters
     ----------
     jacobian : ndarray or StoredJacobian, shape (n, n + 1)
-        With entries of about one.
+        With entries of about 1.
     b : ndarray, shape (n,)
     C : ndarray, shape (2, n + 1)
     """
@@ -52,8 +52,8 @@ def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
     """Factorise [[J, b], [C, 0]] by two borders around an LU of B.
 
     The rows of C are turned so that the first has no entry for alpha: this row and b are the first
-    border, which needs no column for alpha. Where B or B with the first border has no LU, that
-    factor is returned, and is singular.
+    border, which needs no column for alpha. If B, or B with the first border, has no LU, a factor
+    that is singular is returned.
     """
     core, column = jacobian.split()
     if core.failed:
@@ -75,7 +75,7 @@ class _Turned(Factor):
     Parameters
     ----------
     factor : Factor
-        Of the matrix with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
+        A factorisation with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
     turn : ndarray, shape (2, 2)
         A rotation.
     """
@@ -90,7 +90,7 @@ class _Turned(Factor):
         return -self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (n + 2,)."""
+        """Return the solution for a right-hand side, shape (n + 2,)."""
         turned = np.append(rhs[:-2], self._turn @ rhs[-2:])
         return _exchanged(self._factor.solve(turned))
 
@@ -112,5 +112,5 @@ def _turn(pair: Array) -> Array:
 
 
 def _exchanged(x: Array) -> Array:
-    """Return a vector with its last two entries exchanged."""
+    """Return a vector with the last two entries exchanged."""
     return np.append(x[:-2], x[:-3:-1])

@@ -2,8 +2,8 @@
 
 Failure modes and answers
 -------------------------
-- Units of unknowns and equations differ by many powers of ten: the balance is one of logarithms,
-  which another unit only shifts.
+- Units of unknowns and equations differ by many powers of ten: logarithms are balanced, which
+  another unit only shifts.
 - A row or an unknown has no terms at all, or a group of unknowns has no constants: the logarithms
   with the least sum of squares are taken.
 """
@@ -17,15 +17,15 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 
-#: Accuracy of the logarithms: magnitudes need no more than one digit.
+#: Relative accuracy of the logarithms in lsqr: magnitudes need no more than a digit.
 ACCURACY = 1e-6
 
 
 def balanced(terms: Any, size: int) -> tuple[Array, Array]:
     """Return magnitudes u of unknowns and v of rows that balance equations (Curtis and Reid 1972).
 
-    The terms ``terms[i, j] u[j] / v[i]`` are as close to 1 as they can be: the sum of the squares
-    of their logarithms is least.
+    The terms ``terms[i, j] u[j] / v[i]`` are as close to 1 as possible: the sum of the squares of
+    the logarithms of the terms is least.
 
     Parameters
     ----------

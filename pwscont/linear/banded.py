@@ -26,7 +26,7 @@ from pwscont.basics.looks import named
 from pwscont.linear.factor import LU, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
-#: Number of rows from which on scipy's wrappers of LAPACK's tridiagonal routines work.
+#: Least number of rows for which scipy's wrappers of LAPACK's tridiagonal routines work.
 SMALLEST_TRIDIAGONAL = 3
 
 
@@ -40,7 +40,7 @@ class BandedJacobian(StoredJacobian):
         The diagonals as in :func:`scipy.linalg.solve_banded`:
         ``bands[upper + i - j, j] == dH[i]/dz[j]``. Entries outside the matrix are ignored.
     lower, upper : int
-        Numbers of diagonals below and above the main one.
+        Numbers of diagonals below and above the main diagonal.
     column : ndarray, shape (n,)
         dH/dalpha.
 
@@ -73,7 +73,7 @@ class BandedJacobian(StoredJacobian):
         return named(self, f"{self.shape}", f"{self.lower} below, {self.upper} above the diagonal")
 
     def tocsc(self) -> Any:
-        """Return the same matrix as one of scipy.sparse."""
+        """Return the matrix in a storage of scipy.sparse, by columns."""
         n = len(self.column)
         offsets = np.arange(self.upper, -self.lower - 1, -1)
         square = sp.dia_matrix((self.bands, offsets), shape=(n, n))
@@ -88,20 +88,20 @@ class BandedJacobian(StoredJacobian):
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
     def split(self) -> tuple[LU, Array]:
-        """Return an LU of the part for z, and the column for alpha; for entries of about one."""
+        """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         return banded_lu(self.bands, self.lower, self.upper), self.column
 
     def scaled(self, columns: Array) -> BandedJacobian:
-        """Return the matrix with its columns multiplied by ``columns``, shape (n + 1,)."""
+        """Return the matrix with columns multiplied by ``columns``, shape (n + 1,)."""
         bands, column = self.bands * columns[:-1], self.column * columns[-1]
         return BandedJacobian(bands, self.lower, self.upper, column)
 
     def divided(self, rows: Array) -> BandedJacobian:
-        """Return the matrix with its rows divided by ``rows``, powers of two, shape (n,)."""
+        """Return the matrix with rows divided by ``rows``, powers of two, shape (n,)."""
         inverse = np.zeros(len(rows) + self.lower + self.upper)
         np.divide(1.0, rows, out=inverse[self.upper : self.upper + len(rows)])
         # entry (k, j) of the bands lies in row j + k - upper: each diagonal sees the divisors
-        # shifted by one place against the diagonal before
+        # shifted by a place against the diagonal before
         shifted: Array = np.ndarray(self.bands.shape, float, inverse, strides=2 * inverse.strides)
         column = self.column * inverse[self.upper : self.upper + len(rows)]
         return BandedJacobian(self.bands * shifted, self.lower, self.upper, column)
@@ -138,7 +138,7 @@ class BandedJacobian(StoredJacobian):
 
 
 def diagonals(bands: Array, upper: int) -> Iterator[tuple[Array, slice, slice]]:
-    """Yield each diagonal as a view of its entries, with the slices of its rows and columns."""
+    """Yield each diagonal as a view, with the slices of rows and columns of the entries."""
     n = bands.shape[1]
     for below, band in enumerate(bands, -upper):
         first, end = max(0, -below), min(n, n - below)
@@ -163,7 +163,7 @@ class TridiagonalLU(LU):
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
-        return sign_of_pivots(self._lu[1], self._lu[4] - 1)  # rows are counted from one
+        return sign_of_pivots(self._lu[1], self._lu[4] - 1)  # rows are counted from 1
 
     def solved(self, rhs: Array, transposed: bool = False) -> Array:
         """Return the solutions for the columns of an array."""

@@ -1,6 +1,6 @@
 """Bordered matrices [[B, b], [c^T, d]] by solves with B alone, also where B is singular.
 
-B keeps its structure (banded, sparse, eliminated by hand), which a full row and a full column would
+B keeps a structure (banded, sparse, eliminated by hand) that a full row and a full column would
 spoil.
 
 Failure modes and answers
@@ -26,8 +26,8 @@ from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor, power_of_two
 
 #: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
-#: scaled to about one. Plain elimination multiplies rounding errors by the largest entry; an error
-#: of GROWTH * EPS = 2e-12 of a Newton correction is below rounding of the corrected unknowns.
+#: scaled to about 1. Plain elimination multiplies rounding errors by the largest entry; an error of
+#: GROWTH * EPS = 2e-12 of a Newton correction is below rounding of the corrected unknowns.
 GROWTH = 1e4
 
 
@@ -38,7 +38,7 @@ class Interior:
     Parameters
     ----------
     core : Factor
-        Of B, shape (n, n); solves with the transposed matrix, too.
+        A factorisation of B, shape (n, n); solves with the transposed matrix, too.
     column : ndarray, shape (n,)
         b.
     """
@@ -57,9 +57,9 @@ class Interior:
 
     @classmethod
     def at_once(cls, core: Factor, column: Array, beside: Array | None = None) -> Interior:
-        """Return an interior after one call of ``solve_all``, where many solves cost little more.
+        """Return an interior after a single ``solve_all``, for factors with cheap further solves.
 
-        Where a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
+        If a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
         """
         interior, vectors = cls(core, column), _two_generic(len(column) + 1)
         more = [] if beside is None else [beside]
@@ -92,7 +92,7 @@ class BorderedFactor(Factor):
     row : ndarray, shape (n + 1,)
         (c, d).
     rows, columns : ndarray, shape (n + 1,)
-        The divisors of the rows of M, and the multipliers of its columns.
+        The divisors of the rows of M, and the multipliers of the columns of M.
     """
 
     def __init__(self, interior: Interior, row: Array, rows: Array, columns: Array) -> None:
@@ -112,7 +112,7 @@ class BorderedFactor(Factor):
         return self._core.sign if self._schur > 0.0 else -self._core.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, by the algorithm BEMW."""
+        """Return the solution for a right-hand side, by the algorithm BEMW."""
         return self._columns * self._solve(rhs / self._rows)
 
     def solve_all(self, rhs: Array) -> Array:
@@ -167,8 +167,8 @@ class BorderedFactor(Factor):
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding, from solutions for two generic vectors.
 
-        The scaled entries are about one and the vectors have the length sqrt((n + 1) / 2), so a
-        solution is about as long as that, divided by the smallest singular value.
+        The scaled entries are about 1 and the vectors have the length sqrt((n + 1) / 2), so a
+        solution is about as long as the vectors divided by the smallest singular value.
         """
         if self.failed:
             return True
@@ -176,7 +176,7 @@ class BorderedFactor(Factor):
         return not max(lengths) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
 
     def _generic(self, f: Array, inner: Array) -> Array:
-        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] where that serves."""
+        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] if good enough."""
         return self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
 
 

@@ -24,9 +24,9 @@ from pwscont.linear.factor import (
     sign_of_pivots,
 )
 
-#: Up to this number of rows, LAPACK finds the largest entry of each row faster than numpy does.
+#: Most rows for which LAPACK finds the largest entry of each row faster than numpy does.
 FEW_ROWS = 32
-#: Up to this number of right-hand sides of a small matrix are solved for in turn.
+#: Most right-hand sides of a small matrix that are solved for in turn, see :func:`_solved`.
 FEW_COLUMNS = 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
@@ -61,7 +61,7 @@ class DenseFactor(Factor):
         return 0 if self.failed else sign_of_pivots(self._lu.diagonal(), self._pivots)
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+        """Return the solution for a right-hand side."""
         # the arguments 0 and 1: not transposed, in the room of the product
         scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
         scaled *= self._columns
@@ -91,7 +91,7 @@ class DenseFactor(Factor):
 
 
 def _row_multipliers(matrix: Array) -> Array:
-    """Return powers of two that bring the largest entry of each row to about one; 1 for zeros."""
+    """Return powers of two that bring the largest entry of each row to about 1; 1 for zeros."""
     if len(matrix) <= FEW_ROWS:
         multipliers, *_, has_zeros = lapack.dgeequb(matrix)
         if not has_zeros:
@@ -102,7 +102,7 @@ def _row_multipliers(matrix: Array) -> Array:
 def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
     """Return the solutions for the columns of an array, shape (k,) or (k, l).
 
-    OpenBLAS shares several right-hand sides among its threads, however small the matrix is, and a
+    OpenBLAS shares several right-hand sides among threads, however small the matrix is, and a
     thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
     """
     if rhs.ndim == 2 and rhs.shape[1] <= FEW_COLUMNS and len(pivots) <= FEW_ROWS:
@@ -126,7 +126,7 @@ class DenseLU(LU):
     Parameters
     ----------
     lu, pivots : ndarray, shapes (k, k) and (k,)
-        Factors and row exchanges as ``dgetrf`` of LAPACK returns them, see :meth:`of`.
+        Factors and row exchanges in the form of LAPACK's ``dgetrf``, see :meth:`of`.
     """
 
     def __init__(self, lu: Array, pivots: Indices) -> None:
@@ -149,7 +149,7 @@ class DenseLU(LU):
         return _solved(self.lu, self.pivots, rhs, transposed)
 
     def reciprocal_condition(self, norm: float) -> float:
-        """Return the reciprocal condition number of a matrix with this one-norm."""
+        """Return the reciprocal condition number, from the 1-norm of the matrix."""
         rcond: float = lapack.dgecon(self.lu, norm)[0]
         return rcond
 

@@ -1,14 +1,14 @@
-"""The seam of all factorisations, and what their implementations share.
+"""The seam of all factorisations, and what all implementations share.
 
-A Jacobian J has shape (n, n + 1). Its columns belong to the unknowns z and to alpha; B is the part
-of J for z, and b the column for alpha. :class:`Factor` has these implementations:
+A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
+for z, and b the column for alpha. :class:`Factor` has these implementations:
 
 =====================================  ============================================
 dense.py                               :class:`DenseFactor` in any units; :class:`DenseLU`
 sparse.py                              :class:`SparseFactor` in any units; :class:`SparseLU`
 banded.py                              :class:`BandLU`, :class:`TridiagonalLU`
 bordered.py                            :class:`BorderedFactor`, around a factor of B
-updates.py                             :class:`ProductForm`, a factor and its changes
+updates.py                             :class:`ProductForm`, a factor and changes
 this file                              :class:`ScaledFactor`, a factor in other units
 =====================================  ============================================
 
@@ -35,7 +35,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
 
-#: Up to this number of pivots, Python finds the sign of the product faster than numpy does.
+#: Most pivots for which Python finds the sign of the product faster than numpy does.
 FEW_PIVOTS = 32
 
 
@@ -57,7 +57,7 @@ class Factor(ABC):
 
     @abstractmethod
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (k,)."""
+        """Return the solution for a right-hand side, shape (k,)."""
 
     def solve_all(self, rhs: Array) -> Array:
         """Return the solutions for several right-hand sides, shape (l, k); by default singly."""
@@ -66,7 +66,7 @@ class Factor(ABC):
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix, shape (k,).
 
-        :class:`~pwscont.linear.bordered.BorderedFactor` asks this of the factor of B.
+        :class:`~pwscont.linear.bordered.BorderedFactor` solves with the transpose of B.
         """
         name = type(self).__name__
         raise NotImplementedError(f"{name} does not solve with the transposed matrix: define it")
@@ -80,14 +80,14 @@ class Factor(ABC):
 
 
 class LU(Factor):
-    """An LU with partial pivoting of a square matrix with entries up to one, singular or not."""
+    """An LU with partial pivoting of a square matrix with entries up to 1, singular or not."""
 
     @abstractmethod
     def solved(self, rhs: Array, transposed: bool = False) -> Array:
         """Return the solutions for the columns of an array, shape (k,) or (k, l)."""
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (k,), or several, shape (l, k)."""
+        """Return the solution for a right-hand side, shape (k,), or several, shape (l, k)."""
         return self.solved(rhs.T).T
 
     def solve_all(self, rhs: Array) -> Array:
@@ -95,7 +95,7 @@ class LU(Factor):
         return self.solved(rhs.T).T
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix, for one right-hand side or several."""
+        """Return the solution with the transposed matrix, for right-hand sides as :meth:`solve`."""
         return self.solved(rhs.T, transposed=True).T
 
 
@@ -106,7 +106,7 @@ class ScaledFactor(Factor):
     Parameters
     ----------
     factor : Factor
-        Of M with its rows divided and its columns multiplied.
+        A factorisation of M with divided rows and multiplied columns.
     rows, columns : ndarray, shape (k,)
         The divisors of the rows and the multipliers of the columns, powers of two.
     """
@@ -121,7 +121,7 @@ class ScaledFactor(Factor):
         return self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+        """Return the solution for a right-hand side."""
         return self._columns * self._factor.solve(rhs / self._rows)
 
     def solve_all(self, rhs: Array) -> Array:
@@ -143,7 +143,7 @@ def power_of_two(values: Array) -> Array:
 
 
 def regularise(pivots: Array) -> None:
-    """Move pivots below EPS to a size of EPS, in place; entries of the matrix are about one."""
+    """Move pivots below EPS to a size of EPS, in place; entries of the matrix are about 1."""
     sizes = np.abs(pivots)
     if sizes.min() < EPS:
         tiny = sizes < EPS
@@ -151,7 +151,7 @@ def regularise(pivots: Array) -> None:
 
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
-    """Return the sign of a determinant from the pivots, and the row that each was exchanged for."""
+    """Return the sign of a determinant from the pivots and the row exchange of each pivot."""
     if len(pivots) > FEW_PIVOTS:
         negative = np.count_nonzero(pivots < 0.0)
         odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))

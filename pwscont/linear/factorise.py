@@ -5,7 +5,7 @@
 - :func:`factor` factorises a square matrix;
 - :func:`balanced_columns` says in which units the unknowns of a matrix are alike;
 - :func:`columns_scaled`, :func:`rows_divided`, :func:`largest_in_rows` and :func:`column` bring a
-  Jacobian to entries of about one, and read its columns.
+  Jacobian to entries of about 1, and read columns.
 
 Failure modes and answers
 -------------------------
@@ -53,7 +53,8 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
     scale : ndarray, shape (n + 1,)
         Typical magnitudes of the unknowns, powers of two.
     beside : ndarray, shape (n + 1,), optional
-        The right-hand side of the next solve, for Jacobians that solve for several at once.
+        The right-hand side of the next solve, for Jacobians that solve for several right-hand sides
+        at once.
     """
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
@@ -67,14 +68,14 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
 
 
 def inner(jacobian: Matrix, scale: Array) -> Factor | None:
-    """Factorise B, the part of J for z, in its own units; None where B has no factorisation.
+    """Factorise B, the part of J for z, in the units of H and z; None if B has no factorisation.
 
     B may be singular or nearly singular, as on vertical pieces: solutions are huge then, and the
-    caller must look at their size. Parameters as for :func:`bordered`.
+    caller must look at the size of solutions. Parameters as for :func:`bordered`.
     """
     if not isinstance(jacobian, np.ndarray):
         return _structured(jacobian).inner(scale)
-    own = np.multiply(jacobian, scale, order="F")  # one array, for new room costs as much as work
+    own = np.multiply(jacobian, scale, order="F")  # work in place: new room costs as much
     rows = power_of_two(row_maxima(own))
     own /= rows[:, np.newaxis]
     return ScaledFactor(DenseLU.of(own[:, :-1], overwrite=True), rows, scale[:-1])
@@ -89,7 +90,7 @@ def factor(matrix: Matrix, scale: Array) -> Factor:
 
 @lru_cache(maxsize=8)
 def last_unit(size: int) -> Array:
-    """Return the unit vector with the one in its last place; the array is not to be written to."""
+    """Return the unit vector (0, ..., 0, 1), shape (size,), not to be written to."""
     unit = np.zeros(size)
     unit[-1] = 1.0
     unit.flags.writeable = False
@@ -100,26 +101,26 @@ def last_unit(size: int) -> Array:
 
 
 def columns_scaled(jacobian: Matrix, scale: Array) -> Matrix:
-    """Return a new Jacobian with its columns multiplied by ``scale``, shape (n + 1,)."""
+    """Return a new Jacobian with columns multiplied by ``scale``, shape (n + 1,)."""
     is_dense = isinstance(jacobian, np.ndarray)
     return jacobian * scale if is_dense else _structured(jacobian).scaled(scale)
 
 
 def rows_divided(jacobian: Matrix, rows: Array) -> Matrix:
-    """Return a new Jacobian, from one of :func:`columns_scaled`, with rows divided by ``rows``."""
+    """Return a new Jacobian, from a result of :func:`columns_scaled`, with rows divided."""
     is_dense = isinstance(jacobian, np.ndarray)
     return jacobian / rows[:, np.newaxis] if is_dense else jacobian.divided(rows)
 
 
 def largest_in_rows(jacobian: Matrix) -> Array:
-    """Return the largest magnitude in each row of a Jacobian of :func:`columns_scaled`."""
+    """Return the largest magnitude in each row of a result of :func:`columns_scaled`."""
     is_dense = isinstance(jacobian, np.ndarray)
     largest: Array = row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
     return largest
 
 
 def column(jacobian: Matrix, index: int) -> Array:
-    """Return a column of a Jacobian, shape (n,), in an array of its own."""
+    """Return a column of a Jacobian, shape (n,), in a new array."""
     if sp.issparse(jacobian):
         return column_of(jacobian, index)
     if isinstance(jacobian, StructuredJacobian):
@@ -128,9 +129,9 @@ def column(jacobian: Matrix, index: int) -> Array:
 
 
 def balanced_columns(jacobian: Matrix) -> Array:
-    """Return by what to multiply columns of [H_z, H_alpha] to balance H_z, powers of two.
+    """Return multipliers of the columns of [H_z, H_alpha] that balance H_z, powers of two.
 
-    Each row is divided by its largest entry first; the last multiplier, that of alpha, is 1.
+    Each row is divided by the row's largest entry first; the multiplier for alpha is 1.
     """
     sparse = sp.issparse(jacobian)
     sizes = abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian))
@@ -147,5 +148,5 @@ def _largest(sizes: Matrix, axis: int) -> Array:
 
 
 def _structured(jacobian: Matrix) -> StructuredJacobian:
-    """Return a Jacobian that is no array as one that factorises itself."""
+    """Return a Jacobian that is no array as a Jacobian that factorises itself."""
     return jacobian if isinstance(jacobian, StructuredJacobian) else SparseJacobian(jacobian)

@@ -1,4 +1,4 @@
-"""The seam of Jacobians that know their structure.
+"""The seam of Jacobians with a structure.
 
 Dense Jacobians are numpy arrays. Every other Jacobian is a :class:`StructuredJacobian`, or a
 scipy.sparse matrix, which :class:`~pwscont.linear.sparse.SparseJacobian` wraps. Numerics that find
@@ -62,11 +62,11 @@ class StructuredJacobian(ABC):
         scale : ndarray, shape (n + 1,)
             Typical magnitudes of the unknowns, powers of two.
         beside : ndarray, shape (n + 1,), optional
-            The right-hand side of the next solve: solved at once where that costs little.
+            The right-hand side of the next solve: solved at once if the solution costs little.
         """
 
     def inner(self, scale: Array) -> Factor | None:
-        """Factorise the part for z, for solves in its own units; default None: not possible."""
+        """Factorise B, for solves in the units of H and z; default None: not possible."""
         return None
 
     def column_at(self, index: int) -> Array:
@@ -84,7 +84,7 @@ class StructuredJacobian(ABC):
 
 
 class StoredJacobian(StructuredJacobian):
-    """A Jacobian whose entries are stored, and whose part B for z has an LU of its own.
+    """A Jacobian with stored entries, and with an LU of B, the part for z.
 
     A full row and a full column would fill the storage, so a bordered matrix is factorised by an LU
     of B, see :class:`~pwscont.linear.bordered.BorderedFactor`.
@@ -104,11 +104,11 @@ class StoredJacobian(StructuredJacobian):
 
     @abstractmethod
     def tocsc(self) -> Any:
-        """Return the same matrix as one of scipy.sparse, stored by columns."""
+        """Return the matrix in a storage of scipy.sparse, by columns."""
 
     @abstractmethod
     def split(self) -> tuple[LU, Array]:
-        """Return an LU of B, and b; for entries of about one."""
+        """Return an LU of B, and b; for entries of about 1."""
 
     def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor | None:
         """Factorise [J; row] by an LU of B; None where B has no LU."""
@@ -120,7 +120,7 @@ class StoredJacobian(StructuredJacobian):
         return BorderedFactor(Interior(lu, column), row / rows[-1], rows, scale)
 
     def inner(self, scale: Array) -> Factor | None:
-        """Factorise B, for solves in its own units; None where B has no LU."""
+        """Factorise B, for solves in the units of H and z; None if B has no LU."""
         scaled = self.scaled(scale)
         rows = power_of_two(scaled.largest_in_rows())
         lu, _ = scaled.divided(rows).split()

@@ -2,8 +2,8 @@
 
 Failure modes and answers
 -------------------------
-- SuperLU gives up where a pivot vanishes exactly: the factorisation has ``failed`` then. Of a
-  bordered matrix [J; row] whose part for z has failed, the whole is factorised.
+- SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then. A bordered
+  matrix [J; row] is factorised as a whole if the part for z has failed.
 - Entries of a sparse matrix that are stored in parts: the parts are added up before the entries are
   measured.
 """
@@ -55,7 +55,7 @@ class SparseJacobian(StoredJacobian):
         return dense
 
     def tocsc(self) -> Any:
-        """Return the same matrix as one of scipy.sparse."""
+        """Return the matrix in a storage of scipy.sparse, by columns."""
         return self._csc
 
     def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
@@ -78,7 +78,7 @@ class SparseJacobian(StoredJacobian):
         return largest
 
     def split(self) -> tuple[LU, Array]:
-        """Return an LU of the part for z, and the column for alpha; for entries of about one."""
+        """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         n, end = self.shape[0], self._csc.indptr[-2]
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
         return SparseLU(sp.csc_matrix(parts, shape=(n, n))), self.column_at(n)
@@ -93,7 +93,7 @@ class SparseJacobian(StoredJacobian):
         """Return the matrix with other entries at the same places."""
         csc = self._csc
         matrix = sp.csc_matrix((data, csc.indices, csc.indptr), shape=csc.shape)
-        matrix.has_canonical_format = True  # as that of this matrix is, which scipy would test
+        matrix.has_canonical_format = True  # as in this matrix; scipy would test all entries
         return SparseJacobian(matrix)
 
 
@@ -107,7 +107,7 @@ def column_of(matrix: Any, index: int) -> Array:
         places = np.flatnonzero(matrix.indices == index)
         rows = np.searchsorted(matrix.indptr, places, side="right") - 1
         data = matrix.data[places]
-    return np.bincount(rows, data, matrix.shape[0]).astype(float)  # adds what is stored in parts
+    return np.bincount(rows, data, matrix.shape[0]).astype(float)  # adds entries stored in parts
 
 
 @final
@@ -176,7 +176,7 @@ class SparseFactor(Factor):
         return self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+        """Return the solution for a right-hand side."""
         return self._factor.solve(rhs)
 
     def solve_transposed(self, rhs: Array) -> Array:
@@ -189,7 +189,7 @@ class SparseFactor(Factor):
 
 
 def _is_odd(permutation: list[int]) -> int:
-    """Return 1 for an odd permutation, by counting its cycles."""
+    """Return 1 for an odd permutation, else 0, by counting cycles."""
     seen = [False] * len(permutation)
     cycles = 0
     for start in range(len(permutation)):

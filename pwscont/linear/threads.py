@@ -1,4 +1,4 @@
-"""One thread for BLAS while matrices are small, where threadpoolctl is installed.
+"""A single thread for BLAS while matrices are small, where threadpoolctl is installed.
 
 Threads that wait for each other cost more than the work on a matrix of a few hundred rows, and more
 than products with a matrix of thousands of rows, which wait for memory. The command line sets
@@ -14,7 +14,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-#: Environment variables that BLAS libraries and OpenMP read: whatever the user sets there holds.
+#: Environment variables that BLAS libraries and OpenMP read: any value that the user sets holds.
 VARIABLES = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -22,21 +22,21 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
-#: Number of unknowns below which one product or one factorisation has one thread anyway. Solving
+#: Number of unknowns below which a product or a factorisation has a single thread anyway. Solving
 #: for many right-hand sides, as steps along curves do, may have more.
 FEW = 32
-#: Numbers of unknowns up to which one thread is faster: where matrices are factorised at every
-#: step, and where matrices are only multiplied. Two threads took 1.5 to 5 times as long there.
+#: Most unknowns for which a single thread is faster: if matrices are factorised at every step, and
+#: if matrices are only multiplied. Two threads took 1.5 to 5 times as long.
 FACTORISED, MULTIPLIED = 2000, 6000
 
 
 def few_threads(size: int, small: int = FACTORISED, few: int = FEW) -> AbstractContextManager[Any]:
-    """Let BLAS use one thread for ``few`` to ``small`` unknowns, unless the user decides."""
+    """Let BLAS use a single thread for ``few`` to ``small`` unknowns, unless the user decides."""
     return one_thread() if few <= size <= small else nullcontext()
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """Let BLAS use one thread, unless the user has set a number."""
+    """Let BLAS use a single thread, unless the user has set a number."""
     decided = any(name in os.environ for name in VARIABLES)
     controller = None if decided else _controller()
     return controller.limit(limits=1, user_api="blas") if controller else nullcontext()
@@ -44,7 +44,7 @@ def one_thread() -> AbstractContextManager[Any]:
 
 @contextmanager
 def one_thread_in_children() -> Iterator[None]:
-    """Let BLAS use one thread in processes that begin here, unless the user has set a number."""
+    """Let BLAS use a single thread in processes that begin here, unless the user sets a number."""
     if any(name in os.environ for name in VARIABLES):
         yield
         return
@@ -58,7 +58,7 @@ def one_thread_in_children() -> Iterator[None]:
 
 @cache
 def _controller() -> Any | None:
-    """Return threadpoolctl's controller, made once, as making one looks through all libraries."""
+    """Return threadpoolctl's controller, made once, for making looks through all libraries."""
     try:
         return import_module("threadpoolctl").ThreadpoolController()
     except ImportError:

@@ -1,4 +1,4 @@
-"""Factorisations that follow a matrix as it changes by a few rows or by terms of rank one.
+"""Factorisations of a matrix that changes by a few rows or by terms of rank 1.
 
 With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 + g.w)) B^-1
 (Sherman and Morrison); 1 + g.w is the *pivot* of the change. :class:`Changes` keeps the vectors of
@@ -12,16 +12,16 @@ vectors. The sign of the determinant is multiplied by the sign of each pivot (do
 
 Failure modes and answers
 -------------------------
-- The new matrix is nearly singular, or the change loses digits: the pivot is small beside its
-  terms, the change is refused, and the matrix is factorised afresh.
-- Rounding errors of the changes add up: whoever solves compares the residual with :func:`drifted`,
+- The new matrix is nearly singular, or the change loses digits: the pivot is small beside the terms
+  1 and g.w, the change is refused, and the matrix is factorised afresh.
+- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`,
   mostly at no cost, and asks for a fresh factorisation where the residual is too large. After
   :data:`MANY_UPDATES` the matrix is factorised afresh anyway, which costs a tenth more time.
 - A matrix is badly conditioned, as at folds: the matrix is not inverted, and every change leads to
   a fresh LU with partial pivoting.
 - Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
   a fresh factorisation is cheaper than the changes, and is inverted only when a change asks.
-- Someone solves with an older matrix: every solve names its matrix, and the rows are replaced
+- A caller solves with an older matrix: every solve names the matrix, and the rows are replaced
   back, so that no system is ever solved with the wrong matrix.
 """
 
@@ -39,12 +39,12 @@ from pwscont.linear.dense import DenseLU
 from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import add_multiples
 
-#: Least pivot of a change, as a part of the sum of the magnitudes of its terms. A change multiplies
-#: rounding errors by the inverse of that part: ten of sixteen digits are left.
+#: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
+#: multiplies rounding errors by the inverse of the part: ten of sixteen digits are left.
 SMALL_PIVOT = 1e-6
 #: Number of changes that are kept as vectors before all are subtracted from the inverse at once, or
-#: a fresh factorisation is due: two products with so many vectors cost as much as a solve with a
-#: matrix of about a hundred rows, and a product of matrices has its full speed from there on.
+#: a fresh factorisation is due: two products with 48 vectors cost as much as a solve with a matrix
+#: of about a hundred rows, and a product of matrices has full speed from 48 columns on.
 TOGETHER = 48
 #: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
 #: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
@@ -64,9 +64,8 @@ INVERTED_AFTER = 24
 MANY_UPDATES = 2.0
 #: Least number of changes before such a factorisation, for matrices of a few rows.
 LEAST_UPDATES = 8
-#: Largest number of rows that are replaced one by one; more rows are replaced together, which takes
-#: as long as one product of matrices. An LU is inverted, in 4/3 m^3 operations, for at most SINGLY
-#: rows.
+#: Largest number of rows that are replaced in turn; more rows are replaced together, which takes as
+#: long as a product of matrices. An LU is inverted, in 4/3 m^3 operations, for at most SINGLY rows.
 SINGLY = 8
 #: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
 #: the inverse, instead of the whole inverse.
@@ -75,7 +74,7 @@ FEW_ENTRIES = 4
 
 @final
 class Changes:
-    """Changes of rank one since an inverse was formed: M^-1 = (I - V D) M_0^-1.
+    """Changes of rank 1 since an inverse was formed: M^-1 = (I - V D) M_0^-1.
 
     The rows of D are the vectors g. With every change the columns of V are multiplied by
     I - w g^T / (1 + g.w), so that no system has to be solved for V.
@@ -92,7 +91,7 @@ class Changes:
         self._d = np.empty_like(self._v)
 
     def forget(self) -> None:
-        """Begin anew, in the same arrays: new arrays would cost as much as filling them."""
+        """Begin anew, in the same arrays: making arrays would cost as much as filling arrays."""
         self.count = 0
 
     def add(self, w: Array, g: Array) -> float:
@@ -101,7 +100,7 @@ class Changes:
         Returns
         -------
         float
-            The pivot 1 + g.w; zero where the change loses too many digits and is not added.
+            The pivot 1 + g.w; zero if the change loses too many digits and is not added.
         """
         k, pivot = self.count, 1.0 + float(g.dot(w))
         if not abs(pivot) > SMALL_PIVOT * (1.0 + _sum_of_terms(g, w)):
@@ -129,7 +128,7 @@ class Changes:
         return changed
 
     def subtracted(self, inverse: Array) -> Array:
-        """Return the inverse after the changes, in the place of the inverse before; forget them."""
+        """Return the inverse after the changes, in the place of the inverse before; begin anew."""
         k = self.count
         if not k:
             return inverse
@@ -151,7 +150,7 @@ class ProductForm(Factor):
     Parameters
     ----------
     factor : Factor
-        Of the first matrix.
+        A factorisation of the first matrix.
     size : int
         The number of rows of the matrix.
     """
@@ -171,12 +170,12 @@ class ProductForm(Factor):
         return self._turn * self._factor.sign
 
     def renew(self, factor: Factor) -> None:
-        """Take a factorisation of the matrix with all its changes."""
+        """Take a factorisation of the matrix with all changes."""
         self._factor, self._turn = factor, 1
         self._changes.forget()
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for one right-hand side."""
+        """Return the solution for a right-hand side."""
         return self._changes.applied(self._factor.solve(rhs))
 
     def solve_all(self, rhs: Array) -> Array:
@@ -198,12 +197,12 @@ class ProductForm(Factor):
 
 
 class RowMatrix(ABC):
-    """A square matrix whose rows are told apart by a number each; entries of about one.
+    """A square matrix with entries of about 1 and with a key, a number, for each row.
 
     Attributes
     ----------
     keys : ndarray, shape (m,)
-        Where the keys of two matrices of one family are equal, their rows are equal.
+        Rows of two matrices of the same family are equal if the keys are equal.
     """
 
     keys: Array
@@ -219,7 +218,7 @@ class RowMatrix(ABC):
     def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
         """Return rows times the inverse of another matrix of the family, and a largest sum.
 
-        A family may know more about its rows: a row of the other matrix, times the inverse, is a
+        A family may know more about rows: a row of the other matrix, times the inverse, is a
         unit vector, and a unit vector times the inverse is a row of the inverse.
 
         Parameters
@@ -227,7 +226,7 @@ class RowMatrix(ABC):
         which : ndarray of int, shape (k,)
         last : RowMatrix
         inverse : ndarray, shape (m, m)
-            Of the other matrix.
+            The inverse of the other matrix.
 
         Returns
         -------
@@ -241,11 +240,11 @@ class RowMatrix(ABC):
 
 
 class RowSolver(ABC):
-    """Solves with the matrices of one family, whose last matrix a solver remembers."""
+    """Solves with the matrices of a family; a solver remembers the last matrix."""
 
     @abstractmethod
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, shape (m,), or several, shape (l, m)."""
+        """Return the solution for a right-hand side, shape (m,), or several, shape (l, m)."""
 
     @abstractmethod
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
@@ -253,7 +252,7 @@ class RowSolver(ABC):
 
     @abstractmethod
     def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant; of a singular matrix that of a matrix close by."""
+        """Return the sign of the determinant of a matrix, or of a nearby matrix if singular."""
 
     @abstractmethod
     def renew(self, matrix: RowMatrix) -> bool:
@@ -268,10 +267,10 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """A solver that keeps the inverse or the LU of the last matrix, in one array of m^2 numbers.
+    """A solver that keeps the inverse or the LU of the last matrix, in an array of m^2 numbers.
 
-    A fresh matrix is factorised. The LU is inverted when a change or many solves ask for that; rows
-    of the inverse are then replaced until a fresh factorisation is due.
+    A fresh matrix is factorised. The LU is inverted when a change or many solves ask for an
+    inverse; rows of the inverse are then replaced until a fresh factorisation is due.
 
     Attributes
     ----------
@@ -282,17 +281,17 @@ class Updating(RowSolver):
     def __init__(self) -> None:
         self.updates = self.factorisations = 0
         self._last: RowMatrix | None = None
-        self._lu: DenseLU | None = None  # of the last matrix; None where the inverse is kept
+        self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))  # before the changes
         self._changes = Changes(0)
-        self._norm = 0.0  # the one-norm of the factorised matrix
+        self._norm = 0.0  # the 1-norm of the factorised matrix
         self._sign = 0
         self._is_invertible = True  # as far as is known
         self._replaced = 0  # rows, since the last factorisation
         self._solves = 0  # since the last factorisation
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution for one right-hand side, or several."""
+        """Return the solution for a right-hand side, or several."""
         self._take(matrix)
         self._solves += 1
         if self._lu is not None and self._solves >= INVERTED_AFTER:
@@ -327,7 +326,7 @@ class Updating(RowSolver):
         return self._last is not None and self._last.keys is matrix.keys
 
     def _take(self, matrix: RowMatrix) -> None:
-        """Make a matrix the last one."""
+        """Make a matrix the last matrix, by changes or a factorisation."""
         if self._is_at(matrix):
             return
         if self._last is None or not self._update(matrix, self._last):
@@ -371,13 +370,13 @@ class Updating(RowSolver):
         return True
 
     def _replace_singly(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
-        """Change some rows one by one; False where that loses too many digits."""
+        """Change some rows in turn; False if a change loses too many digits."""
         differences = matrix.rows(rows) - last.rows(rows)
         pairs = zip(rows, differences, strict=True)
         return all(self._replace(int(row), difference) for row, difference in pairs)
 
     def _replace(self, row: int, difference: Array) -> bool:
-        """Change one row; False where that loses too many digits."""
+        """Change a row; False if the change loses too many digits."""
         if self._changes.count == TOGETHER:
             self._inverse = self._changes.subtracted(self._inverse)
         pivot = self._changes.add(self._changes.applied(self._inverse[:, row]), difference)
@@ -403,7 +402,7 @@ class Updating(RowSolver):
 
 
 def _product(inverse: Array, rhs: Array) -> Array:
-    """Return solutions by an inverse, for one right-hand side of a few nonzeros by its columns."""
+    """Return solutions by an inverse, or by a few columns for a few nonzero entries."""
     if rhs.ndim == 1:
         entries = np.flatnonzero(rhs)
         if len(entries) <= FEW_ENTRIES:

@@ -17,7 +17,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix
 
 #: Largest part of nonzeros, of all entries of a dense matrix, for which sparse rows are cheaper.
 SPARSE = 0.1
-#: Number of entries up to which a dense matrix stays dense, whatever its entries are.
+#: Number of entries up to which a dense matrix stays dense, whatever the entries are.
 LARGE = 10_000
 
 #: The inner product of two vectors.
@@ -38,7 +38,7 @@ def plus(point: Array, factor: float, direction: Array) -> Array:
 
 def add_multiples(rows: Array, factors: Array, row: Array) -> None:
     """Add multiples of a row to rows, shape (l, k), in place."""
-    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # strides of one; only rows change
+    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # strides of 1; only rows change
 
 
 @final
@@ -62,7 +62,7 @@ class Rows:
         return abs(self.matrix)
 
     def one(self, index: int) -> Array:
-        """Return one row, dense, shape (k,), not to be written to."""
+        """Return a row, dense, shape (k,), not to be written to."""
         if isinstance(self.matrix, np.ndarray):
             row: Array = self.matrix[index]
             return row

@@ -1,9 +1,9 @@
 """Every transition point of every cell, for systems whose pieces are all straight.
 
-A component without a transition is a straight line from one end of the interval to the other; all
-other components, closed loops included, have a transition point. The transition points and the
-solutions at one end therefore give every component, unless some unknown is free: a vertical line
-then need not have a transition point.
+A component without a transition is a straight line across the whole interval; all other components,
+closed loops included, have a transition point. The transition points and the solutions at an end
+therefore give every component, unless some unknown is free: a vertical line then need not have a
+transition point.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from pwscont.system.system import (
 )
 from pwscont.transitions.rays import vanishing
 
-#: A direction is vertical if the component along alpha is below this part of the largest component.
+#: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class AllTransitions(Search):
-    """All transition points in the interval and all solutions at its lower end: complete.
+    """All transition points in the interval and all solutions at the lower end: complete.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class AllTransitions(Search):
             """Tell whether a solution was found before; remember a new solution with a digit.
 
             A corner is found once for each test that vanishes there. A solution without a certain
-            digit is new, and not remembered, because all others would be the same.
+            digit is new, and not remembered, because all other solutions would be the same.
             """
             if not has_digits(*found, metric.scale):
                 return False
@@ -86,14 +86,14 @@ class AllTransitions(Search):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Promise everything, but nothing for systems with bounds or free unknowns."""
+        """Promise everything, except for systems with bounds or free unknowns."""
         in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
         promise = Guarantee.NOTHING if in_doubt else Guarantee.EVERYTHING
         return SearchScope("all transition points, and all solutions at the lower end", promise)
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
-    """Tell whether z may move in a direction that neither H nor a test sees, in every cell.
+    """Tell whether z may move in a direction that H and all tests do not see, in every cell.
 
     Nearly always H alone sees all directions, which a factorisation tells sooner than a rank.
     """
@@ -138,7 +138,7 @@ def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found
 
 
 def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
-    """Tell whether a point lies in the interval; put a point beside an end by its error there."""
+    """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
     if interval[0] <= x[-1] <= interval[1]:
         return True
     alpha = _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
@@ -148,7 +148,7 @@ def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
 
 
 def _clipped(interval: tuple[float, float], alpha: float, error: float) -> float | None:
-    """Return an alpha in the interval, the end for an alpha beside it by its error; else None."""
+    """Return alpha if in the interval, an end if within the error of the end, else None."""
     nearest = min(max(alpha, interval[0]), interval[1])
     return nearest if abs(alpha - nearest) <= CONFIDENCE * error else None
 
@@ -162,7 +162,7 @@ def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
 
 
 def _is_vertical(face: Face, metric: Metric) -> bool:
-    """Tell whether a face has corners, or lies at one alpha."""
+    """Tell whether a face has corners, or lies at a single alpha."""
     moves = face.directions / metric.scale[:-1, np.newaxis]
     return bool(len(face.corners)) or bool((np.abs(moves[-1]) <= ALONG * np.abs(moves).max()).all())
 

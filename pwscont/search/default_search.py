@@ -23,9 +23,9 @@ from pwscont.system.system import (
     number_of_cells,
 )
 
-#: Most cells tried at one alpha, in a second or two: those of ten contact nodes.
+#: Most cells tried at each alpha, in a second or two: the cells of ten contact nodes.
 MANY_CELLS = 4**10
-#: Most interfaces of cells tried, in a second or two: those of eight contact nodes.
+#: Most interfaces of cells tried, in a second or two: the interfaces of eight contact nodes.
 MANY_INTERFACES = 2_000_000
 #: Most cells of a curved system in which Newton is tried, in a second or two.
 MANY_NEWTONS = 2**11

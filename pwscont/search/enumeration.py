@@ -2,7 +2,7 @@
 
 Failure modes and answers
 -------------------------
-- Ill conditioning: rounding may have cut off cells, or moved solutions out of their cells. If few
+- Ill conditioning: rounding may have cut off cells, or moved solutions out of cells. If few
   digits are left, if the signs do not sum to the degree, if cells are undecided or if no cell has a
   solution, the slice is solved again in exact arithmetic.
 - Exact arithmetic takes too long: the guarantee says what is not certain, and a search promises
@@ -60,7 +60,7 @@ from pwscont.transitions.rays import vanishing
 
 @final
 class Solutions(list[Solution]):
-    """Solutions at one alpha, with a guarantee that says whether solutions may be missing.
+    """Solutions at an alpha, with a guarantee that says whether solutions may be missing.
 
     Parameters
     ----------
@@ -76,10 +76,10 @@ class Solutions(list[Solution]):
 
 
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
-    """Return all isolated solutions of a system of linear pieces at one alpha.
+    """Return all isolated solutions of a system of linear pieces at a given alpha.
 
-    If infinitely many solutions fill a segment or more, the corners are returned, and without a
-    corner one of the solutions; the ``guarantee`` says so.
+    If infinitely many solutions fill a segment or more, the corners are returned, or some solution
+    if there is no corner; the ``guarantee`` says so.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _representatives(found: Slice, metric: Metric) -> list[Point]:
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
-    Where exact arithmetic takes too long, at least one cell is undecided. An empty slice is always
+    If exact arithmetic takes too long, some cell is undecided. An empty slice is always
     solved again in exact arithmetic. A point without a right digit is no solution: rounding cannot
     tell the cell of the point from a singular cell.
     """
@@ -160,7 +160,7 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
 
 
 def _with_digits(found: Slice, metric: Metric) -> tuple[Point, ...]:
-    """Return the points with at least one right digit."""
+    """Return the points with some right digit."""
     return tuple(p for p in found.points if _digits(p, metric) > 0.0)
 
 
@@ -184,7 +184,7 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
 
 
 def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution lost digits, or lies on an interface but in one cell only."""
+    """Tell whether a solution lost digits, or lies on an interface and in a single cell."""
     return _digits(point, metric) < FEW_DIGITS or is_in_doubt(system, metric, point)
 
 
@@ -299,7 +299,7 @@ def _nowhere(size: int, alpha: float) -> Found:
 
 
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
-    """Return the solution of a selection at ``alpha``, None for one outside of the closed cell."""
+    """Return the solution of a selection at ``alpha``, None if outside of the closed cell."""
     x = np.append(box.centre(curve.metric.scale[:-1]), alpha)
     along_alpha = last_unit(len(x)) * curve.metric.scale[-1]
     corrected = BorderedNewton(most_iterations=30).correct(curve, x, along_alpha)
@@ -315,22 +315,23 @@ def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
     return (x, state.error) if inside else None
 
 
-#: Most values of alpha that the scope of a search names one by one.
+#: Most values of alpha that the scope of a search names; more values are counted.
 MANY_LISTED = 5
-#: Where a slice cuts its part of the interval: the smaller part of the golden section.
+#: Place of a slice in a part of the interval, as a fraction: the smaller part of the golden
+#: section.
 OFFSET = 0.5 * (3.0 - 5.0**0.5)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class EndPoints(Search):
-    """All solutions at both ends of the interval.
+    """All solutions at the two ends of the interval.
 
     A component of the zero set within the interval is a closed loop or ends at an end of the
     interval. This search therefore finds every component except loops, if the enumeration is
     complete and solutions stay bounded: a component that comes from infinity and returns to
-    infinity within the interval meets no end. Where unknowns have bounds, a component may also end
-    at a bound, and nothing is promised.
+    infinity within the interval meets no end. If unknowns have bounds, a component may also end at
+    a bound, and nothing is promised.
 
     Examples
     --------
@@ -343,7 +344,7 @@ class EndPoints(Search):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield the solutions at lo, then those at hi."""
+        """Yield the solutions at lo, then the solutions at hi."""
         for alpha in interval:
             yield from starts_at(system, metric, alpha)
 

@@ -1,9 +1,9 @@
-"""Solutions, and where test functions vanish, for systems of few cells: all cells in one batch.
+"""Solutions, and zeros of test functions, of systems of few cells: all cells in a batch.
 
-The point at which a test vanishes on the line of a cell solves a system of linear equations, and so
-does the point at which alpha has a given value. For few cells all these equations are solved
-together; points that may lie in their closed cells are then corrected together, by the functions of
-the system. A study of many tiny systems takes 1.5 times as long without this batch.
+The point at which a test vanishes on the line of a cell solves a system of linear equations, as
+does the point at which alpha has a given value. For few cells all equations are solved together;
+points that may lie in the closed cells are then corrected together, by the functions of the system.
+A study of many tiny systems takes 1.5 times as long without this batch.
 
 Failure modes and answers
 -------------------------
@@ -60,7 +60,7 @@ class FewCells:
     cells : list of Character
     J, H : ndarray, shapes (c, n, n + 1) and (c, n)
     K, kappa : ndarray, shapes (m + 1, n + 1) and (m + 1,)
-        The tests and one more function: alpha from the lower end on, which bounds no cell.
+        The tests and a further function: alpha from the lower end on, which bounds no cell.
     sides, bounding : ndarray, shape (c, m + 1)
         The factors that make functions positive in each cell, and which functions bound the cell.
     """
@@ -83,7 +83,7 @@ class FewCells:
     ) -> FewCells | None:
         """Return the lines of a system, whose functions are checked to be affine.
 
-        None where cells or unknowns are too many. The blocks of the system have been checked.
+        None if cells or unknowns are too many. The blocks of the system have been checked.
         """
         blocks = system.blocks()
         if number_of_cells(blocks) > FEW_CELLS or system.size > FEW_UNKNOWNS:
@@ -105,8 +105,8 @@ class FewCells:
     def solutions(self) -> list[Found] | None:
         """Return all solutions at the lower end of the interval.
 
-        None where the batch is not certain: where a point lies on an interface, or is known to few
-        digits, where no solution is found, or the signs of det(dH/dz) do not sum to the degree.
+        None if the batch is not certain: if a point lies on an interface, or is known to few
+        digits, if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
         checked_necessary(self.system, float(self.x[-1]))  # refused if wrong, otherwise not needed
         points, _ = self._points
@@ -123,7 +123,7 @@ class FewCells:
     def crossings(self) -> list[tuple[int, Found]] | None:
         """Return all points where a test that bounds a cell vanishes, each with the test.
 
-        Ordered by tests; alpha may be outside the interval by the error of alpha. None where the
+        Ordered by tests; alpha may be outside the interval by the error of alpha. None if the
         batch is not certain.
         """
         _, points = self._points
@@ -140,7 +140,7 @@ class FewCells:
 
     @cached_property
     def _points(self) -> tuple[_OnLines | None, _OnLines | None]:
-        """The points at the lower end, and where tests vanish, from one batch if regular."""
+        """The points at the lower end, and the zeros of tests, from a single batch if regular."""
         tests, crossed = np.nonzero(self.bounding.T)
         cells = np.arange(len(self.cells))
         ends = np.full(len(cells), len(self.kappa) - 1)
@@ -153,7 +153,7 @@ class FewCells:
     def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
         """Return where functions vanish on the lines of cells, without points clearly outside.
 
-        None where equations are nearly singular, or corrections do not become rounding.
+        None if equations are nearly singular, or corrections do not become rounding.
         """
         rows = np.concatenate([self.J[cells], self.K[functions, np.newaxis]], axis=1)
         equations = LinearBatch.of(rows, self.scale)
@@ -165,7 +165,7 @@ class FewCells:
         return self._solved(cells[some], functions[some], equations.among(some), y[some])
 
     def _may_hold(self, cells: Indices, functions: Indices, y: Array) -> Signs:
-        """Tell which points may lie in their closed cells, between the ends of the interval.
+        """Tell which points may lie in the closed cells, between the ends of the interval.
 
         At each point the function vanishes.
         """
@@ -228,7 +228,7 @@ class FewCells:
         return holding
 
     def _has_few_digits(self, found: Found) -> bool:
-        """Tell whether a point lost its digits."""
+        """Tell whether a point lost digits."""
         x, error = found
         return significant(magnitude(x, error), x, self.metric.scale) < FEW_DIGITS
 

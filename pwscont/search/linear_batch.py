@@ -1,4 +1,4 @@
-"""Linear equations of many points in one batch, and the errors of the points by rounding."""
+"""Linear equations of many points in a batch, and the errors of the points by rounding."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ WORST = EPS**-0.5
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearBatch:
-    """Regular systems of linear equations, one for each of k points, in typical magnitudes.
+    """A regular system of linear equations for each of k points, in typical magnitudes.
 
     Attributes
     ----------
     rows, inverse : ndarray, shape (k, l, l)
-        The coefficients, the largest of each row being one, and the inverse matrices.
+        The coefficients, the largest of each row being 1, and the inverse matrices.
     largest : ndarray, shape (k, l)
         The numbers by which the rows were divided.
     """

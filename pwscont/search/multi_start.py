@@ -22,18 +22,19 @@ from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
-#: Two solutions closer than this in the metric are one, far above the error that Newton leaves.
+#: Distance in the metric below which two solutions coincide, far above the error that Newton
+#: leaves.
 SAME_SOLUTION = EPS**0.5
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class MultiStart(Search):
-    """Semismooth Newton at both ends of the interval from random starts, with deflation.
+    """Semismooth Newton at the two ends of the interval from random starts, with deflation.
 
     A solution once found is divided out of H (Farrell, Birkisson and Funke 2015), so that the
     same start may lead to the next solution. Any number may be missed: nothing is promised. Runs
-    with one seed are identical.
+    with the same seed are identical.
 
     Attributes
     ----------
@@ -41,8 +42,8 @@ class MultiStart(Search):
         Number of starts at each end; the first is z = 0, or the point within the bounds near zero.
     seed : int
     spread : float
-        Starts are normally distributed with this many typical magnitudes as deviation, but evenly
-        over a period, and between bounds that are not much further apart than the deviation.
+        Deviation of the normally distributed starts, in typical magnitudes. Starts are spread
+        evenly over a period, and between bounds not much further apart than the deviation.
     around : tuple of tuple of float
         States to start from as well; every other random start is around a given state.
 
@@ -79,7 +80,7 @@ class MultiStart(Search):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield the solutions found at lo, then those at hi."""
+        """Yield the solutions found at lo, then the solutions found at hi."""
         box = Box.of(system)
         guesses = self.guesses(box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
@@ -110,7 +111,7 @@ def _padded(z: tuple[float, ...], shown: int, size: int) -> Array:
 def _found_at(
     system: PiecewiseSystem, metric: Metric, box: Box, alpha: float, guesses: list[Array]
 ) -> Iterator[Found]:
-    """Yield the solutions at one alpha; a start that led to one is tried again, deflated."""
+    """Yield the solutions at an alpha; a successful start is tried again, deflated."""
     known: list[Found] = []
     for rough in guesses:
         guess = completed(system, rough[: shown_size(system)], alpha)

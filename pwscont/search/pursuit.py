@@ -30,15 +30,15 @@ from pwscont.curve.metric import Metric
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: Most iterations at one alpha, and again with alpha free.
+#: Most iterations at fixed alpha, and again with alpha free.
 MOST_ITERATIONS = 20
 #: Most halvings of a step that does not reduce the merit.
 MOST_HALVINGS = 5
 #: Least fall of the merit, as a part of the fall that a Newton step promises.
 DESCENT = 0.05
-#: A pursuit has arrived if the step is shorter than this part of one plus the length of the point.
+#: Longest step of a pursuit that has arrived, as a part of 1 plus the length of the point.
 ARRIVED = 1e-6
-#: Longest step, as a multiple of one plus the distance of the point from zero.
+#: Longest step, as a multiple of 1 plus the distance of the point from zero.
 LONGEST = 4.0
 #: Length of a point, in typical magnitudes, from which on a pursuit has run away.
 RUN_AWAY = 1e5
@@ -47,20 +47,20 @@ RUN_AWAY = 1e5
 DAMPED = 1e-2
 #: Most Newton iterations in a plane across a curve.
 MOST_CORRECTIONS = 5
-#: A point found with alpha free is moved along the curve by this part of one plus the length of the
-#: point, because a pursuit may have ended right beside a kink.
+#: Distance by which a point found with alpha free is moved along the curve, as a part of 1 plus the
+#: length of the point, because a pursuit may have ended right beside a kink.
 FARTHER = 0.01
 #: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
 #: which alpha hardly changes there.
 AWAY, ALMOST = 3.0, 1e-3
-#: A point is moved aside by this part of one plus the length of the point before alpha is set free,
-#: because a minimum of the merit may lie where H is flat by symmetry.
+#: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
+#: of the point, because a minimum of the merit may lie where H is flat by symmetry.
 ASIDE = 1e-3
 
 
 @final
 class Pursuit:
-    """Pursuits of solutions of one system.
+    """Pursuits of solutions of a system.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class Pursuit:
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
     def is_flat(self, y: Array, direction: Array) -> bool:
-        """Tell whether alpha hardly changes along the curve, neither at a point nor farther out.
+        """Tell whether alpha hardly changes along the curve, at a point and farther out.
 
         Far away, alpha hardly changes if a pursuit has run to infinity.
         """
@@ -202,7 +202,7 @@ class Pursuit:
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return residual and Jacobian in typical magnitudes, rows scaled alike.
 
-        None where H is not finite, and outside the interval, where H need not be defined.
+        None if H is not finite, and outside the interval, where H need not be defined.
         """
         check_budget()
         self.iterations += 1

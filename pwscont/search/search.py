@@ -53,14 +53,14 @@ class NothingKnown(KnownBranches):
         return []
 
 
-#: What a search should yield, said in errors about values that are nearly right.
+#: The values that a search should yield, in words, for errors about values that are nearly right.
 WANTED = (
     "wanted are pairs (x, error) of a solution x = np.append(z, alpha) and an estimate of its "
     "error, of the same shape, as semismooth_newton returns them"
 )
 
-#: A test may be zero if smaller than this part of the sum of the magnitudes of the terms, which are
-#: taken at z plus typical magnitudes.
+#: Largest test that may be zero, as a part of the sum of the magnitudes of the terms, taken at z
+#: plus typical magnitudes.
 ZERO = 1e-6
 
 
@@ -78,7 +78,7 @@ class Search(ABC):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield solutions (z, alpha) with their errors; a component may be hit repeatedly."""
+        """Yield solutions (z, alpha) with errors; a component may be hit repeatedly."""
 
     def starts_beside(
         self,
@@ -95,7 +95,7 @@ class Search(ABC):
         return self.starts(system, metric, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return what this search does for a system, in words, and what the search promises.
+        """Return the work of this search for a system, in words, and the promise.
 
         Default: the name of the class, and no promise.
         """
@@ -113,7 +113,7 @@ class Search(ABC):
 @final
 @dataclass(frozen=True, slots=True)
 class CombinedSearch(Search):
-    """Two searches, one after the other."""
+    """Two searches in turn."""
 
     first: Search
     second: Search
@@ -136,13 +136,13 @@ class CombinedSearch(Search):
         yield from starts_of(self.second, system, metric, interval, known)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return both descriptions and the better promise."""
+        """Return the two descriptions and the better promise."""
         a, b = scope_of(self.first, system), scope_of(self.second, system)
         return SearchScope(f"{a.what}; {b.what}", max(a.promise, b.promise))
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
-    """Return what a search does for a system.
+    """Return the scope of a search for a system.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def starts_of(
 
 
 def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
-    """Return a start if it is a pair (x, error) of arrays with x in the interval."""
+    """Return a pair (x, error) of arrays with x in the interval; refuse any other start."""
     if isinstance(start, np.ndarray) and start.shape == (size + 1,):
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
     if not (isinstance(start, tuple | list) and len(start) == 2):
@@ -210,7 +210,7 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
 
 
 def _numbers(what: str, error: Any) -> Array:
-    """Return an estimate of an error as an array, or refuse what is no array of numbers."""
+    """Return an estimate of an error as an array, or refuse a value that is no array of numbers."""
     try:
         return np.asarray(error, dtype=float)
     except (TypeError, ValueError) as why:

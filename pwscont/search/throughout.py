@@ -9,10 +9,10 @@ Failure modes and answers
 - Most starts would only repeat known solutions: the solutions of all known branches are deflated
   away, and a point found with alpha free is compared with all known branches before the point is
   passed on.
-- One equation in one unknown has many solutions beside each other: sign changes show them.
+- An equation in a single unknown has many solutions beside each other: sign changes show solutions.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
 - Solutions beside a fold are closer together than solutions deflated away may be: a solution found
-  is compared with all known solutions, not only with those deflated away.
+  is compared with all known solutions, not only with the deflated solutions.
 - The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
@@ -45,28 +45,29 @@ from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
 EVALUATIONS = 12_000
-#: Newton iterations of one start, on average.
+#: Newton iterations of a start, on average.
 USUAL = 20
-#: Two solutions closer than this, in typical magnitudes and relative to one plus their length, are
-#: one.
+#: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
+#: length of a solution.
 SAME_SOLUTION = EPS**0.5
-#: Two rough known solutions closer than this, measured in the same way, are one.
+#: Distance below which two rough known solutions coincide, measured in the same way.
 DISTINCT = 1e-5
-#: Most solutions from one start, where solutions fill a line.
+#: Most solutions from a start, needed where solutions fill a line.
 MOST_FROM_ONE = 100
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
-#: Starts are spread over one typical magnitude, over WIDER times as much, and so on for WIDTHS
-#: widths in turn.
+#: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
+#: in turn.
 WIDER, WIDTHS = 4.0, 3
-#: Number of values of a single unknown at which its equation is evaluated, within MARGIN times the
+#: Number of values of a single unknown at which the equation is evaluated, within MARGIN times the
 #: known magnitude and again farther out.
 ON_LINE, MARGIN = 64, 1.5
 #: Number of other starts at each alpha for a single unknown, and of alphas.
 FEW_ON_LINE = 6
-#: Sign changes are known to this part of the magnitude, and are known solutions if closer to one.
+#: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
+#: change is a known solution, measured like SAME_SOLUTION.
 PART, NEAR_ZERO = 1e-3, 1e-2
-#: Largest correction of a point that a pursuit found, relative to one plus the length of the point.
+#: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
 MOST_CORRECTIONS = 8
@@ -75,12 +76,12 @@ MOST_CORRECTIONS = 8
 @final
 @dataclass(frozen=True, slots=True)
 class Throughout(Search):
-    """Newton from many starts at both ends and at values of alpha between, deflated.
+    """Newton from many starts at the ends and at values of alpha between, deflated.
 
     Attributes
     ----------
     ends : MultiStart
-        The starts at both ends.
+        The starts at the ends.
     slices, count : int
         Number of values of alpha between the ends, and of starts at each value.
     """
@@ -149,7 +150,7 @@ class Throughout(Search):
 
 @final
 class _Looking:
-    """The search in one run."""
+    """The search in a single run."""
 
     def __init__(
         self,
@@ -164,7 +165,7 @@ class _Looking:
         self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
-        """Yield the new solutions to which starts at one alpha lead."""
+        """Yield the new solutions to which starts at an alpha lead."""
         here = list[Array]()
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
@@ -184,12 +185,12 @@ class _Looking:
                 known = [*here, *self._solutions(alpha)]
 
     def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
-        """Yield where an equation in one unknown changes its sign, except at known solutions."""
+        """Yield sign changes of an equation in a single unknown, except at known solutions."""
         if shown_size(self._system) != 1:
             return
         places = self._line()
         signs = np.sign([self._equation(z, alpha) for z in places])
-        from scipy.optimize import bisect  # noqa: PLC0415  it takes as long to import as all else
+        from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
             z = bisect(self._equation, *places[i : i + 2], (alpha,), xtol=PART * self._reach[0])
@@ -198,7 +199,7 @@ class _Looking:
                 yield full
 
     def _line(self) -> Array:
-        """Return values of the one unknown, evenly near branches and ever sparser farther out."""
+        """Return values of a single unknown, evenly near branches and ever sparser farther out."""
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
         far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
         places = self._reach[0] * np.concatenate([MARGIN * even, far])
@@ -244,7 +245,7 @@ class _Looking:
         return self._usable((root.x, root.error[np.newaxis]), x)
 
     def _solutions(self, alpha: float) -> list[Array]:
-        """Return the known solutions at one alpha, in typical magnitudes."""
+        """Return the known solutions at an alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
             self._reach = np.maximum(self._reach, np.abs(x[:-1]))
@@ -271,7 +272,7 @@ class _Looking:
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails.
 
-        Typical magnitudes may be the magnitudes of one branch, and another branch lie far away.
+        Typical magnitudes may be the magnitudes of a single branch, with other branches far away.
         """
         even = _filling(number, self._system.size)
         spread = even * np.sqrt(2.0 / (1.0 - even**2))

@@ -1,8 +1,8 @@
-"""What a system can do besides: a class for each ability, and a single way to ask for an ability.
+"""Further abilities of systems: a class for each ability, and a single way to ask for an ability.
 
 A system has an ability if the system derives from the ability's class, and every room asks by
-``isinstance``. Where a system without the ability has a natural answer, the function beside the
-class gives the answer for all systems.
+``isinstance``. If a system without the ability has a natural answer, the function beside the class
+gives the answer for all systems.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pwscont.system.system import PiecewiseSystem
 
 
 class Compact(ABC):
-    """A system that knows which components of a solution determine the others.
+    """A system that knows which components of a solution determine all components.
 
-    Every other component is a multiple of one essential component, plus a constant. pwscont does
-    not ask for these components any more: graphs hold every point whole.
+    Every other component is a multiple of an essential component, plus a constant. pwscont does not
+    ask for essential components any more: graphs hold every point whole.
     """
 
     __slots__ = ()
@@ -47,14 +47,14 @@ class Ending(ABC):
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
         """Return why a curve in this cell ends where all of ``tests`` vanish.
 
-        None where the curve goes on in another cell. Where the curve of one cell ends at a corner,
-        all curves that meet at the corner end; from a start at a corner, the curve of every cell is
+        None if the curve goes on in another cell. If the curve of a cell ends at a corner, all
+        curves that meet at the corner end; from a start at a corner, the curve of every cell is
         followed, and no curve goes on as another.
         """
 
 
 def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int]) -> str | None:
-    """Return why a curve of a system ends where ``tests`` vanish, None where it does not."""
+    """Return why a curve of a system ends where ``tests`` vanish, None for a curve that goes on."""
     why = system.end(character, tests) if isinstance(system, Ending) else None
     if not (why is None or isinstance(why, str)):
         raise InvalidSystemError(
@@ -65,7 +65,7 @@ def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int])
 
 
 class HidesUnknowns(ABC):
-    """A system whose last unknowns follow from its first unknowns, and are hidden from users.
+    """A system whose last unknowns follow from the first unknowns, and are hidden from users.
 
     The methods of the system know all ``size`` unknowns. A user gives and gets the first ``shown``
     unknowns: starts, solutions, special points, names, events, recorded quantities and files. A
@@ -83,44 +83,44 @@ class HidesUnknowns(ABC):
 
     @abstractmethod
     def with_hidden(self, z: Array, alpha: float) -> Array:
-        """Return all unknowns, shape (size,), from those that are shown, shape (shown,)."""
+        """Return all unknowns, shape (size,), from the shown unknowns, shape (shown,)."""
 
 
 def shown_size(system: PiecewiseSystem) -> int:
-    """Return of how many unknowns a user knows."""
+    """Return the number of unknowns that a user knows."""
     return system.shown if isinstance(system, HidesUnknowns) else system.size
 
 
 def completed(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
-    """Return all unknowns from those that a user knows."""
+    """Return all unknowns from the unknowns that a user knows."""
     return system.with_hidden(z, alpha) if isinstance(system, HidesUnknowns) else z
 
 
 def completed_point(system: PiecewiseSystem, x: Array) -> Array:
-    """Return (z, alpha) with all unknowns from the same with those that a user knows."""
+    """Return (z, alpha) with all unknowns from (z, alpha) with the unknowns that a user knows."""
     if not isinstance(system, HidesUnknowns):
         return x
     return np.append(system.with_hidden(x[:-1], float(x[-1])), x[-1])
 
 
 def shown_points(system: PiecewiseSystem, points: Array) -> Array:
-    """Return points (..., z, alpha), or errors of such, without the unknowns that are hidden."""
+    """Return points (..., z, alpha), or errors of points, without the hidden unknowns."""
     if not isinstance(system, HidesUnknowns) or system.shown == system.size:
         return points
     return np.delete(points, np.s_[system.shown : system.size], axis=-1)
 
 
 def all_names(system: PiecewiseSystem) -> tuple[str, ...]:
-    """Return a name for every unknown, also for those that are hidden."""
+    """Return a name for every unknown, including hidden unknowns."""
     names = tuple(system.names())
     return (*names, *(f"hidden[{i}]" for i in range(system.size - len(names))))
 
 
 class BringsSearches(ABC):
-    """A system that offers searches made for its kind.
+    """A system that offers special searches.
 
-    :func:`pwscont.explore` adds these searches to its default search where trying every cell would
-    take too long.
+    :func:`pwscont.explore` adds the searches to the default search if trying every cell would take
+    too long.
     """
 
     __slots__ = ()
@@ -160,12 +160,13 @@ class Reducible(ABC):
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Return the smaller system for alpha in [lo, hi], None if there is none.
 
-        A part may be left out only if the part provably stays in one mode on the whole interval.
+        A part may be left out only if the part provably stays in the same mode on the whole
+        interval.
         """
 
 
 def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
-    """Return what remains of a system on an interval, None where nothing can be left out."""
+    """Return the reduction of a system on an interval, None if nothing can be left out."""
     return system.reduction(*interval) if isinstance(system, Reducible) else None
 
 
@@ -190,17 +191,16 @@ class Recovery(ABC):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
-    """A smaller system, without the parts that provably stay in one mode.
+    """A smaller system, without the parts that provably stay in the same mode.
 
     Attributes
     ----------
     system : PiecewiseSystem
         The smaller system.
     kept : ndarray of int
-        The places of the smaller system's unknowns among those of the full system; all other
-        unknowns are zero.
+        The places of the smaller system's unknowns in the full system; all other unknowns are zero.
     tests : ndarray of int
-        The places of the smaller system's test functions among those of the full system.
+        The places of the smaller system's test functions in the full system.
     idle : Character
         A character of the full system with the signs of the parts left out.
     reasons : tuple of str
@@ -253,7 +253,7 @@ METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability._
 
 
 def check_abilities(system: PiecewiseSystem) -> None:
-    """Refuse a method that is never called as the system does not derive from its ability.
+    """Refuse a method that is never called as the system does not derive from the ability.
 
     Raises
     ------

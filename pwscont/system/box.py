@@ -22,7 +22,7 @@ from pwscont.basics.errors import InvalidSystemError
 if TYPE_CHECKING:
     from pwscont.system.system import PiecewiseSystem
 
-#: A range of at most this many deviations is narrow: a normal distribution would leave the range
+#: Widest range, in deviations, that counts as narrow: a normal distribution would leave the range
 #: too often.
 MOST_DEVIATIONS = 8.0
 
@@ -35,9 +35,9 @@ class Box:
     Attributes
     ----------
     lower, upper : ndarray, shape (n,)
-        Infinite where there is no bound.
+        Infinite if there is no bound.
     period : ndarray, shape (n,)
-        Infinite where an unknown is not periodic.
+        Infinite if an unknown is not periodic.
     is_bounded, is_periodic : bool
         Whether there is any bound, and any period.
     """
@@ -87,13 +87,13 @@ class Box:
         return cls(lower, upper, period)
 
     def contains(self, z: Array, error: Array) -> bool:
-        """Tell whether z is inside, or outside by at most ``error``, both of shape (n,)."""
+        """Tell whether z, shape (n,), is inside, or outside by at most ``error``, shape (n,)."""
         return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
 
     def centre(self, scale: Array) -> Array:
         """Return the point nearest to zero that is a typical magnitude inside the bounds.
 
-        Of an interval shorter than two magnitudes, the middle.
+        The middle, for an interval shorter than two magnitudes.
         """
         depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
         return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)
@@ -105,7 +105,7 @@ class Box:
 
         ``normal`` are normally distributed, ``even`` evenly in (-1/2, 1/2). The point is normally
         distributed with this deviation around ``near``, or around the centre. Around the centre, an
-        unknown with a narrow range or a short period is distributed evenly over its range.
+        unknown with a narrow range or a short period is distributed evenly over the range.
         """
         if near is not None:
             return self.inside(near + deviation * normal)

@@ -27,7 +27,7 @@ from pwscont.system.contract import (
 from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
-#: Newton steps to the interface of a test function.
+#: Most Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
 
 
@@ -57,11 +57,11 @@ class Report:
 def check_system(
     system: PiecewiseSystem, points: Iterable[tuple[Any, float]], radius: float = 0.1
 ) -> Report:
-    """Check what a system promises, at and near some points.
+    """Check the promises of a system, at and near some points.
 
     - Jacobians agree with differences.
-    - From every point each test function is followed to its zero set; there the selections of both
-      sides must agree (H is continuous), and their Jacobians may differ only by a rank-one matrix
+    - From every point each test function is followed to the zero set; there the selections of the
+      two sides must agree (H is continuous), and the Jacobians may differ only by a rank-one matrix
       ``c grad(kappa_i)^T`` (F1): otherwise tracing would turn the wrong way at a kink.
     - Within ``radius`` of every point selections and tests are smooth: a kink that no test
       announces, such as a maximum in a residual, is found by steps of different lengths.
@@ -69,11 +69,11 @@ def check_system(
     - Functions that are promised to be affine are affine; every row that depends on a block's modes
       belongs to the block.
     - At the solutions among the points ``necessary`` holds, ``scale`` is not far off, and a system
-      that says ``unique`` has no two solutions at one alpha.
+      that says ``unique`` has no two solutions at the same alpha.
     - At the alphas of the points, for a slicewise linear system of at most a few thousand cells:
-      the signs of all solutions sum to ``degree``, and a system that says ``unique`` has at most
-      one solution. For any other system a run shows the fault: the graph is not balanced, or the
-      run refuses the promise.
+      the signs of all solutions sum to ``degree``, and a system that says ``unique`` has at most 1
+      solution. For any other system a run shows the fault: the graph is not balanced, or the run
+      refuses the promise.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def check_system(
     Returns
     -------
     Report
-        ``bool(report)`` is True where nothing is wrong; ``print(report)`` names the defects.
+        ``bool(report)`` is True if nothing is wrong; ``print(report)`` names the defects.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _check_sizes(system: PiecewiseSystem, alpha: float) -> None:
 
 
 def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:
-    """Compare the solutions found at one alpha with the promise of at most one solution."""
+    """Compare the solutions found at the same alpha with the promise of uniqueness."""
     if not getattr(system, "unique", False):
         return
     for x, y in combinations(solutions, 2):
@@ -243,7 +243,7 @@ def _wrong_kink(system: PiecewiseSystem, sides: list[Character], test: int, c: A
 def _wrong_bounds(
     system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
 ) -> Iterator[Defect]:
-    """Compare two cells that differ in a test that bounds neither: selections must agree."""
+    """Compare two cells that differ in a test that does not bound the cells."""
     scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
     z = x[:-1] + scale[:-1] * generic(len(x) - 1)
     one, other = (residual_at(system, z, alpha, side) for side in sides)

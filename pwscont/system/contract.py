@@ -1,4 +1,4 @@
-"""Shapes of what a system's methods return: all checked before any work, those of H always."""
+"""Shapes of values that a system returns: all checked before any work, shapes of H always."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from pwscont.system.shapes import (
 )
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
-#: The methods that a system may override, with their arguments.
+#: The methods that a system may override -> the arguments in words.
 METHODS = {
     name: ", ".join(signature(method).parameters)
     for kind in (PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem)
@@ -47,16 +47,17 @@ METHODS = {
 VALUES = ("domain", "degree", "unique", "line_styles")
 
 
-#: More unknowns than these are a slip of the pen.
+#: Most unknowns of a system: a larger number is a slip of the pen.
 MOST_UNKNOWNS = 10**7
-#: Two values at one point may differ by this part, where threads sum in another order.
+#: Largest difference of two values at the same point, relative to the terms: threads sum in another
+#: order.
 MOST_ROUNDING = EPS**0.75
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """The values that a system returned at one point.
+    """The values that a system returned at a point.
 
     Attributes
     ----------
@@ -75,7 +76,7 @@ class Sample:
 
 
 def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
-    """Call every method of a system at a point and check the shapes of what it returns.
+    """Call every method of a system at a point and check the shapes of all values.
 
     Returns
     -------
@@ -84,7 +85,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     Raises
     ------
     InvalidSystemError
-        The message names the method, what the method returned and what it should return.
+        The message names the method, the value returned and the value expected.
     """
     given, tests = z.copy(), system.test_functions(z, alpha)
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
@@ -112,7 +113,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
 
 
 def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: Array) -> None:
-    """Refuse a residual with two values at one point, which no curve belongs to.
+    """Refuse a residual with two values at the same point, which no curve belongs to.
 
     Sums of the terms in another order, as threads make, are no reason.
     """
@@ -172,7 +173,7 @@ def check_attributes(system: PiecewiseSystem) -> None:
 
 
 def _has_methods(system: PiecewiseSystem) -> bool:
-    """Tell whether all methods are those of the class, and functions: nearly always."""
+    """Tell whether all methods are functions of the class, as nearly always."""
     kind = type(system)
     given = [getattr(kind, name, _check_size) for name in METHODS]
     return all(map(callable, given)) and METHODS.keys().isdisjoint(vars(system))
@@ -225,7 +226,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names unless there is one text for each unknown and all names differ.
+    """Refuse names unless there is a text for each unknown and all names differ.
 
     Raises
     ------
@@ -260,7 +261,7 @@ def check_parameter(system: PiecewiseSystem, parameter: Any) -> None:
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
-    """Return H_chi(z, alpha), shape (n,), in an array of its own.
+    """Return H_chi(z, alpha), shape (n,), in a new array.
 
     Raises
     ------
@@ -272,9 +273,9 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as the system states it.
+    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as stated by the system.
 
-    The system may reuse the array for its next value.
+    The system may reuse the array for the next value.
 
     Raises
     ------

@@ -2,11 +2,11 @@
 
 Failure modes and answers
 -------------------------
-- A step that fits an unknown of size one is rounding to an unknown of size 1e20, and too long for
+- A step that fits an unknown of size 1 is rounding to an unknown of size 1e20, and too long for
   an unknown of size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the
   interval.
 - A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
-  end differences are one-sided, with the same order of accuracy.
+  end, differences are one-sided, with the same order of accuracy.
 - x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
   difference of the rounded arguments, which is exact.
 - A direction may be long (a null vector of a matrix that is nearly regular): a step has a length
@@ -15,7 +15,7 @@ Failure modes and answers
   or not at all, however short the steps along the curve. A caller who sees slow convergence asks
   for finer steps, and puts the usual steps back where finer steps do not help: beside an end of the
   model, or with noise.
-- A function may return the same array at every call: its values are copied.
+- A function may return the same array at every call: the values are copied.
 """
 
 from __future__ import annotations
@@ -30,15 +30,17 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 
-#: Balances truncation (h^2) against cancellation (EPS / h) for differences of second order.
+#: Step of differences of second order, in typical magnitudes: truncation (h^2) balances
+#: cancellation (EPS / h).
 STEP = EPS ** (1.0 / 3.0)
-#: The same for differences of fourth order.
+#: Step of differences of fourth order, in typical magnitudes: h^4 balances EPS / h.
 FINE_STEP = EPS**0.2
-#: A finer step is this part of the step before; the finest step leaves seven digits.
+#: A finer step, as a part of the step before, and the finest step, as a part of the usual step: the
+#: finest step leaves seven digits.
 REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
-#: A change of a value by at most this part of the value is rounding.
+#: Largest change that is rounding, as a part of the value.
 ROUNDED = 4.0 * EPS
-#: Weights of fourth order of values at multiples of a step: on both sides, and on one side.
+#: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
 
@@ -56,7 +58,7 @@ class Differences:
     scale : ndarray, shape (n + 1,)
         Typical magnitudes of z, and the length of the interval.
     lo, hi : float
-        The interval of alpha outside of which nothing is evaluated; may be infinite.
+        The interval of alpha; nothing is evaluated outside; may be infinite.
     part : float
         What part of the usual steps is taken.
     """
@@ -123,7 +125,7 @@ class Differences:
         ----------
         function : callable
         x, direction : ndarray, shape (n + 1,)
-            The direction may have any length but zero.
+            The direction may have any length except zero.
         """
         fine = self.part * FINE_STEP / float(np.abs(direction / self.scale).max())
         step = fine * direction
@@ -162,7 +164,7 @@ class Differences:
         return self.by_parameter(at, float(x[-1]))
 
     def _beside_an_end(self, function: Callable[[float], Array], alpha: float, h: float) -> Array:
-        """Return a one-sided derivative where central differences would leave the interval."""
+        """Return a one-sided derivative near an end that central differences would cross."""
         h *= self._inward(alpha, h)
         near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
@@ -183,7 +185,7 @@ def _central(function: Function, x: Array, j: int, h: float) -> Array:
 
 
 def _change(before: Array, after: Array) -> Array:
-    """Return the difference of two values, or raise an error if their shapes differ."""
+    """Return the difference of two values, or raise an error if the shapes differ."""
     if before.shape != after.shape:
         raise InvalidSystemError(
             f"arrays of shape {before.shape} and of shape {after.shape} were returned at different "
@@ -198,9 +200,9 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
 
 
 def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
-    """Return the slopes of ``function`` as one entry of ``x`` at a time moves to ``ends``.
+    """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``.
 
-    Where entries are changed from zero to powers of two, the quotients are not rounded.
+    The quotients are not rounded if entries change from zero to powers of two.
     """
     origin, slopes = _value(function, x), []
     for j, end in enumerate(ends):
@@ -208,7 +210,7 @@ def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
         other[j] = end
         value = _value(function, other)
         change = _change(origin, value)
-        # what is rounding of the values is no slope: a singular matrix stays singular
+        # rounding of the values is no slope: a singular matrix stays singular
         change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
         slopes.append(change / (end - x[j]))
     return slopes

@@ -2,9 +2,9 @@
 
 Failure modes and answers
 -------------------------
-- A kink between samples: second differences of a kink shrink like the step, those of a smooth
-  function like the square of the step; a bump as narrow as a step shrinks in the end, so three
-  lengths of steps are compared.
+- A kink between samples: second differences shrink like the step at a kink, like the square of the
+  step for a smooth function; a bump as narrow as a step shrinks in the end, so three lengths of
+  steps are compared.
 - Rounding looks like a kink: differences below a part of the values are left alone.
 - What holds for solutions only is checked only where H is zero to rounding.
 """
@@ -29,7 +29,7 @@ from pwscont.system.promises import check_blocks, check_promises, checked_necess
 from pwscont.system.selection import signs_of_solutions
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
-#: Central differences are right to about EPS^(2/3); a relative difference above this is a defect.
+#: Largest relative difference that is no defect: central differences are right to about EPS^(2/3).
 TOLERANCE = EPS**0.4
 #: Directions along which kinks are looked for, and samples along each.
 KINK_DIRECTIONS, KINK_SAMPLES = 4, 33
@@ -37,7 +37,7 @@ KINK_DIRECTIONS, KINK_SAMPLES = 4, 33
 #: at least by the factor SHRINK, half way between a kink's and a parabola's, on a log scale.
 STEP_RATIO = 8
 SHRINK = float(STEP_RATIO) ** 1.5
-#: A solution larger than its typical magnitude by this factor refutes the magnitude.
+#: Factor by which a solution exceeds a typical magnitude that is refuted.
 MOST_MAGNITUDES = 1e3
 #: Most modes of a block that are compared.
 MOST_MODES = 64
@@ -46,7 +46,7 @@ MOST_MODES = 64
 @final
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """One broken promise.
+    """A broken promise.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Defect:
     z, alpha
         The point.
     size : float
-        How far off, relative to the size of what was compared; nan where nothing was.
+        The difference, relative to the size of the compared values; nan without comparison.
     """
 
     what: str
@@ -90,7 +90,7 @@ def relative(difference: Array, reference: Array) -> float:
 
 
 def is_solution(system: PiecewiseSystem, x: Array) -> bool:
-    """Tell whether H is zero to rounding of its terms."""
+    """Tell whether H is zero to rounding of the terms."""
     z, alpha = x[:-1], float(x[-1])
     character = system.character(z, alpha)
     small = TOLERANCE**2 * _terms(system, x, character)
@@ -152,7 +152,7 @@ def _kink(function: Callable[[float], Array]) -> float | None:
 
 
 def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Check that H and the tests are affine as promised, and that blocks own their rows."""
+    """Check that H and the tests are affine as promised, and that blocks own the rows of modes."""
     z, alpha = x[:-1], float(x[-1])
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
@@ -199,7 +199,7 @@ def _forgotten(system: SlicewiseLinearSystem, x: Array, at: Character) -> Iterat
 
 
 def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Compare all solutions at one alpha with the promises ``unique`` and ``degree``."""
+    """Compare all solutions at the alpha of x with the promises ``unique`` and ``degree``."""
     alpha = float(x[-1])
     if system.degree is None and not system.unique:
         return
@@ -239,7 +239,7 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
 
 
 def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
-    """Check the inequalities of ``necessary`` at a solution in its cell."""
+    """Check the inequalities of ``necessary`` at a solution."""
     z, alpha = x[:-1], float(x[-1])
     (rows, b), scale = checked_necessary(system, alpha), system.differences(alpha).scale[:-1]
     terms = np.abs(rows) @ (np.abs(z) + scale) + np.abs(b)

@@ -1,18 +1,17 @@
-"""What a system promises, and what a run refuses because a promise is broken.
+"""The promises of a system, and the errors of a run about broken promises.
 
 Failure modes and answers
 -------------------------
 - A residual or test function that is promised to be affine and is curved: the function is compared
-  with its affine model, one evaluation away from the point of the matrix. The difference is
-  measured by the terms, so that neither units nor conditioning raise an alarm.
-- All terms of a row cancel in one cell and leave rounding: other cells show how large the terms
-  are.
-- H jumps at an interface: the residuals of both selections differ there by more than rounding of
+  with an affine model, an evaluation away from the point of the matrix. The difference is measured
+  by the terms, so that units and conditioning raise no alarm.
+- All terms of a row cancel in a cell and leave rounding: other cells show how large the terms are.
+- H jumps at an interface: the residuals of the two selections differ there by more than rounding of
   the terms, and by more than the error of the point can change the residuals.
-- Selections agree at one point of an interface, and not at other points: the direction promised
+- Selections agree at a point of an interface, and not at other points: the direction promised
   beyond the interface is no direction of the selection there.
 - H is not finite wherever solutions are looked for: nothing is found, which is no answer.
-- Several blocks claim the same rows, so that one switch decides what belongs to another block.
+- Several blocks claim the same rows, so that a switch decides rows of another block.
 """
 
 from __future__ import annotations
@@ -39,19 +38,20 @@ from pwscont.system.system import (
 )
 from pwscont.system.units import refuse_extreme_tests
 
-#: A function promised to be affine may differ from its affine model by this part of the function's
-#: terms: far more than rounding, far less than a curved function does over typical magnitudes.
+#: Largest difference of a function promised to be affine from an affine model, as a part of the
+#: function's terms: far more than rounding, far less than a curved function does over typical
+#: magnitudes.
 AFFINE_DEFECT = EPS**0.5
-#: Several tests, each below this part of its terms, may vanish at the same corner.
+#: Largest value, as a part of the test's terms, of tests that may vanish at the same corner.
 AT_CORNER = EPS**0.5
-#: Points at which H is evaluated where a search found nothing.
+#: Number of points at which H is evaluated if a search found nothing.
 PROBES = 8
-#: Cells in which the size of a row is asked for.
+#: Number of cells in which the size of a row is asked for.
 CELLS = 8
 
 
 def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
-    """Compare a system with the promises of its class at one point and a far point.
+    """Compare a system with the promises of the class at a point and a far point.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sampl
         Fitted to the interval.
     interval : tuple of float
     sample : Sample
-        What the system returned at a point of the interval.
+        The values of the system at a point of the interval.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
 
 
 def _sizes(system: PiecewiseSystem, x: Array, character: Character) -> Array:
-    """Return the size of each row of H over several cells: in one cell terms may cancel."""
+    """Return the size of each row of H over several cells: in a single cell terms may cancel."""
     tests = len(character.array)
     cells = (Character.of(generic(tests, shift)) for shift in range(CELLS))
     rows = [residual_at(system, x[:-1], float(x[-1]), cell) for cell in cells]
@@ -177,7 +177,7 @@ def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> 
 
 
 def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a ray from ``x`` to ``x + dx`` that is not a direction of its selection.
+    """Refuse a ray from ``x`` to ``x + dx`` that is not a direction of the selection.
 
     The ray was found from the Jacobian of the cell before (docs/theory, F11).
 
@@ -204,7 +204,7 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     ----------
     one, other : Selection
     x : ndarray, shape (n + 1,)
-        A point of both closed cells, up to the error of the point.
+        A common point of the two closed cells, up to the error of the point.
     error : ndarray, shape (n + 1,)
         Estimate of the error of each component.
     scale : ndarray, shape (n + 1,)
@@ -248,10 +248,10 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
 
 
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
-    """Tell whether a point lies in the closed cells of both selections, for all tests show.
+    """Tell whether a point may lie in the closed cells of two selections, by the tests.
 
-    A test tells nothing where rounding of one term hides another term: with a friction coefficient
-    of 1e13 the sign of the test says nothing about the cell.
+    A test tells nothing where rounding of a term hides another term: with a friction coefficient of
+    1e13 the sign of the test says nothing about the cell.
     """
     for side in sides:
         gradients = np.abs(dense(side.test_gradients(x)))
@@ -322,7 +322,7 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
     Raises
     ------
     InvalidSystemError
-        If A has not one column for each unknown, or b not one number for each row.
+        If A does not have a column for each unknown, or b not a number for each row.
     """
     necessary, name = system.necessary(alpha), f"{type(system).__name__}.necessary()"
     if not (isinstance(necessary, tuple | list) and len(necessary) == 2):

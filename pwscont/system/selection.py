@@ -1,4 +1,4 @@
-"""Selections: the smooth function of one cell, and all cells at one point."""
+"""Selections: the smooth function of a cell, and the signs of all solutions at an alpha."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from pwscont.system.system import (
 
 #: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
-#: Constant gradients of no more entries are kept.
+#: Most entries of constant gradients that are kept, to bound memory.
 MOST_KEPT_ENTRIES = 4096
 
 
 @final
 class Selection:
-    """The selection H_chi of a system together with the tests that bound its cell.
+    """The selection H_chi of a system together with the tests that bound the cell.
 
     Test values are signed so that the values are positive inside the cell.
 
@@ -69,7 +69,7 @@ class Selection:
 
     @cached_property
     def is_straight(self) -> bool:
-        """Whether the selection and its tests are affine, so that the curve is a straight line."""
+        """Whether the selection and the tests are affine, so that the curve is a straight line."""
         return isinstance(self.system, PiecewiseLinearSystem)
 
     @property
@@ -112,7 +112,7 @@ class Selection:
         return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def lent_jacobian(self, x: Array) -> Matrix:
-        """Return the same, of use until the system is asked for anything else."""
+        """Return dH_chi/dx without a copy, of use until the system is asked for anything else."""
         return lent_jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def kink(self, before: Selection, test: int) -> Array:
@@ -133,7 +133,7 @@ class Selection:
     def unsigned_gradients(self, x: Array) -> Matrix:
         """Return the gradients of the bounding tests themselves, without the factor :attr:`side`.
 
-        Those of a straight cell are constant, and a few are kept: not to be written to.
+        Gradients of a straight cell are constant, and a few are kept: not to be written to.
         """
         if self._gradients is not None:
             return self._gradients
@@ -156,22 +156,22 @@ class Selection:
 
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:
-    """Return the tests that bound a cell, and their signs inside."""
+    """Return the tests that bound a cell, and the signs inside."""
     tests = indices(system.bounding_tests(character))
     return tests, character.array[tests]
 
 
 #: Most cells of a system that are tried for solutions.
 MOST_CELLS_TO_TRY = 4096
-#: A test that is smaller than this part of its terms has no certain sign.
+#: Largest test without a certain sign, as a part of the test's terms.
 UNCERTAIN = EPS**0.5
 
 
 def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int] | None:
-    """Return the signs of det(dH/dz) of all solutions at one alpha.
+    """Return the signs of det(dH/dz) of all solutions at a given alpha.
 
     None if there are too many cells, a matrix is singular, or a solution is so close to an
-    interface that its cell is not certain.
+    interface that the cell is not certain.
     """
     blocks = system.blocks()
     if number_of_cells(blocks) > MOST_CELLS_TO_TRY:
@@ -187,7 +187,7 @@ def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int]
 
 
 def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Character) -> int | None:
-    """Return sign det(dH/dz) at the solution in a cell, 0 without one, None if in doubt."""
+    """Return sign det(dH/dz) at the solution in a cell, 0 without solution, None if in doubt."""
     zero = np.zeros(system.size)
     matrix = dense(system.jacobian(zero, alpha, character))[:, :-1]
     rest = np.array(system.residual(zero, alpha, character), dtype=float)

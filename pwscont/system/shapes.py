@@ -1,4 +1,4 @@
-"""Values of a user's methods: copied, with a check of their shape."""
+"""Values of a user's methods: copied, with a check of the shape."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pwscont.basics.errors import InvalidSystemError
 
 #: Kinds of numbers that are real: floats, integers, booleans.
 REAL = "fiub"
-#: Those that are computed with like numbers.
+#: Kinds that are computed with like numbers: booleans are not.
 NUMBERS = "fiu"
 FLOAT = np.dtype(float)
 
@@ -29,7 +29,7 @@ def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -
 
 
 def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return a value itself if it is an array of that shape, for use before the next value.
+    """Return a value of the given shape itself, for use before the next value.
 
     Raises
     ------
@@ -48,12 +48,12 @@ def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...
 
 
 def own_matrix(matrix: Matrix) -> Matrix:
-    """Return a copy of a dense or sparse matrix, as the matrix's owner may reuse its memory."""
+    """Return a copy of a dense or sparse matrix, as the matrix's owner may reuse the memory."""
     return matrix.copy() if isinstance(matrix, np.ndarray) or sp.issparse(matrix) else matrix
 
 
 def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
-    """Return a matrix itself if it has that shape, for use before the next value.
+    """Return a matrix of the given shape itself, for use before the next value.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Whether derivatives that a user gives are those of the user's functions.
+"""Whether derivatives that a user gives are the derivatives of the user's functions.
 
-A Jacobian with one wrong number sends every step astray, or turns the wrong way at a fold, without
-a word. A single generic direction shows a wrong number in its row, at the cost of two values.
+A Jacobian with a single wrong number sends every step astray, or turns the wrong way at a fold,
+without a word. A generic direction shows the row of a wrong number, at the cost of two values.
 
 Failure modes and answers
 -------------------------
@@ -9,7 +9,7 @@ Failure modes and answers
   among themselves, and say nothing. Rounding, and noise of the function, show in the same way.
 - At special points, as z = 0, wrong terms vanish: derivatives are compared next to the point.
 - Far from zero a step may be lost in the rounding of the point: the quotients then say nothing.
-- Beside the point the function may not be defined: what is not finite says nothing.
+- Beside the point the function may not be defined: values that are not finite say nothing.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.system import PiecewiseSystem
 
-#: How far beside a point derivatives are compared, in typical magnitudes.
+#: Distance from a point at which derivatives are compared, in typical magnitudes.
 DISTANCE_TO_POINT = 0.01
-#: Lengths of steps; the first length nearly always confirms the derivative.
+#: Lengths of steps, in typical magnitudes; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
-#: A derivative that is off by more than the part WRONG_SLOPE of its terms is wrong; quotients that
-#: differ by at most the part EQUAL_QUOTIENTS of the terms agree.
+#: Largest error of a right derivative, and largest difference of quotients that agree, as parts of
+#: the terms of the derivative.
 WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
 
 
@@ -57,7 +57,7 @@ def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Arra
 
 
 def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
-    """Refuse gradients that are not those of the tests next to a point, as for H.
+    """Refuse gradients that are not the derivatives of the tests next to a point, as for H.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
 
 
 def _is_inherited(method: Callable[..., Matrix], default: Callable[..., Matrix]) -> bool:
-    """Tell whether a method is the default, replaced neither in a class nor on the instance."""
+    """Tell whether a method is the default, not replaced in a class or on the instance."""
     return getattr(method, "__func__", None) is default
 
 

@@ -9,10 +9,10 @@ from pwscont.basics.character import Character
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: H is rounding where H is at most OWN_TERMS of its own terms, or at most ALL_TERMS of the largest
-#: terms of all equations, which a solve mixes.
+#: Largest H that is rounding, as a part of the terms of the same equation, or as a part of the
+#: largest terms of all equations, which a solve mixes.
 OWN_TERMS, ALL_TERMS = 1e-6, 1e-12
-#: An error of a point is an estimate, which may be too small by this factor.
+#: Factor by which an error of a point, which is an estimate, may be too small.
 ESTIMATED = 10.0
 
 
@@ -29,7 +29,7 @@ def unexplained(
     ----------
     system : PiecewiseSystem
     character : Character
-        Of the selection that is to hold.
+        The character of the selection that is to hold.
     x, scale : ndarray, shape (n + 1,)
         The point (z, alpha), and typical magnitudes.
     error : ndarray, shape (k, n + 1), optional

@@ -25,7 +25,7 @@ from pwscont.system.undefined import Undefined
 @final
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a system that is in one of several modes, independent of the modes of other parts.
+    """A part of a system with several modes, independent of the modes of other parts.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ def number_of_cells(blocks: Iterable[Block]) -> int:
 
 
 def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
-    """Yield one character for each combination of the modes of some blocks.
+    """Yield the characters of all combinations of the modes of some blocks.
 
-    Of the ``tests`` tests, every test that no block decides is positive.
+    Every test of the ``tests`` tests that no block decides is positive.
     """
     positive = Character([True] * tests)
     decided = [test for block in blocks for test in block.tests]
@@ -64,8 +64,8 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
         yield positive.with_signs(decided, chain.from_iterable(modes))
 
 
-#: The default of ``cells`` tries every sign pattern; beyond this number of tests the default asks
-#: for help.
+#: Most tests for which the default of ``cells`` tries every sign pattern; with more tests the
+#: default asks for help.
 MOST_TESTS_TO_TRY = 16
 #: Slots that ``within`` does not copy.
 OWN = ("__weakref__", "_differences")
@@ -75,9 +75,9 @@ class PiecewiseSystem(Undefined, ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells; each
-    cell has a name, its :class:`~pwscont.Character`. On a cell, H equals a smooth *selection*.
+    cell has a name, the :class:`~pwscont.Character`. On a cell, H equals a smooth *selection*.
     Selections of neighbouring cells must agree on the interface between the cells, and each
-    selection must stay evaluable a little beyond its own cell: Newton freezes the character.
+    selection must stay evaluable a little beyond the cell: Newton freezes the character.
 
     A subclass sets ``size`` and writes :meth:`test_functions` and :meth:`residual`; everything else
     has a default. Try a system with :func:`pwscont.check_system`.
@@ -92,12 +92,12 @@ class PiecewiseSystem(Undefined, ABC):
         The sum of the signs of det(dH/dz) over all solutions, if known to be the same at every
         regular alpha; default None, not known.
     unique : bool
-        The promise that there is at most one solution at every alpha (a P-matrix, a convex
-        problem); default False. A solution found is then all solutions, and two solutions are an
-        error in the promise.
+        The promise that no alpha has two solutions (a P-matrix, a convex problem); default
+        False. A solution found is then all solutions, and two solutions are an error in the
+        promise.
     line_styles : mapping of str to matplotlib's line styles
-        How pictures draw the pieces of a label; default one style after another, in
-        the order in which labels occur.
+        How pictures draw the pieces of a label; default the styles in turn, in the order in which
+        labels occur.
 
     Examples
     --------
@@ -209,7 +209,7 @@ class PiecewiseSystem(Undefined, ABC):
 
         Along a piece the run asks only for the tests that bound the piece's cell. Default: evaluate
         all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
-        test has a cost of its own.
+        test costs time.
         """
         taken: Array = self._some(self.test_functions(z, alpha), alpha, which)
         return taken
@@ -246,14 +246,14 @@ class PiecewiseSystem(Undefined, ABC):
         return self.describe(character)
 
     def describe_transition(self, before: Character, after: Character) -> str:
-        """Return what a user reads at the transition from one cell to another."""
+        """Return the words for a transition from a cell to another cell."""
         return f"{self.label(before)} → {self.label(after)}"
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return typical magnitudes of z over the interval, shape (n,).
 
         Typical magnitudes make arc length, and with arc length every result, independent of units.
-        Default: ones, or the magnitudes of the solutions that a run finds.
+        Default: 1.0 for all, or the magnitudes of the solutions that a run finds.
         """
         return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
 
@@ -284,7 +284,7 @@ class PiecewiseSystem(Undefined, ABC):
         return card(type(self).__name__, [("system", short(repr(self)))])
 
     def cells(self) -> Iterator[Character]:
-        """Yield one character for each selection; default by trying all sign patterns.
+        """Yield a character for each selection; default by trying all sign patterns.
 
         Raises
         ------
@@ -305,12 +305,12 @@ class PiecewiseSystem(Undefined, ABC):
                 yield character
 
     def test_name(self, test: int) -> str:
-        """Return what a user calls a test function."""
+        """Return a user's name for a test function."""
         return f"test function {test}"
 
     @property
     def somewhere(self) -> float:
-        """A value of alpha for which the system is defined: in a run, a value in its interval."""
+        """A value of alpha for which the system is defined: in a run, a value in the interval."""
         anywhere = Differences(np.ones(1), *self.domain)
         return (self._differences if self._is_fitted else anywhere).base
 
@@ -332,7 +332,7 @@ def _number_of_tests(system: PiecewiseSystem) -> int:
 
 
 def has_too_many_tests(system: PiecewiseSystem) -> bool:
-    """Tell whether a system without its own ``cells`` has too many sign patterns to try."""
+    """Tell whether a system that does not define ``cells`` has too many sign patterns to try."""
     is_default = type(system).cells is PiecewiseSystem.cells
     return is_default and _number_of_tests(system) > MOST_TESTS_TO_TRY
 
@@ -340,7 +340,7 @@ def has_too_many_tests(system: PiecewiseSystem) -> bool:
 class SlicewiseLinearSystem(PiecewiseSystem):
     """A system whose selections and test functions are affine in z at every fixed alpha.
 
-    The promise lets pwscont list all solutions at a fixed alpha by solving one linear system per
+    The promise lets pwscont list all solutions at a fixed alpha by solving a linear system per
     cell. A system whose cells are all combinations of the modes of independent parts (contact
     nodes, diodes) says so by overriding :meth:`blocks`, which makes the search fast.
 
@@ -414,17 +414,17 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     def kink(self, before: Character, after: Character, test: int) -> Array | None:
         """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).
 
-        The product of c and the test's gradient is all that changes from one cell to the next. A
+        The product of c and the test's gradient is all that changes from a cell to the next cell. A
         system that knows c saves a run two residuals, or a Jacobian, at every transition; default
-        None: a run computes c from these. A system that overrides this method knows c at every
-        interface.
+        None: a run computes c from residuals or Jacobians. A system that overrides this method
+        knows c at every interface.
 
         Parameters
         ----------
         before, after : Character
             Neighbouring cells that differ in the sign of kappa_test only.
         test : int
-            The test bounds both cells.
+            The test, which bounds the two cells.
         """
         return None
 

@@ -1,12 +1,12 @@
-"""A user's function that raises an error outside its domain, as math.exp(1000) does.
+"""A user's function that raises an error outside the domain, as math.exp(1000) does.
 
-Where NumPy returns an infinite number or none, math and plain Python raise. Trial points lie
-anywhere: such an error there says what nan says, that H is not defined at the point.
+NumPy returns inf or nan, where math and plain Python raise. Trial points lie anywhere: such an
+error means the same as nan, that H is not defined at the point.
 
 Failure modes and answers
 -------------------------
 - A mistake of the user raises a ValueError as well, for shapes that do not fit: only errors of
-  arithmetic and those that functions of math raise are taken for nan.
+  arithmetic and errors that functions of math raise are taken for nan.
 - The number of test functions is not known where the tests raise: the tests are called elsewhere.
 """
 
@@ -23,11 +23,11 @@ import numpy as np
 from pwscont.basics.arrays import generic
 from pwscont.basics.errors import InvalidSystemError
 
-#: What is guarded: methods of (z, alpha) that return numbers.
+#: The guarded methods: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
-#: What functions of math say of an argument outside their domain, in all versions of Python.
+#: Messages of functions of math about an argument outside the domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
-#: Points at which tests are counted if the tests are not defined at the first points.
+#: Most points at which tests are counted if the tests are not defined at the first points.
 PROBES = 8
 
 
@@ -66,7 +66,7 @@ def _is_of_arithmetic(error: Exception) -> bool:
 
 
 def _shape(system: Any, name: str, args: tuple[Any, ...], error: Exception) -> tuple[int, ...]:
-    """Return the shape of what a method returns elsewhere."""
+    """Return the shape of a method's value elsewhere."""
     rows = _number_of_tests(system, args, error) if name.startswith("test") else system.size
     return (rows, system.size + 1) if name.endswith("jacobian") else (rows,)
 

@@ -1,4 +1,4 @@
-"""Units of tests and equations: those that cannot be computed with are refused."""
+"""Units of tests and equations: units that cannot be computed with are refused."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 from pwscont.system.system import PiecewiseSystem
 
-#: Squares of magnitudes up to this number, and of its inverse, are normal numbers.
+#: Largest magnitude whose square, and whose inverse's square, are normal numbers.
 LARGEST_TO_SQUARE = 1e150
-#: Values of H whose terms are smaller than this lose digits to underflow.
+#: Smallest terms of H whose sum loses no digits to underflow.
 LEAST_TERMS = float(np.finfo(float).tiny) / EPS
 
 

@@ -1,4 +1,4 @@
-"""A moving picture of the body along a branch; imported when a user asks for one."""
+"""A moving picture of the body along a branch; imported when a user asks for an animation."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from pwscont_coulomb.elastic.recovery import BodyState, state_at
 def along(problem: ElasticProblem, pieces: Sequence[Piece], frames: int) -> list[BodyState]:
     """Return states at equal distances along pieces that follow each other.
 
-    Distance is measured in z and alpha, each by its largest magnitude on the pieces; between the
-    stored points of a piece states are interpolated, which is exact on straight pieces.
+    Distance is measured in u, multipliers and alpha, each by the largest magnitude on the pieces;
+    between the stored points of a piece states are interpolated, which is exact on straight pieces.
 
     Parameters
     ----------
     problem : ElasticProblem
     pieces : sequence of Piece
-        Such as one of ``graph.components()``.
+        Such as a component from ``graph.components()``.
     frames : int
         At least 2.
 
@@ -56,7 +56,7 @@ def along(problem: ElasticProblem, pieces: Sequence[Piece], frames: int) -> list
 
 
 def _scale(points: Array, n: int) -> Array:
-    """Return one scale for displacements, one for forces, one for alpha."""
+    """Return typical magnitudes of all coordinates: of displacements, forces and alpha."""
     sizes = [np.abs(part).max(initial=0.0) for part in (points[:, :n], points[:, n:-1])]
     sizes.append(np.ptp(points[:, -1]))
     counts = [n, points.shape[1] - 1 - n, 1]
@@ -83,7 +83,7 @@ def animate(
     fps : int
         Frames per second.
     scale : float, optional
-        How many times larger displacements are drawn; default so that they can be seen.
+        Factor by which displacements are enlarged; the default makes small displacements visible.
     """
     states, body = along(problem, pieces, frames), problem.elastic
     placement = Placement.of(body, scale or magnification(body, states))
@@ -105,7 +105,7 @@ def animate(
 
 
 def _figure(placement: Placement) -> tuple[Figure, Any]:
-    """Return a figure with a legend, and its axes for the body and for its boundary."""
+    """Return a figure with a legend, and two axes: for the body and for the boundary."""
     figure = Figure(figsize=(6.4, 6.4), layout="constrained")
     figure.legend(handles=legend(), loc="outside lower center", ncols=4, fontsize="small")
     figure.suptitle(placement.words(), fontsize="medium")

@@ -21,7 +21,7 @@ def check_kind(name: str, given: Any, *kinds: type[Any]) -> None:
 
 
 def listed(name: str, given: Any, *kinds: type[Any]) -> list[Any]:
-    """Return objects of some kinds as a list; refuse others as :func:`check_kind` does."""
+    """Return objects of some kinds as a list; refuse other objects as :func:`check_kind` does."""
     items = list(given) if isinstance(given, Iterable) else [None]
     if not all(isinstance(item, kinds) for item in items):
         raise InvalidInputError(

@@ -31,9 +31,9 @@ class ElasticPicture(BodyPicture):
     units : Units
         The units of lengths and stresses.
     scale : float, optional
-        Factor by which displacements are enlarged; default so that they can be seen.
+        Factor by which displacements are enlarged; the default makes small displacements visible.
     system : Coulomb, optional
-        The system that was solved, which knows the friction; default that along the load.
+        The system that was solved, which knows the friction; default ``problem.along_load()``.
 
     Examples
     --------

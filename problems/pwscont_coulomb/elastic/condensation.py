@@ -1,7 +1,8 @@
 """The contact problem in the displacements of the contact nodes alone.
 
-The interior of a body never changes: it is eliminated once (docs/theory, F9), and the contact
-unknowns are turned into normal and tangential ones. The full field is recovered on demand.
+The interior of a body never changes: the interior is eliminated once (docs/theory, F9), and the
+contact unknowns are turned into normal and tangential displacements. The full field is recovered on
+demand.
 """
 
 from __future__ import annotations

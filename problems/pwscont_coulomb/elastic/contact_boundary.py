@@ -1,19 +1,18 @@
 """The boundary that may touch the obstacle: nodes in order, normals, gaps and friction.
 
 Contact is nodal: every node of the boundary, with quadratic elements also the middle node of
-each edge, touches or not for itself. The normal of a node is the mean of the outward normals of
-its contact edges, weighted with its shape function, or what the user gives; the tangent is the
-normal turned counter-clockwise, so that with the body on the left it points forward along the
-boundary.
+each edge, touches or not for itself. The normal of a node is the mean of the outward normals of the
+node's contact edges, weighted with the shape function, or is given by the user; the tangent is the
+normal turned counter-clockwise, and points forward along the boundary with the body on the left.
 
 Failure modes and answers
 -------------------------
-- On a round body the normals spread, and those of a plane obstacle do not: the contact is a little
-  too stiff. Give the obstacle's normal.
-- A given normal may point out of the obstacle into the body, which turns contact inside out: it is
+- The normals of a round body spread, and the normals of a plane obstacle do not: the contact is a
+  little too stiff. Give the obstacle's normal.
+- A given normal that points out of the obstacle into the body would turn contact inside out, and is
   refused.
-- Gaps computed from positions err by rounding. Negative ones would be refused; with positive ones
-  all nodes would touch one after the other, within rounding. Both count as zero.
+- Gaps computed from positions err by rounding. A negative gap would be refused; tiny positive gaps
+  would close in turn, within rounding. A gap within rounding counts as zero.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from pwscont_coulomb.elastic.loads import Field, Region, evaluate
 from pwscont_coulomb.elastic.regions import facets_of
 from pwscont_coulomb.elastic.rollers import ACROSS, across, held_directions, refuse_moving
 
-#: A number, one per contact node, or a function of positions (2, p) that returns them.
+#: A number for all contact nodes, p numbers, or a function of positions (2, p) -> p numbers.
 PerNode: TypeAlias = float | Array | Callable[[Array], Any]
 
 WHAT = "the contact boundary"
@@ -43,7 +42,7 @@ WHAT = "the contact boundary"
 @final
 @dataclass(frozen=True, slots=True)
 class ContactBoundary:
-    """Where a body may touch a rigid obstacle.
+    """The boundary on which a body may touch a rigid obstacle.
 
     Attributes
     ----------
@@ -51,12 +50,12 @@ class ContactBoundary:
     friction : PerNode
         Coulomb's coefficient F >= 0.
     gap : PerNode
-        Initial distance of each contact node to the obstacle along its normal (length, not
+        Initial distance of each contact node to the obstacle along the normal (length, not
         negative; rounding of the mesh's size counts as zero).
     normal : Field, optional
-        The direction in which each contact node meets the obstacle, from the body into it: a pair,
-        pairs of shape (2, p), or a function of positions; any length but zero. Default: the
-        outward normals of the body at its nodes.
+        The direction from the body into the obstacle at each contact node: a pair, pairs of shape
+        (2, p), or a function of positions; any length except zero. Default: the outward normals of
+        the body at the nodes.
 
     Examples
     --------
@@ -91,7 +90,7 @@ class ContactNodes:
     friction, gap : ndarray, shape (p,)
         No friction where a node is guided.
     guided : ndarray of bool, shape (p,)
-        Nodes that a roller holds along their tangent, such as those on an axis of symmetry.
+        Nodes that a roller holds along the tangent, such as nodes on an axis of symmetry.
     """
 
     nodes: Indices
@@ -140,7 +139,8 @@ def contact_nodes(
     ------
     InvalidInputError
         If the boundary is empty or unknown, overlaps a support, has no free node, or normal, gap
-        or friction do not fit; if a roller moves a node, or holds it not along its tangent.
+        or friction do not fit; if a roller moves a node, or holds a node in another direction than
+        the tangent.
     """
     facets = facets_of(space.mesh, WHAT, contact.boundary)
     along = space.edges(facets)
@@ -182,7 +182,7 @@ def _everywhere(held: Indices, given: Array, count: int) -> Array:
 
 
 def _normals(space: Discretisation, along: Edges, nodes: Indices, given: Field | None) -> Array:
-    """Return the unit normals of contact nodes, shape (2, p): the body's, or those given."""
+    """Return the unit normals of contact nodes, shape (2, p): given normals, or the body's."""
     own: Array = np.stack([along.assemble(n, space.count)[nodes] for n in along.normals])
     own /= np.hypot(*own)
     if given is None:
@@ -204,7 +204,7 @@ def _normals(space: Discretisation, along: Edges, nodes: Indices, given: Field |
 
 
 def _refuse_overlap(space: Discretisation, along: Edges, held: Indices) -> None:
-    """Refuse contact edges of which every node is held."""
+    """Refuse contact edges whose nodes are all held."""
     fixed = np.isin(2 * along.nodes, held) & np.isin(2 * along.nodes + 1, held)
     overlap = fixed.all(axis=1)
     if overlap.any():
@@ -234,7 +234,7 @@ def _in_order(along: Edges, positions: Array) -> tuple[Indices, Array, Indices]:
 def _chain(
     node: int, length: float, following: dict[int, int], along: Edges
 ) -> list[tuple[int, float]]:
-    """Return a chain of nodes with their arc lengths, and remove its edges from ``following``."""
+    """Return a chain of nodes with arc lengths, and remove the edges from ``following``."""
     chain, first = [(node, length)], node
     while node in following:
         edge = following.pop(node)

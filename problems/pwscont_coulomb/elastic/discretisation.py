@@ -11,7 +11,7 @@ facets, then elements.
 
 Failure modes and answers
 -------------------------
-- Inverted elements would pass unnoticed, since integrals use the absolute Jacobian: they are
+- Integrals use the absolute Jacobian, and would not notice inverted elements: inverted elements are
   refused before (:mod:`pwscont_coulomb.elastic.meshes`).
 - Nearly incompressible bodies (nu towards 0.5) in plane strain lock with P1 and Q1 elements: the
   stiffness is exact for the element but far too stiff. Use order 2.
@@ -33,13 +33,13 @@ from pwscont_coulomb.elastic.meshes import check_elements, element_for, library
 
 @final
 class Discretisation:
-    """A mesh with elements on it.
+    """Finite elements on a mesh.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     order : int or None
-        1 or 2; None for that of the mesh's geometry.
+        1 or 2; None for the order of the mesh's geometry.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Discretisation:
         Parameters
         ----------
         lam, mu : ndarray, shape (elements,)
-            Of the relation in the plane.
+            Parameters of the stress-strain relation in the plane (force per area).
         """
         g, dx = self._gradients, self._basis.dx
         pairs = np.einsum("iaeq,jbeq,eq->ijabe", g, g, dx)
@@ -133,6 +133,6 @@ def _summed(nodes: Indices, values: Array, count: int) -> Array:
 
 
 def _interleaved(components: list[Array]) -> Array:
-    """Return the x and y components of each node one after the other."""
+    """Return x and y components of all nodes as a vector, the two components of a node together."""
     forces: Array = np.column_stack(components).ravel()
     return forces

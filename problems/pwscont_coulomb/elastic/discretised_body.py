@@ -26,7 +26,7 @@ from pwscont_coulomb.elastic.supports import prescribed
 
 
 class DiscretisedBody:
-    """A body with its mesh, loads and contact, before anything is eliminated.
+    """A body with mesh, loads and contact, before anything is eliminated.
 
     See :class:`pwscont_coulomb.elastic.ElasticBody`.
     """
@@ -61,7 +61,7 @@ class DiscretisedBody:
             self._separate(np.searchsorted(self.free, apart))
 
     def _separate(self, apart: Indices) -> None:
-        """Reduce the equations of some unknowns to their diagonal, so that these are zero."""
+        """Reduce the equations of some unknowns to the diagonal, so that the unknowns are zero."""
         kept = np.ones(len(self.free))
         kept[apart] = 0.0
         D = sp.diags(kept)
@@ -87,7 +87,7 @@ class DiscretisedBody:
 
     @property
     def clamped(self) -> Indices:
-        """The nodes of which both displacements are prescribed."""
+        """The nodes with two prescribed displacements."""
         held = self.held // 2
         return np.intersect1d(held[self.held % 2 == 0], held[self.held % 2 == 1])
 
@@ -98,7 +98,7 @@ class DiscretisedBody:
 
     @cached_property
     def contact_unknowns(self) -> Indices:
-        """Where u_x, u_y of each contact node stand among the free unknowns, shape (2 p,)."""
+        """The places of u_x and u_y of each contact node among the free unknowns, shape (2 p,)."""
         both = (2 * self.contact.nodes[:, np.newaxis] + np.arange(2)).ravel()
         return np.searchsorted(self.free, both)
 
@@ -108,7 +108,7 @@ class DiscretisedBody:
         return load
 
     def all_displacements(self, free: Array, alpha: float) -> Array:
-        """Return the displacements of all nodes, shape (k, 2), from those of the free unknowns."""
+        """Return the displacements of all nodes, shape (k, 2), from the free unknowns."""
         u = np.empty(2 * self.space.count)
         u[self.free] = free
         u[self.held] = self._given[0] + alpha * self._given[1]
@@ -150,7 +150,7 @@ def _lame(
 def _refuse_other_than_one(
     space: Discretisation, times: Indices, material: Mapping[str, Material]
 ) -> None:
-    """Refuse elements without a material, and those of subdomains that overlap."""
+    """Refuse elements without a material, and elements of overlapping subdomains."""
     for wrong, words in ((times == 0, "no material"), (times > 1, "more than one material")):
         if wrong.any():
             first, of = int(np.argmax(wrong)), space.mesh.subdomains

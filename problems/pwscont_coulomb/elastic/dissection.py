@@ -1,12 +1,12 @@
 """Nested dissection of unknowns in the plane.
 
-The unknowns are halved again and again at the median of the longer side of their bounding box.
-Those of the left half that are coupled with the right half are the separator: the two halves
-without it are independent. Separators are eliminated after both halves, which for n unknowns
-of a plane mesh takes O(n log n) memory and O(n^1.5) work (George 1973).
+The unknowns are halved again and again at the median of the longer side of the bounding box.
+Unknowns of the left half that are coupled with the right half are the separator: the two halves
+without the separator are independent. A separator is eliminated after the halves, which for n
+unknowns of a plane mesh takes O(n log n) memory and O(n^1.5) work (George 1973).
 
-The tree is a complete binary one, its nodes numbered as in a heap: 1 the root, 2 i and 2 i + 1
-the halves of i. Positions only guide the cuts: any positions give a correct order.
+The tree is a complete binary tree with nodes numbered as in a heap: 1 the root, 2 i and 2 i + 1 the
+halves of i. Positions only guide the cuts: any positions give a correct order.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import numpy as np
 
 from pwscont.extending import Array, Indices, Matrix
 
-#: About the number of unknowns of a leaf: smaller leaves cost overhead, larger ones fill.
+#: Approximate number of unknowns of a leaf: smaller leaves cost overhead, larger leaves fill.
 LEAF = 64
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Dissection:
-    """An order of elimination and the tree of fronts behind it.
+    """An order of elimination and the tree of fronts that gives the order.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ def dissect(A: Matrix, unknowns: Indices, positions: Array) -> Dissection:
     Parameters
     ----------
     A : scipy.sparse csr, shape (n, n)
-        Its pattern, symmetric.
+        A matrix with a symmetric pattern; the values of entries do not matter.
     unknowns : ndarray of int, shape (m,)
     positions : ndarray, shape (2, n)
     """
@@ -74,7 +74,7 @@ def dissect(A: Matrix, unknowns: Indices, positions: Array) -> Dissection:
 
 
 def _right_half(part: Indices, positions: Array) -> Indices:
-    """Tell for each unknown whether it lies in the right half of its part."""
+    """Tell for each unknown whether the unknown lies in the right half of a part."""
     first = np.lexsort((part,))
     starts = np.flatnonzero(np.diff(part[first], prepend=-1))
     extent = np.stack(
@@ -89,13 +89,13 @@ def _right_half(part: Indices, positions: Array) -> Indices:
     x = np.where(extent[0] >= extent[1], 0, 1)[number]
     along, across = np.where(x == 0, positions[0], positions[1]), positions.sum(axis=0)
     by_place = np.lexsort((across, along, number))
-    middle = along[by_place[starts + sizes // 2]]  # equal coordinates on one side
+    middle = along[by_place[starts + sizes // 2]]  # equal coordinates on the same side
     right: Indices = (along >= middle[number]).astype(np.intp)
     return right
 
 
 def _ordered(unknowns: Indices, place: Indices, depth: int) -> Dissection:
-    """Sort unknowns by their place in the tree, children before parents."""
+    """Sort unknowns by place in the tree, children before parents."""
     rank = _postorder(depth)
     by_rank = np.argsort(rank[place], kind="stable")
     tree, starts = np.unique(rank[place[by_rank]], return_index=True)

@@ -1,4 +1,4 @@
-"""Elastic bodies, and the contact problems made from them."""
+"""Elastic bodies, and the contact problems that elastic bodies pose."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ElasticBody(DiscretisedBody):
         Triangles or quadrilaterals; a path is read with meshio, where the physical groups of a
         Gmsh file become boundaries and subdomains of the same names.
     material : Material or mapping of str to Material
-        For the whole body, or by subdomain; subdomains must cover it without overlap.
+        For the whole body, or by subdomain; subdomains must cover the body without overlap.
     supports : sequence of Support
         Prescribed displacements.
     contact : ContactBoundary
@@ -41,15 +41,15 @@ class ElasticBody(DiscretisedBody):
     f0, f1 : ndarray, shape (n,)
         Load at alpha = 0 and per unit of alpha, with the effect of prescribed displacements.
     free, held : ndarray of int
-        Unknowns of these equations, and prescribed ones; unknown 2 k + a is component a of node k.
-        The tangential unknown of a guided contact node is in both: it is prescribed as zero, and
-        has an equation of its own, so that every contact node has two equations.
+        Unknowns of the equations, and prescribed unknowns; unknown 2 k + a is component a of node
+        k. The tangential unknown of a guided contact node is free and held: prescribed as zero,
+        with an equation for the zero, so that every contact node has two equations.
 
     Raises
     ------
     InvalidInputError
         If the mesh has inverted elements, a name is unknown, a boundary is empty, the contact
-        boundary overlaps a clamped one, a rigid motion is free, or a value does not fit.
+        boundary overlaps a clamped boundary, a rigid motion is free, or a value does not fit.
 
     Examples
     --------

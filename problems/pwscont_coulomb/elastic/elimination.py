@@ -34,11 +34,11 @@ class Eliminated(ABC):
 
     @abstractmethod
     def recover(self, f: Array, kept: Array) -> Array:
-        """Return all unknowns, shape (n,), from a load f, shape (n,), and the kept ones, (k,)."""
+        """Return all unknowns, shape (n,), from a load, shape (n,), and the kept unknowns, (k,)."""
 
 
 class Elimination(ABC):
-    """A way to eliminate interior unknowns; its implementations are interchangeable.
+    """A way to eliminate interior unknowns; all implementations are interchangeable.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class Elimination(ABC):
 
     @abstractmethod
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
-        """Eliminate all unknowns but some.
+        """Eliminate all unknowns except the kept unknowns.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The finite element libraries, loaded where a body, a file or a picture needs them."""
+"""The finite element libraries, loaded when a body, a file or a picture needs a library."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def loaded(name: str) -> Any:
     Raises
     ------
     MissingPackageError
-        If it is not installed.
+        If the module is not installed.
     """
     try:
         return import_module(name)

@@ -1,8 +1,8 @@
-"""Supports and loads of a body, each with a constant part and one that grows with alpha.
+"""Supports and loads of a body, each with a constant part and a part that grows with alpha.
 
 A *region* is the name of a boundary or subdomain of the mesh, or a predicate of position that
 takes midpoints, shape (2, k), and returns (k,) truth values. A *field* is a pair (x, y) or a
-function of position, shape (2, ...), that returns such pairs along its first axis.
+function of position, shape (2, ...), that returns pairs along the first axis.
 """
 
 from __future__ import annotations
@@ -99,11 +99,11 @@ def evaluate(name: str, field: Field, x: Array) -> Array:
     Raises
     ------
     InvalidInputError
-        If it is no pair, has another shape, or is not finite.
+        If the field is no pair, has another shape, or is not finite.
     """
     try:
         found = np.asarray(field(x) if callable(field) else field, dtype=float)
-        if found.ndim != x.ndim:  # one pair for all, which would broadcast over two positions
+        if found.ndim != x.ndim:  # a single pair, which would broadcast over two positions
             found = found.reshape((2,) + (1,) * (x.ndim - 1))
         values = np.broadcast_to(found, x.shape)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Isotropic linear elastic materials, and the two plane states they may be in."""
+"""Isotropic linear elastic materials, in plane strain or plane stress."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Lame(Material):
     Raises
     ------
     InvalidInputError
-        If they are not finite or break these bounds.
+        If a parameter is not finite or breaks a bound above.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Young(Material):
     Raises
     ------
     InvalidInputError
-        If they are not finite or out of these bounds.
+        If a parameter is not finite or breaks a bound above.
 
     Examples
     --------

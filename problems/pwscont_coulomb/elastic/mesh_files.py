@@ -14,23 +14,23 @@ from pwscont import InvalidInputError, MissingPackageError
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
-#: The kinds of elements that a body may have, with the number of their corners.
+#: The kinds of elements that a body may have -> number of corners.
 CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad9": 4}
-#: z coordinates that differ by more than this part of the mesh's size are not plane.
+#: Largest spread of z coordinates of a plane mesh, as a part of the mesh's size: rounding.
 PLANE = 1e-12
-#: Where meshio has the numbers of groups of cells, one for each cell, zero for none.
+#: The names under which meshio has the number of each cell's group, zero for no group.
 NUMBERS = ("gmsh:physical", "medit:ref", "cell_tags")
 
 
 def read_mesh(path: Path) -> Any:
     """Return a scikit-fem mesh; physical groups become boundaries and subdomains.
 
-    A group without a name has its number as its name.
+    A group without a name gets the number of the group as name.
 
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, or holds no plane mesh of one kind of element.
+        If the file cannot be read, or holds no plane mesh of a single kind of element.
     MissingPackageError
         If meshio needs another package for this format.
     """
@@ -55,7 +55,7 @@ def read_mesh(path: Path) -> Any:
 
 
 def _read(path: Path) -> Any:
-    """Return what meshio reads; some of its readers say in print why they do not."""
+    """Return what meshio reads; catch the printed reasons of readers that fail."""
     said = io.StringIO()
     try:
         with redirect_stdout(said), redirect_stderr(said):
@@ -88,9 +88,9 @@ def _refuse_other_cells(path: Path, read: Any) -> None:
 
 
 def _name_groups(path: Path, read: Any) -> None:
-    """Name cells by physical groups alone; some formats have numbers, one for each cell.
+    """Name cells by physical groups alone; some formats have a number for each cell.
 
-    Groups of lines and of surfaces may have the same number: their dimensions tell them apart.
+    Groups of lines and of surfaces may have the same number: the dimension makes the difference.
     """
     read.cell_sets = {k: v for k, v in read.cell_sets.items() if not k.startswith("gmsh:")}
     numbers = [read.cell_data.pop(key) for key in NUMBERS if key in read.cell_data]
@@ -101,7 +101,7 @@ def _name_groups(path: Path, read: Any) -> None:
         for tag in np.unique(tags[tags != 0]).tolist():
             names = known.get((tag, read.cells[k].dim))
             if names is not None and read.cell_sets:
-                continue  # meshio knows them, with cells that are in several groups
+                continue  # meshio knows the named groups, with cells that are in several groups
             if names is None and str(tag) in read.field_data:
                 raise InvalidInputError(f"group {tag} in {path} has no name; another one is {tag}")
             for name in names or [str(tag)]:
@@ -111,7 +111,7 @@ def _name_groups(path: Path, read: Any) -> None:
 
 
 def _refuse_repeated_cells(path: Path, read: Any) -> None:
-    """Refuse cells that are listed twice; of lines, scikit-fem keeps one group only."""
+    """Refuse cells that are listed twice; scikit-fem keeps a single group of a line."""
     for kind in sorted({block.type for block in read.cells} - {"vertex"}):
         corners = read.cells_dict[kind][:, : CORNERS.get(kind, 2)].T
         again = repeated(corners)
@@ -126,7 +126,7 @@ def _refuse_repeated_cells(path: Path, read: Any) -> None:
 
 
 def _refuse_lost_facets(path: Path, read: Any, mesh: Any) -> None:
-    """Refuse named lines that are edges of no element: scikit-fem would leave them out."""
+    """Refuse named lines that are edges of no element, which scikit-fem would leave out."""
     lines = [k for k, block in enumerate(read.cells) if block.type == "line"]
     for name, parts in read.cell_sets.items():
         given = sum(len(parts[k]) for k in lines)
@@ -138,10 +138,10 @@ def _refuse_lost_facets(path: Path, read: Any, mesh: Any) -> None:
 
 
 def _as_scikit_fem_expects(read: Any) -> Any:
-    """Put corners before middle nodes, and give quadratic facets by their ends.
+    """Put corners before middle nodes, and describe quadratic facets by end nodes.
 
     scikit-fem numbers the corners of quadratic elements anew, by rank, and finds facets by the
-    numbers of their ends: that fits only if the corners come first.
+    numbers of end nodes: the numbers fit only if the corners come first.
     """
     corners = [b.data[:, : CORNERS[b.type]].ravel() for b in read.cells if b.type in CORNERS]
     first = np.unique(np.concatenate(corners))

@@ -1,4 +1,4 @@
-"""Meshes, their elements, and the check that no element is inverted."""
+"""Meshes with finite elements, and the check that no element is inverted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.mesh_files import read_mesh
 from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 
-#: An element whose Jacobian falls below this part of its own size is degenerate.
+#: Smallest Jacobian of an element, as a part of the element's size: below, an element is
+#: degenerate.
 FLAT = 1e-12
 
 
@@ -23,7 +24,7 @@ def library() -> Any:
     Raises
     ------
     InvalidInputError
-        If it is not installed.
+        If scikit-fem is not installed.
     """
     return loaded("skfem")
 
@@ -54,12 +55,12 @@ def _without_loose_points(mesh: Any) -> Any:
 
 
 def element_for(mesh: Any, order: int | None) -> Any:
-    """Return P1, P2, Q1 or Q2; the default order is that of the mesh's geometry.
+    """Return P1, P2, Q1 or Q2; the default order is the order of the mesh's geometry.
 
     Raises
     ------
     InvalidInputError
-        If the order is neither 1 nor 2.
+        If the order is not 1 or 2.
     """
     skfem = library()
     curved = isinstance(mesh, (skfem.MeshTri2, skfem.MeshQuad2))
@@ -77,7 +78,7 @@ def check_elements(mesh: Any) -> None:
     Raises
     ------
     InvalidInputError
-        Naming the elements and where the first of them lies.
+        Naming the elements and the place of the first element.
     """
     if not np.isfinite(mesh.doflocs).all():
         raise InvalidInputError("the mesh has nodes whose positions are not finite")
@@ -99,13 +100,13 @@ def _refuse(mesh: Any, elements: Indices, words: str, remedy: str = "mend the me
 
 
 def _places(mesh: Any) -> Indices:
-    """Return numbers of the corners of each element, equal where corners lie at one place."""
+    """Return numbers of the corners of each element, equal where corners coincide."""
     _, place = np.unique(mesh.p[0] + 1j * mesh.p[1], return_inverse=True)
     return np.asarray(place[mesh.t], dtype=np.intp)
 
 
 def _repeated(mesh: Any) -> Indices:
-    """Return the elements whose corners lie where those of an element before them lie."""
+    """Return the elements whose corners coincide with the corners of an earlier element."""
     return repeated(_places(mesh))
 
 
@@ -144,14 +145,14 @@ def _jacobians(mesh: Any) -> Array:
 
 
 def _folded(mesh: Any) -> Indices:
-    """Return the elements that lie on the same side of a facet as their neighbour."""
+    """Return the elements that lie on the same side of a facet as the neighbour."""
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     start, end = mesh.p[:, mesh.facets[0, inner]], mesh.p[:, mesh.facets[1, inner]]
     middles = mesh.p[:, mesh.t].mean(axis=1)
     sides = [_cross(end - start, middles[:, mesh.f2t[k, inner]] - start) for k in (0, 1)]
     bad = mesh.f2t[:, inner[sides[0] * sides[1] >= 0.0]]
     votes = np.bincount(bad.ravel(), minlength=mesh.nelements)
-    # an inverted element disagrees with all its neighbours, each of them only with this element
+    # an inverted element disagrees with all neighbours, a neighbour only with the inverted element
     return np.flatnonzero((votes == votes.max()) & (votes > 0))
 
 

@@ -1,16 +1,16 @@
 """Elimination by dense fronts along a nested dissection (multifrontal Cholesky).
 
-Every front gathers the entries of its own unknowns and the Schur complements of its children,
-factorises its own block by LAPACK's Cholesky, and leaves a Schur complement on the later unknowns
-that it is coupled with (Duff and Reid 1983). The kept unknowns come last of all and are never
-eliminated: the complement left for them is the result, without a single extra solution. Factors
-are stored as they arise, each once.
+Every front owns some unknowns. A front gathers the entries of the own unknowns and the Schur
+complements of the children, factorises the own block by LAPACK's Cholesky, and leaves a Schur
+complement on the later unknowns that are coupled with the own unknowns (Duff and Reid 1983). The
+kept unknowns come last and are never eliminated: the complement left on the kept unknowns is the
+result, without a single extra solution. Each factor is stored once.
 
 Failure modes and answers
 -------------------------
 - The matrix is not positive definite: a pivot block has no Cholesky factor, and an error says so.
 - Unknowns of very different stiffness: Cholesky without pivoting is backward stable for symmetric
-  positive definite matrices, whatever their scaling by rows and columns.
+  positive definite matrices, whatever the scaling by rows and columns.
 - Long thin or oddly shaped bodies: the order costs more fill, the result is the same.
 """
 
@@ -32,14 +32,14 @@ from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimin
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Front:
-    """The factor of the unknowns that one front eliminates.
+    """The factor of the unknowns that a front eliminates.
 
     Attributes
     ----------
     start, end : int
-        Its own unknowns, in the order of elimination.
+        The own unknowns of the front, as a range in the order of elimination.
     later : ndarray of int, shape (l,)
-        The unknowns that come later and are coupled with them.
+        The later unknowns that are coupled with the own unknowns.
     own : ndarray, shape (e, e)
         Lower triangular Cholesky factor.
     below : ndarray, shape (l, e)
@@ -67,7 +67,7 @@ class Multifrontal(Elimination):
     """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
-        """Eliminate all but the kept unknowns; see :class:`Elimination`."""
+        """Eliminate all unknowns except the kept unknowns; see :class:`Elimination`."""
         interior = np.setdiff1d(np.arange(A.shape[0]), kept)
         plan = dissect(A, interior, positions)
         order = np.concatenate([plan.order, kept])
@@ -86,7 +86,7 @@ def _upper(A: Matrix, order: Indices) -> Matrix:
 
 
 def _eliminate(upper: Matrix, order: Indices, plan: Dissection) -> MultifrontalFactor:
-    """Factorise front after front; each complement is kept until its parent gathers it."""
+    """Factorise front after front; a complement is stored until the parent's turn."""
     fronts: list[Front] = []
     waiting: dict[int, list[tuple[Indices, Array]]] = {}
     local = np.empty(len(order), dtype=np.intp)
@@ -117,7 +117,7 @@ def _parent(number: int, plan: Dissection, first: int) -> int:
 def _front(
     upper: Matrix, start: int, end: int, children: list[tuple[Indices, Array]], local: Indices
 ) -> tuple[Front, Array]:
-    """Return a front's factor, and its Schur complement on later unknowns."""
+    """Return a front's factor, and the Schur complement on later unknowns."""
     coupled = upper.indices[upper.indptr[start] : upper.indptr[end]]
     later = np.unique(np.concatenate([coupled, *(unknowns for unknowns, _ in children)]))
     later = later[np.searchsorted(later, end) :].astype(np.intp)
@@ -138,14 +138,14 @@ def _assembled(
     children: list[tuple[Indices, Array]],
     local: Indices,
 ) -> Array:
-    """Return the lower triangle of a front: own unknowns first, then later ones, F-ordered."""
+    """Return the lower triangle of a front: own unknowns, then later unknowns, F-ordered."""
     e = end - start
     local[start:end], local[later] = np.arange(e), np.arange(e, e + len(later))
     transposed = np.zeros((e + len(later), e + len(later)))
     first, last = upper.indptr[start], upper.indptr[end]
     rows = np.repeat(np.arange(e), np.diff(upper.indptr[start : end + 1]))
     transposed[rows, local[upper.indices[first:last]]] = upper.data[first:last]
-    while children:  # each is freed as soon as it is gathered
+    while children:  # a complement is freed as soon as gathered
         unknowns, left = children.pop()
         at = local[unknowns]
         transposed[at[:, np.newaxis], at] += left.T
@@ -161,7 +161,7 @@ class MultifrontalFactor(Eliminated):
     fronts : list of Front
         Children before parents.
     order : ndarray of int, shape (n,)
-        All unknowns in the order of elimination, the kept ones last.
+        All unknowns in the order of elimination, the kept unknowns last.
     interior : int
         Number of eliminated unknowns.
     lower : ndarray, shape (k, k)

@@ -2,17 +2,17 @@
 
 MUMPS factorises the interior (Amestoy, Duff, L'Excellent and Koster 2001; Users' Guide 5.5) along
 the nested dissection of :class:`~pwscont_coulomb.elastic.Multifrontal`, the contact unknowns last,
-and leaves their Schur complement on rank 0. Rank 0 holds the mesh, the matrix and the contact
-problem; each rank holds its part of the factor. A load is condensed, and a field recovered, by one
-solution with the interior, in which all ranks take part.
+and leaves the Schur complement on rank 0. Rank 0 holds the mesh, the matrix and the contact
+problem; each rank holds a part of the factor. All ranks take part in a solution with the interior,
+which condenses a load or recovers a field.
 
 Failure modes and answers
 -------------------------
-- The matrix is not positive definite: MUMPS, which takes the user's word for it, only counts
-  negative pivots; any is refused. Pivots of a part that can move are zero up to rounding of either
-  sign, so two steps of inverse iteration estimate the smallest eigenvalue of the interior, scaled
-  to a unit diagonal; below rounding it is refused.
-- The workspace that MUMPS estimated is too small: it is enlarged, up to eightfold.
+- The matrix is not positive definite: MUMPS, which takes the user's word, only counts negative
+  pivots; any negative pivot is refused. Pivots of a part that can move are zero up to rounding of
+  either sign, so two steps of inverse iteration estimate the smallest eigenvalue of the interior,
+  scaled to a unit diagonal; an eigenvalue below rounding is refused.
+- The workspace that MUMPS estimated is too small: the workspace is enlarged, up to eightfold.
 - A rank has no memory left: an error says so, and what MUMPS expected to need.
 - Several hundred million unknowns: pymumps counts entries in 32 bits; more are refused.
 """
@@ -35,11 +35,11 @@ from pwscont_coulomb.elastic.solved_interior import SolvedInterior
 
 #: Positions of controls in ICNTL.
 ORDERING, RELAXATION, SCHUR = 7, 14, 19
-#: Percentages by which the workspace exceeds the estimate: the default, and what is tried next.
+#: Percentages by which the workspace exceeds the estimate: the default, then further attempts.
 RELAXATIONS = (20, 50, 100, 700)
 #: Values of INFOG(1): the matrix is singular; workspace or buffers, memory are too small.
 SINGULAR, WORKSPACE, MEMORY = {-6, -10, -40}, {-8, -9, -11, -14, -15, -17, -20}, {-5, -7, -13, -19}
-#: Entries that pymumps can count.
+#: Most entries of a matrix: pymumps counts entries in 32 bits.
 MOST_ENTRIES = 2**31 - 1
 
 
@@ -59,15 +59,15 @@ class Mumps(Elimination):
     """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
-        """Eliminate all but the kept unknowns; see :class:`Elimination`.
+        """Eliminate all unknowns except the kept unknowns; see :class:`Elimination`.
 
         Raises
         ------
         MissingPackageError
             If MUMPS or pymumps is not installed.
         InvalidInputError
-            If A is not positive definite or does not fit into memory, or this is one of several
-            ranks and none serves.
+            If A is not positive definite or does not fit into memory, or there are several ranks
+            and none serves.
         """
         ranks()
         A = A.tocsr()
@@ -79,7 +79,7 @@ class Mumps(Elimination):
 
 
 def factorised(A: Matrix, kept: Indices, interior: Indices, positions: Array) -> MumpsFactor:
-    """Return the factor of the interior of a matrix; the arguments are those of `eliminate`."""
+    """Return the factor of the interior of a matrix; arguments as for ``eliminate``."""
     scale = A.diagonal()[interior]
     if not (scale > 0.0).all():
         raise InvalidInputError(NOT_DEFINITE)
@@ -113,7 +113,7 @@ class MumpsFactor:
     kept : ndarray of int, shape (k,)
     interior : ndarray of int, shape (n - k,)
     order : ndarray of int, shape (n,)
-        All unknowns in the order of elimination, the kept ones last.
+        All unknowns in the order of elimination, the kept unknowns last.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class MumpsFactor:
     entries : int
         Entries of the factor, on all ranks together.
     megabytes : tuple of int
-        What MUMPS used for factorising: the most on one rank, and on all together.
+        Memory that MUMPS used for factorising: the most on a single rank, and on all ranks.
     """
 
     def __init__(self, lower: Matrix, kept: Indices, interior: Indices, order: Indices) -> None:
@@ -148,7 +148,7 @@ class MumpsFactor:
     def _factorise(self, lower: Matrix, kept: Indices, order: Indices) -> Array:
         """Hand all to MUMPS and return the Schur complement; nothing handed over is needed later.
 
-        MUMPS fills its lower triangle, row after row.
+        MUMPS fills the lower triangle of the Schur complement, row after row.
         """
         place, schur = np.empty(self._n, dtype=np.int32), np.zeros((len(kept), len(kept)))
         place[order] = np.arange(1, self._n + 1)
@@ -167,7 +167,7 @@ class MumpsFactor:
         return np.tril(schur) + np.tril(schur, -1).T
 
     def solve(self, b: Array) -> Array:
-        """Return x with A_II x = b, both of shape (n - k,)."""
+        """Return x with A_II x = b, where x and b have shape (n - k,)."""
         both = np.zeros(self._n)
         both[self._interior] = b
         self._hand(rhs=both)
@@ -176,12 +176,12 @@ class MumpsFactor:
         return found
 
     def _hand(self, **arrays: Any) -> None:
-        """Tell MUMPS where arrays are; the caller keeps them alive."""
+        """Tell MUMPS where arrays are; the caller keeps the arrays alive."""
         for name, array in arrays.items():
             setattr(self._solver.id, name, self._solver.cast_array(array))
 
     def _run(self, job: int) -> None:
-        """Do a job on all ranks, with more workspace as long as it is too small."""
+        """Do a job on all ranks, with more workspace while the workspace is too small."""
         for relaxation in RELAXATIONS:
             self._solver.set_icntl(RELAXATION, relaxation)
             self._ranks.run(self._number, job)
@@ -192,17 +192,17 @@ class MumpsFactor:
 
 
 def _numbered(positions: Indices) -> Indices:
-    """Return positions as MUMPS counts them, from 1."""
+    """Return positions counted from 1, as MUMPS does."""
     return (positions + 1).astype(np.int32)
 
 
 def _counted(entries: int) -> int:
-    """Return a number of INFOG, which counts large ones in millions, with a minus sign."""
+    """Return a number from INFOG, which counts large numbers in millions, with a minus sign."""
     return entries if entries >= 0 else -1_000_000 * entries
 
 
 def _words(solver: Any, size: int) -> str:
-    """Return what a failure of MUMPS means."""
+    """Return the meaning of a failure of MUMPS, in words."""
     code, detail = solver.get_infog(1), solver.get_infog(2)
     if code in SINGULAR:
         return NOT_DEFINITE

@@ -1,9 +1,9 @@
 """Pictures of solutions on the body; imported when a user asks for a picture.
 
 Above, the deformed body, with displacements and gaps magnified alike. A disc is a node that sticks,
-an arrow one that slips (in the direction in which the body has moved), a ring an open one. Below,
-pressure and shear along the boundary: where the shear meets the dashed friction bound, the node
-slips or is about to.
+an arrow a node that slips (in the direction in which the body has moved), a ring an open node.
+Below, pressure and shear along the boundary: where the shear meets the dashed friction bound, the
+node slips or is about to.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pwscont_coulomb.elastic.recovery import BodyState
 from pwscont_coulomb.elastic.units import UNITLESS, Units
 from pwscont_coulomb.modes import Mode
 
-#: Meshes with more elements are drawn without the lines between them.
+#: Most elements of a mesh that is drawn with the lines between elements.
 MANY = 1500
 COLUMN, CURVE_ROW = 4.6, 2.6  # inches
 CURVES = ("pressure", "shear", "friction bound")
@@ -42,16 +42,16 @@ def draw_states(
     scale: float | None = None,
     units: Units = UNITLESS,
 ) -> Figure:
-    """Draw one or several solutions side by side, in the same scales.
+    """Draw solutions side by side, in the same scales.
 
     Parameters
     ----------
     body : DiscretisedBody
     states : sequence of BodyState
     titles : sequence of str, optional
-        One per state; default the parameter and how many nodes are in which mode.
+        The title of each state; default the parameter and how many nodes are in which mode.
     scale : float, optional
-        Factor by which displacements are enlarged; default so that they can be seen.
+        Factor by which displacements are enlarged; the default makes small displacements visible.
     units : Units, optional
         The units of lengths and stresses.
 

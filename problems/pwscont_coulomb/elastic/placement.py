@@ -1,9 +1,9 @@
-"""The places of a body and its obstacle in a picture with magnified displacements.
+"""The places of a body and an obstacle in a picture with magnified displacements.
 
 Distances to the obstacle are magnified like displacements, so that closed nodes lie on the drawn
 obstacle. An obstacle straighter than the boundary of the body, as the ground below a round body,
-stays in place, and the boundary of the body is moved away from it, its inside less and less. Any
-other obstacle is drawn at its magnified distance.
+stays in place, and the boundary of the body is moved away from the obstacle, inner nodes less and
+less. Any other obstacle is drawn at the magnified distance.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from pwscont_coulomb.elastic.contact_boundary import ContactNodes
 from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.recovery import BodyState
 
-#: The largest displacement is drawn as this part of the size of the body, and gaps at most as that.
+#: Drawn size of the largest displacement, and most of the largest gap, as parts of the body's size.
 DRAWN, DRAWN_GAP = 0.08, 0.25
-#: Depth to which a body is moved away from an obstacle, as a part of its size.
+#: Depth to which a body is moved away from an obstacle, as a part of the body's size.
 DEPTH = 0.5
 
 
 def magnification(body: DiscretisedBody, states: Sequence[BodyState]) -> float:
     """Return the factor by which displacements are drawn: 1, 2 or 5 times a power of ten.
 
-    Large gaps, which are magnified as well, keep it down to one.
+    Large gaps, which are magnified as well, keep the factor down to 1.
     """
     return magnified(body, max(float(np.abs(state.displacements).max()) for state in states))
 
 
 def magnified(body: DiscretisedBody, largest: float) -> float:
-    """Return the factor by which displacements are drawn whose largest is known."""
+    """Return the factor by which displacements are drawn, from the largest displacement."""
     size, gap = _size(body), float(body.contact.gap.max(initial=0.0))
     if largest == 0.0:
         return 1.0
@@ -66,9 +66,9 @@ class Placement:
     factor : float
         By which displacements and gaps are magnified.
     rest : ndarray, shape (2, nodes)
-        Where the body is drawn without displacements.
+        Drawn places of the nodes without displacements.
     obstacle : ndarray, shape (2, p)
-        Where the obstacle of each contact node is drawn.
+        Drawn place of the obstacle at each contact node.
     into : ndarray, shape (2, p)
         Unit normals into the obstacle, as drawn.
     """
@@ -126,14 +126,14 @@ def _outline(line: Array, normals: Array, depth: float) -> tuple[Array, Array]:
 
 
 def _straightened(line: Array) -> tuple[Array, float]:
-    """Return the normal of the line closest to points, shape (2, k), and their distance from it."""
+    """Return the normal of the line closest to points, shape (2, k), and the size of the bend."""
     centred = line - line.mean(axis=1, keepdims=True)
     axes, sizes, _ = np.linalg.svd(centred, full_matrices=False)
     return axes[:, -1], float(sizes[-1]) if len(sizes) > 1 else 0.0
 
 
 def _faded(body: DiscretisedBody, away: Array) -> Array:
-    """Return shifts of all nodes: those of the nearest contact node, less with the distance."""
+    """Return shifts of all nodes: the shift of the nearest contact node, less with the distance."""
     if not away.any():
         return np.zeros_like(body.positions)
     distance, nearest = KDTree(body.contact.positions.T).query(body.positions.T)

@@ -1,4 +1,4 @@
-"""Contact problems made from elastic bodies, and the displacements of their solutions."""
+"""Contact problems of elastic bodies, and the displacements of solutions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ElasticProblem(ABC):
         return named(self, self.body, f"of {self.elastic}")
 
     def along_load(self, r: Any = None) -> CoulombLoad:
-        """Return the system whose parameter alpha is that of the loads."""
+        """Return the system whose parameter is the alpha of the loads."""
         return CoulombLoad(self.body, self.load, self.friction, r)
 
     def along_friction(
@@ -58,8 +58,8 @@ class ElasticProblem(ABC):
         alpha : float
             Parameter of the loads.
         r, profile
-            As for :class:`~pwscont_coulomb.CoulombFriction`; by default all nodes have one
-            coefficient, whatever that of the contact boundary.
+            As for :class:`~pwscont_coulomb.CoulombFriction`; by default all nodes share a
+            coefficient, whatever the friction of the contact boundary.
         """
         check_number("alpha", alpha)
         return CoulombFriction(self.body, self.load(alpha), r, profile)
@@ -67,9 +67,9 @@ class ElasticProblem(ABC):
     def load_parameter(self, z: Array, alpha: float) -> float:
         """Return the parameter of the loads under which a state is in equilibrium.
 
-        For a state of :meth:`along_load` it is ``alpha``. For a state of :meth:`along_friction`,
-        whose alpha is the friction coefficient, it is the a of A u - N^T lam_nu - T^T lam_t =
-        f0 + a f1, by least squares.
+        A state of :meth:`along_load` has the parameter ``alpha``. A state of
+        :meth:`along_friction`, whose alpha is the friction coefficient, has the parameter a of
+        A u - N^T lam_nu - T^T lam_t = f0 + a f1, by least squares.
 
         Parameters
         ----------
@@ -80,7 +80,8 @@ class ElasticProblem(ABC):
         Raises
         ------
         InvalidInputError
-            If the loads grow without any effect on the contact nodes: then z does not tell.
+            If the loads grow without any effect on the contact nodes: then z does not tell the
+            load.
         """
         if not self.elastic.grows:
             return alpha
@@ -97,7 +98,7 @@ class ElasticProblem(ABC):
         return alpha if off <= CONVERGED * float((rounding + np.abs(f0)).max()) else found
 
     def _resisted(self, z: Array) -> tuple[Array, Array]:
-        """Return A u - N^T lam_nu - T^T lam_t, and the sum of magnitudes of its terms."""
+        """Return A u - N^T lam_nu - T^T lam_t, and the sum of the magnitudes of all terms."""
         body, u, (normal, tangential) = self.body, z[: self.body.n], self.multipliers(z)
         force = body.A @ u - body.N.T @ normal - body.T.T @ tangential
         sizes = abs(body.A) @ np.abs(u) + abs(body.N.T) @ np.abs(normal)
@@ -112,14 +113,14 @@ class ElasticProblem(ABC):
         z : ndarray, shape (n + 2 p,)
             A state of the system, such as ``solution.z``.
         alpha : float
-            The parameter of the loads, not that of a system along the friction.
+            The parameter of the loads, not the friction coefficient of a system along the friction.
         """
 
     def multipliers(self, z: Array) -> tuple[Array, Array]:
         """Return the normal and tangential contact force of each node, each of shape (p,).
 
-        The normal force is negative where the node presses on the obstacle; forces act on the
-        body along its normals and tangents.
+        The normal force is negative where the node presses on the obstacle; forces act on the body
+        along normals and tangents.
         """
         n, p = self.body.n, self.body.p
         return z[n : n + p], z[n + p :]

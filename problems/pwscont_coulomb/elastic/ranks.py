@@ -1,16 +1,16 @@
 """The MPI processes that factorise together.
 
-Rank 0 runs the script, with the mesh and all that is known of contact; the other ranks hold their
-parts of factors and wait. Every job of MUMPS takes all ranks: rank 0 sends the number of a solver
-and the job, in MUMPS's own numbering, and then takes part itself. The waiting ranks sleep, so that
-they leave their cores to others while rank 0 follows branches.
+Rank 0 runs the script, with the mesh and the contact problem; each other rank holds a part of the
+factors and waits. Every job of MUMPS takes all ranks: rank 0 sends the number of a solver and the
+job, in MUMPS's own numbering, and then takes part itself. The waiting ranks sleep, and so leave
+processor cores to other processes while rank 0 follows branches.
 
 Failure modes and answers
 -------------------------
-- A script that was started on several ranks without anyone to serve it: refused, with the command
-  that would do.
-- A rank that fails ends the whole run by MPI_Abort: the others would wait for it for ever.
-- A factor that is used after its ranks have ended: refused.
+- A script that was started on several ranks without a serving rank: refused, with the right
+  command.
+- A rank that fails ends the whole run by MPI_Abort: the other ranks would wait for ever.
+- A factor that is used after the ranks have ended: refused.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def mpi() -> Any:
     Raises
     ------
     MissingPackageError
-        If it is not installed, or finds no MPI library.
+        If mpi4py is not installed, or finds no MPI library.
     """
     return _loaded("mpi4py.MPI")
 
@@ -73,19 +73,19 @@ def _solver(comm: Any) -> Any:
 
 
 def _perform(solvers: dict[int, Any], comm: Any, number: int, job: int) -> None:
-    """Take part in a job; whether it failed is in the solver's INFOG(1), on all ranks alike."""
+    """Take part in a job; INFOG(1) of the solver, alike on all ranks, tells of failure."""
     if job == BEGIN:
         solvers[number] = _solver(comm)
     elif job == END:
         solvers.pop(number).destroy()
     else:
-        with suppress(RuntimeError):  # rank 0 reads INFOG(1), and says what it means
+        with suppress(RuntimeError):  # rank 0 reads INFOG(1), and puts the failure into words
             solvers[number].run(job)
 
 
 @final
 class Ranks:
-    """The ranks of a communicator, as rank 0 sees them.
+    """The ranks of a communicator, for the use of rank 0.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class Ranks:
         return int(self._comm.size)
 
     def begin(self) -> int:
-        """Make a solver on all ranks and return its number.
+        """Make a solver on all ranks and return the number of the solver.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Ranks:
         self._free()
 
     def release(self, number: int) -> None:
-        """Free a solver: now, or after the job at hand if garbage is collected within one."""
+        """Free a solver: now, or after the job at hand if garbage is collected within a job."""
         self._released.append(number)
         if not (self._busy or self._ended):
             self._free()
@@ -179,7 +179,7 @@ def hosting(comm: Any) -> Iterator[None]:
     Parameters
     ----------
     comm : mpi4py.MPI.Comm
-        This process is its rank 0.
+        This process is rank 0 of the communicator.
     """
     _serving.append(Ranks(comm))
     try:
@@ -189,7 +189,7 @@ def hosting(comm: Any) -> Iterator[None]:
 
 
 def serve(comm: Any) -> None:
-    """Take part in the jobs of rank 0 until it leaves :func:`hosting`; for all other ranks.
+    """Take part in the jobs of rank 0 until rank 0 leaves :func:`hosting`; for all other ranks.
 
     Parameters
     ----------
@@ -206,13 +206,13 @@ def serve(comm: Any) -> None:
 
 
 def _received(comm: Any) -> tuple[int, int] | None:
-    while not comm.Iprobe(source=0):  # a blocking receive would keep its core busy
+    while not comm.Iprobe(source=0):  # a blocking receive would keep a core busy
         sleep(PATIENCE)
     return comm.recv(source=0)  # type: ignore[no-any-return]
 
 
 def ranks() -> Ranks:
-    """Return the ranks that factorise: those that serve, or this process alone.
+    """Return the ranks that factorise: the serving ranks, or this process alone.
 
     Raises
     ------

@@ -17,19 +17,19 @@ from pwscont_coulomb.modes import Mode, modes
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyState:
-    """One solution on the whole body.
+    """A solution on the whole body.
 
     Attributes
     ----------
     alpha : float
         Parameter of the solution.
     displacements : ndarray, shape (k, 2)
-        Of all nodes of the mesh.
+        Displacements of all nodes of the mesh.
     stresses : ndarray, shape (3, elements)
         Mean s_xx, s_yy, s_xy of each element.
     normal_force, tangential_force : ndarray, shape (p,)
         Contact force on the body along normal and tangent of each contact node (force per
-        thickness); the normal one is negative where the node presses.
+        thickness); the normal force is negative where the node presses.
     pressure, shear : ndarray, shape (p,)
         Minus the normal, and the tangential, contact force divided by the area of the node.
     distance, slip : ndarray, shape (p,)
@@ -92,13 +92,13 @@ def recover(
     solution : Solution
         From ``graph.solutions(alpha)``.
     load_alpha : float, optional
-        Parameter of the loads; default that under which the solution is in equilibrium, which
-        is not its own where the system's parameter is the friction coefficient.
+        Parameter of the loads; default the parameter under which the solution is in equilibrium,
+        which is not ``solution.alpha`` if the system's parameter is the friction coefficient.
 
     Raises
     ------
     InvalidInputError
-        If the solution is of another size, or does not tell its load
+        If the solution is of another size, or does not tell the load
         (:meth:`~pwscont_coulomb.elastic.ElasticProblem.load_parameter`).
 
     Examples

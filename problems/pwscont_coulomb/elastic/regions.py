@@ -13,19 +13,19 @@ from pwscont_coulomb.elastic.loads import Region
 
 
 def facets_of(mesh: Any, what: str, region: Region) -> Indices:
-    """Return the facets of a boundary, sorted, at least one.
+    """Return the facets of a boundary, sorted, not empty.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     what : str
-        What the boundary is for, used in messages, such as ``"the contact boundary"``.
+        Name of the boundary's role in messages, such as ``"the contact boundary"``.
     region : Region
 
     Raises
     ------
     InvalidInputError
-        If the name is unknown, no facet is found, or one lies inside the body.
+        If the name is unknown, no facet is found, or a facet lies inside the body.
     """
     if isinstance(region, str):
         facets = _named(mesh.boundaries, what, "boundary", region)

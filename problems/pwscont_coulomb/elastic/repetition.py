@@ -1,4 +1,4 @@
-"""Cells that a mesh lists more than once: each would be assembled as often as it is listed."""
+"""Cells that a mesh lists more than once, and that would be assembled more than once."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ ONCE = (
 
 
 def repeated(corners: Indices) -> Indices:
-    """Return which cells have the same corners, in any order, as a cell before them.
+    """Return which cells have the same corners, in any order, as an earlier cell.
 
     Parameters
     ----------
     corners : ndarray of int, shape (corners per cell, cells)
     """
     rows = np.sort(corners, axis=0)
-    order = np.lexsort(rows)  # it is stable: the first of equal cells stays first
+    order = np.lexsort(rows)  # a stable sort: the first of equal cells stays first
     same = (np.diff(rows[:, order], axis=1) == 0).all(axis=0)
     return np.sort(order[1:][same])
 
 
 def copies(corners: Indices, cell: int) -> Indices:
-    """Return all cells with the corners of one cell, itself included; see :func:`repeated`."""
+    """Return all cells with the corners of a given cell, included; see :func:`repeated`."""
     rows = np.sort(corners, axis=0)
     return np.flatnonzero((rows == rows[:, [cell]]).all(axis=0))
 

@@ -1,4 +1,4 @@
-"""A scene whose system comes from an elastic body, built and condensed when it runs."""
+"""A scene of an elastic body, which is built and condensed when the scene runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ElasticScene(Runnable):
         () -> ElasticBody; called when the scene runs.
     interval : tuple of float
     at : tuple of float
-        Parameter values whose solutions are listed and drawn unless the user asks for others.
+        Parameter values whose solutions are listed and drawn by default.
     parameter : str
     units : Units
         The units of lengths and stresses, for pictures.
@@ -74,7 +74,7 @@ class ElasticScene(Runnable):
     has_body: ClassVar[bool] = True
 
     def with_panels(self, names: Sequence[str]) -> ElasticScene:
-        """Return the same scene with other panels; the body knows its names when it is built."""
+        """Return the scene with other panels; only a built body can check the names."""
         return replace(self, panels=tuple(names))
 
     def with_journal(self, journal: Journal) -> ElasticScene:
@@ -100,7 +100,7 @@ class ElasticScene(Runnable):
         return ElasticAnswer(GraphAnswer(scene, graph, tuple(at)), problem, self.units)
 
     def curve(self) -> Scene:
-        """Build and condense the body, and return its scene."""
+        """Build and condense the body, and return the scene of the condensed problem."""
         return self._scene(self.build().condensed())
 
     def _scene(self, problem: ElasticProblem) -> Scene:
@@ -169,7 +169,7 @@ class ElasticAnswer(Answer):
         return self.graph.as_dict()
 
     def explored(self) -> tuple[Shown, BranchGraph]:
-        """Return the scene, which knows the body, and its branch graph."""
+        """Return the scene, which knows the body, and the branch graph."""
         return self.graph.explored()
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Scenes with elastic bodies.  Bodies are built when a scene runs, not when it is listed."""
+"""Scenes with elastic bodies. Bodies are built when a scene runs, not when scenes are listed."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from pwscont_coulomb.elastic.scene import ElasticScene
 
 
 def triangle_body(material: Material | None = None, friction: float = 4.0) -> ElasticBody:
-    """Return one P1 element with one free node: the paper's one-node problem.
+    """Return a P1 element with a free node: the paper's one-node problem.
 
-    The node lies at the right angle of a right triangle whose other nodes are clamped. With
-    normal and tangent of its horizontal side its stiffness is [[a, -b], [-b, a]],
-    a = (lambda + 3 mu) / 2, b = (lambda + mu) / 2. A third of the body force acts on it: here
+    The node lies at the right angle of a right triangle whose other nodes are clamped. With normal
+    and tangent of the horizontal side the node's stiffness is [[a, -b], [-b, a]],
+    a = (lambda + 3 mu) / 2, b = (lambda + mu) / 2. A third of the body force acts on the node: here
     f_nu = 0.25 and f_t = alpha, as in Fig. 7.
 
     Parameters
@@ -49,8 +49,8 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
     """Return a rectangle on a foundation under pressure and shear at once.
 
     Twice as wide as high, E = 1 and nu = 0.3; the top is held 1 % of the height below and alpha
-    percent of it to the right of where it is unloaded. Every alpha is a load of its own: the law
-    is static, and nothing is pressed first and sheared then.
+    percent of the height to the right of the unloaded place. Every alpha is a separate load: the
+    law is static, and nothing is pressed first and sheared then.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def block_body(nodes: int = 20, friction: float = 0.3) -> ElasticBody:
     )
 
 
-#: Most contact nodes: a body with so many has ten million unknowns.
+#: Most contact nodes: a body with 3000 contact nodes has ten million unknowns.
 MOST_NODES = 3000
 TOO_LARGE = "the mesh would have more unknowns than fit into memory"
 
@@ -89,9 +89,9 @@ class Slot:
     Attributes
     ----------
     angle : float
-        Of the right wall with the vertical, degrees.
+        Angle between the right wall and the vertical, degrees.
     hanger : float
-        Height of the soft block above the wedge that holds it.
+        Height of the soft block that holds the wedge from above.
     """
 
     angle: float = 15.0
@@ -103,7 +103,7 @@ class Slot:
         return width
 
     def mesh(self, nodes: int) -> Any:
-        """Return a mesh of triangles with so many nodes up each wall."""
+        """Return a mesh of triangles with ``nodes`` nodes up each wall."""
         above = np.linspace(1.0, 1.0 + self.hanger, max(2, nodes // 2 + 1))
         heights = np.concatenate([np.linspace(0.0, 1.0, nodes), above[1:]])
         square = library().MeshTri.init_tensor(np.linspace(0.0, 1.0, nodes), heights)
@@ -122,16 +122,16 @@ class Slot:
         return on_walls
 
     def spread(self, x: Array) -> Array:
-        """Return a force that grows outwards from the middle: it presses on both walls."""
+        """Return a force that grows outwards from the middle and presses the wedge to the walls."""
         return np.stack([0.02 * (x[0] - 0.5 * self.width(x[1])), np.zeros_like(x[1])])
 
 
 def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> ElasticBody:
-    """Return a wedge that jams in a slot: under the same pull it may be inside, and outside.
+    """Return a wedge that jams in a slot: the same pull may leave the wedge inside or outside.
 
     A wedge with E = 1 hangs on a soft block (E = 0.01) clamped on top. A constant body force
-    spreads it, so that it presses on both walls; alpha is a force that pulls it upwards. Friction
-    can hold the wedge in the slot under a pull under which it can be out as well.
+    spreads the wedge, which presses on the walls; alpha is a force that pulls upwards. Friction
+    can hold the wedge in the slot under a pull under which the wedge can be out as well.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> El
         Number of contact nodes of each wall, at least 2.
     friction : float
     angle : float
-        Of the right wall with the vertical, in degrees, from 0 to less than 90.
+        Angle between the right wall and the vertical, in degrees, from 0 to less than 90.
     """
     _checked(nodes)
     if not 0.0 <= angle < 90.0:
@@ -154,7 +154,7 @@ def wedge_body(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> El
     )
 
 
-#: Made from press.geo beside it by ``gmsh -2 press.geo``.
+#: The mesh that ``gmsh -2 press.geo`` makes from the file press.geo in the same folder.
 PRESS_MESH = Path(__file__).parent / "data" / "press.msh"
 ROUNDING = 0.4  # radius of the edges of the tool in press.geo
 
@@ -162,10 +162,10 @@ ROUNDING = 0.4  # radius of the edges of the tool in press.geo
 def press_body(friction: float = 0.3) -> ElasticBody:
     """Return a tool with rounded edges on a table, under pressure and shear at once.
 
-    The top is held by 0.05 below and by 0.05 alpha to the right of where it is unloaded.
+    The top is held by 0.05 below and by 0.05 alpha to the right of the unloaded place.
 
     The mesh is read from a Gmsh file: 29 contact nodes on curved P2 elements, E = 1, nu = 0.3.
-    The gap of a node on a rounded edge is its distance to the table along its own normal.
+    The gap of a node on a rounded edge is the distance to the table along the node's normal.
     """
     return ElasticBody(
         PRESS_MESH,
@@ -201,7 +201,7 @@ def block(nodes: int = 20, friction: float = 0.3) -> ElasticScene:
 
 
 def wedge(nodes: int = 9, friction: float = 0.5, angle: float = 15.0) -> ElasticScene:
-    """Return the scene of :func:`wedge_body`, with so many contact nodes on each wall."""
+    """Return the scene of :func:`wedge_body`, with ``nodes`` contact nodes on each wall."""
     return ElasticScene(
         "wedge",
         f"a wedge that jams in its slot under an upward pull, {2 * nodes} contact nodes, "

@@ -13,7 +13,7 @@ from pwscont_coulomb.elastic.elimination import Eliminated
 
 @final
 class SolvedInterior(Eliminated):
-    """An elimination that takes one solution with the interior per load, and one per recovery.
+    """An elimination that solves with the interior for each load and for each recovery.
 
     Parameters
     ----------

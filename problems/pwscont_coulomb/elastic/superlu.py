@@ -1,13 +1,13 @@
-"""Elimination by SciPy's SuperLU: simple, and a check of the multifrontal one.
+"""Elimination by SciPy's SuperLU: simple, and a check of the multifrontal elimination.
 
 The interior is factorised with a minimum degree order and diagonal pivots; the Schur complement
-takes one solution per kept unknown, in blocks so that memory stays bounded. For many kept unknowns
+takes a solution per kept unknown, in blocks to bound memory. For many kept unknowns
 :class:`~pwscont_coulomb.elastic.Multifrontal` is far faster.
 
 Failure modes and answers
 -------------------------
 - The interior is singular: an error says so. An indefinite interior would go unnoticed here, but
-  supports and materials, which are checked before, exclude it.
+  the checks of supports and materials exclude an indefinite interior.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.elastic.elimination import NOT_DEFINITE, Eliminated, Elimination
 from pwscont_coulomb.elastic.solved_interior import SolvedInterior
 
-#: Right-hand sides solved at once.
+#: Right-hand sides solved at once, to bound memory.
 BLOCK = 32
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class SuperLU(Elimination):
-    """Elimination by SuperLU and one solution per kept unknown.
+    """Elimination by SuperLU and a solution per kept unknown.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class SuperLU(Elimination):
     """
 
     def eliminate(self, A: Matrix, kept: Indices, positions: Array) -> Eliminated:
-        """Eliminate all but the kept unknowns; see :class:`Elimination`."""
+        """Eliminate all unknowns except the kept unknowns; see :class:`Elimination`."""
         A = A.tocsr()
         interior = np.setdiff1d(np.arange(A.shape[0]), kept)
         solve = _solver(A[interior][:, interior]) if len(interior) else np.zeros_like
@@ -51,7 +51,7 @@ class SuperLU(Elimination):
 
 
 def _solver(interior: Matrix) -> Callable[[Array], Array]:
-    """Factorise by symmetric pivoting on the diagonal: positive pivots are those of Cholesky."""
+    """Factorise by symmetric pivoting on the diagonal: positive pivots are pivots of Cholesky."""
     try:
         lu = splu(
             interior.tocsc(),

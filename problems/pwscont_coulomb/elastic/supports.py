@@ -1,4 +1,4 @@
-"""The prescribed displacements of a body, and the rigid motions that they leave free."""
+"""The prescribed displacements of a body, and the rigid motions that supports leave free."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pwscont_coulomb.elastic.discretisation import Discretisation
 from pwscont_coulomb.elastic.loads import Support, evaluate
 from pwscont_coulomb.elastic.regions import facets_of
 
-#: A rigid motion is free where the supported unknowns feel less than this part of it.
+#: Largest part of a free rigid motion that the supported unknowns feel: rounding, with a margin.
 FREE = 1e-8
-#: Two values prescribed for one unknown agree to this part of the largest on the boundary.
+#: Largest difference of two values prescribed for the same unknown, as a part of the largest value
+#: on the boundary: rounding, with a margin.
 AGREE = 1e-12
 
 
@@ -55,7 +56,7 @@ def _prescribe(space: Discretisation, support: Support, name: str, values: Array
 
 
 def _refuse_free_motions(space: Discretisation, unknowns: Indices) -> None:
-    """Refuse a body that can move without strain, or of which an unconnected part can."""
+    """Refuse a body if the body or an unconnected part can move without strain."""
     parts, part = _parts(space)
     for number in range(parts):
         nodes = np.flatnonzero(part == number)

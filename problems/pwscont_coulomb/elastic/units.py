@@ -14,7 +14,7 @@ class Units:
     Attributes
     ----------
     length, stress : str
-        Empty where they are not given.
+        Empty if not given.
 
     Examples
     --------
@@ -27,11 +27,11 @@ class Units:
     stress: str = ""
 
     def with_length(self, words: str) -> str:
-        """Return the name of a length with its unit."""
+        """Return the name of a length with unit."""
         return f"{words} [{self.length}]" if self.length else words
 
     def with_stress(self, words: str) -> str:
-        """Return the name of a stress with its unit."""
+        """Return the name of a stress with unit."""
         return f"{words} [{self.stress}]" if self.stress else words
 
 

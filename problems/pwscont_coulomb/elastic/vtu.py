@@ -11,7 +11,7 @@ from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.libraries import loaded
 from pwscont_coulomb.elastic.recovery import BodyState
 
-#: meshio's names by number of nodes of an element; scikit-fem orders them alike.
+#: Number of nodes of an element -> meshio's name; scikit-fem orders the nodes alike.
 CELLS = {3: "triangle", 6: "triangle6", 4: "quad", 9: "quad9"}
 
 
