@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from pwscont.continuation.kit import check_detector, check_search, check_stepper
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
+    from pwscont.proof.everywhere import Everywhere
     from pwscont.scenes.panels import Panel, ParameterPath
     from pwscont.scenes.paths import draw_counts
     from pwscont.scenes.plotting import plot
@@ -84,6 +85,7 @@ __all__ = [
     "CountAt",
     "CriticalValue",
     "EndPoints",
+    "Everywhere",
     "ExactLinear",
     "FirstFold",
     "FoldLocus",
@@ -148,6 +150,7 @@ LATER = {
     "Complementarity": "pwscont.notation.problems",
     "CountAt": "pwscont.studies.measures",
     "CriticalValue": "pwscont.studies.measures",
+    "Everywhere": "pwscont.proof.everywhere",
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
