@@ -20,6 +20,8 @@ from pwscont.proof.tubes import around
 
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
+#: How often a tube around a group is tried: near a fold a curve bends much in a narrow window.
+TRIES = 4
 
 
 def hulls(boxes: Interval) -> Interval:
@@ -67,11 +69,13 @@ def swapped(size: int, j: int) -> Indices:
 
 def are_passed(tape: Tape, boxes: Interval, scale: Array) -> Signs:
     """Tell through which boxes exactly one regular curve is proved to pass."""
-    passed = np.zeros(boxes.lo.shape[1], dtype=bool)
+    passed, least = np.zeros(boxes.lo.shape[1], dtype=bool), np.zeros(tape.size)
+    if len(passed) > MOST_GROUPED:
+        return passed
     for j in range(tape.size + 1):
         left = np.flatnonzero(~passed)
         order = swapped(tape.size, j)
         some, own = boxes[order][:, left], with_parameter(tape, j)
         slopes = with_slopes(own, some)[1]
-        passed[left] = around(own, some, slopes, np.zeros(tape.size))[1]
+        passed[left] = around(own, some, slopes, least, TRIES)[1]
     return passed

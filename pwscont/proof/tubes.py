@@ -22,6 +22,8 @@ from pwscont.proof.tape import Tape
 
 #: How much wider than the box a tube is tried, and how many times the residual besides.
 WIDER, ROOM = 1.1, 2.0
+#: How much wider than the image of the last try a tube is tried.
+INFLATED = 1.5
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 #: How many roundings of its centre a tube is wider than it need be.
@@ -76,7 +78,9 @@ def whole(z: Interval, alpha: Interval) -> Interval:
     return Interval(np.vstack([z.lo, alpha.lo]), np.vstack([z.hi, alpha.hi]))
 
 
-def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
+def around(
+    tape: Tape, box: Interval, slopes: Interval, least: Array, tries: int = 1
+) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes, and which of the tubes are proved.
 
     Parameters
@@ -87,6 +91,8 @@ def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[T
         The derivatives on the boxes, from which the shape of the tubes is guessed.
     least : ndarray, shape (n,)
         A radius that every tube exceeds: a box may have no width at all.
+    tries : int
+        How often a tube is tried; after each try, wider where the image was wider.
     """
     guess = slopes.middle()
     matrix = inverse(guess[:, :-1])
@@ -99,7 +105,9 @@ def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[T
     needed = np.max([(box[:-1] - tubes.at(end, zero)).reach() for end in ends], axis=0)
     radius = WIDER * needed + _rough(tape, tubes, matrix) + slack(centre)
     radius = radius + least[:, np.newaxis]
-    tubes, is_proved = proved(tape, tubes, radius, matrix)
+    for _ in range(tries):
+        tubes, is_proved = proved(tape, tubes, radius, matrix)
+        radius = np.fmax(radius, INFLATED * tubes.image)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
