@@ -14,6 +14,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
+from pwscont.notation.switches import Switches
 
 #: Most unknowns that are tried to find out how many there are.
 MOST_UNKNOWNS = 1000
@@ -74,7 +75,9 @@ def Complementarity(  # noqa: N802  used like a class
 
 def _median(function: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any) -> Any:
     """Return the median of z - upper, F and z - lower; so written, no row is a small difference."""
-    return -sw.clip(-as_operand(function(z, alpha)), below(alpha) - z, above(alpha) - z)
+    value = function(z, alpha)
+    value = as_operand(value) if isinstance(sw, Switches) else np.asarray(value)
+    return -sw.clip(-value, below(alpha) - z, above(alpha) - z)
 
 
 def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usual name

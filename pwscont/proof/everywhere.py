@@ -94,14 +94,14 @@ class Everywhere(Search):
         known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
-        proof = self._prove(system, metric, interval)
+        proof = self.prove(system, metric, interval)
         for z, alpha in _places(proof):
             yield from _corrected(system, metric, z, alpha)
         if not proof.holds:
             search = default_search(system, interval)
             yield from starts_of(search, system, metric, interval, known)
 
-    def _prove(
+    def prove(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box."""

@@ -282,11 +282,26 @@ class TracedSwitches:
         return self._tape.node("clip", a, lower, upper)
 
     def _are_ordered(self, lower: Any, upper: Any) -> bool:
-        """Tell whether lower <= upper for certain: both constant, or both less the same number."""
-        low, high = (self._tape.steps[self._tape.place_of(each)] for each in (lower, upper))
-        if low.name == high.name == "subtract" and low.args[1] == high.args[1]:
-            low, high = (self._tape.steps[each.args[0]] for each in (low, high))
-        return low.name == high.name == "constant" and low.number <= high.number
+        """Tell whether lower <= upper for certain: the same number but for constants."""
+        low, high = (self._but_constant(self._tape.place_of(each)) for each in (lower, upper))
+        return low[:2] == high[:2] and low[2] <= high[2]
+
+    def _but_constant(self, place: int) -> tuple[int, int, float]:
+        """Return k, s and c of a number that is s times number k, plus c, exactly."""
+        step = self._tape.steps[place]
+        if step.name == "constant":
+            return -1, 1, step.number
+        if step.name == "negative":
+            return step.args[0], -1, 0.0
+        if step.name not in ("add", "subtract"):
+            return place, 1, 0.0
+        first, second = (self._tape.steps[each] for each in step.args)
+        sign = 1 if step.name == "add" else -1
+        if first.name == "constant":
+            return step.args[1], sign, first.number
+        if second.name == "constant":
+            return step.args[0], 1, sign * second.number
+        return place, 1, 0.0
 
 
 def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
