@@ -104,7 +104,7 @@ def test_every_certificate_holds_at_exact_numbers(seeds):
 # -- faults of the rules: the tests above must see them -------------------------------------------
 
 
-def single_selection(x, dx):
+def single_selection(x, dx, both):
     return dx[0]
 
 

@@ -21,9 +21,9 @@ from pwscont.basics.arrays import Array, Signs
 from pwscont.proof.evaluate import values_of
 from pwscont.proof.hull_consistency import contracted
 from pwscont.proof.interval import Interval
-from pwscont.proof.newton import newton, with_slopes
+from pwscont.proof.newton import inverse, newton, with_slopes
 from pwscont.proof.tape import Tape
-from pwscont.proof.tubes import Tubes, around, inverse
+from pwscont.proof.tubes import Tubes, around
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
 FINEST = 2.0**-24

@@ -11,9 +11,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pwscont.basics.arrays import Indices
 from pwscont.proof.functions import ELEMENTARY
 from pwscont.proof.interval import Interval, chosen
 from pwscont.proof.tape import Step, Tape
+
+#: Two derivatives -> what is known if either may hold.
+Join = Callable[[Interval, Interval], Interval]
 
 
 def values_of(tape: Tape, box: Interval) -> list[Interval]:
@@ -62,18 +66,28 @@ OPERATIONS: dict[str, Callable[..., Interval]] = {
 # -- derivatives ----------------------------------------------------------------------------------
 
 
-def slopes_of(tape: Tape, values: list[Interval], box: Interval) -> list[Interval]:
-    """Return the derivatives of the outputs by (z, alpha): n intervals of shape (n + 1, B)."""
+def slopes_of(
+    tape: Tape, values: list[Interval], box: Interval, both: Join = Interval.hull
+) -> list[Interval]:
+    """Return the derivatives of the outputs by (z, alpha): n intervals of shape (n + 1, B).
+
+    ``both`` joins the derivatives of two branches where a switch may be in either mode.
+    """
     known: list[Interval | None] = []
     for step, value in zip(tape.steps, values, strict=True):
         args = [values[place] for place in step.args]
-        known.append(_slope(step, value, args, [known[place] for place in step.args], box))
+        known.append(_slope(step, value, args, [known[place] for place in step.args], box, both))
     nothing = Interval.point(np.zeros_like(box.lo))
     return [known[place] or nothing for place in tape.outputs]
 
 
 def _slope(
-    step: Step, y: Interval, x: list[Interval], dx: list[Interval | None], box: Interval
+    step: Step,
+    y: Interval,
+    x: list[Interval],
+    dx: list[Interval | None],
+    box: Interval,
+    both: Join,
 ) -> Interval | None:
     """Return the derivative of a step, None for zero."""
     if step.name == "variable":
@@ -84,7 +98,7 @@ def _slope(
         return None
     if step.name in _SWITCHES:
         whole = [each or Interval.point(np.zeros_like(box.lo)) for each in dx]
-        return _SWITCHES[step.name](x, whole)
+        return _SWITCHES[step.name](x, whole, both)
     if step.name in ("add", "subtract"):
         return _sum(dx[0], dx[1] if step.name == "add" else _negative(dx[1]))
     factors = _factors(step, y, x)
@@ -116,30 +130,42 @@ def _factors(step: Step, y: Interval, x: list[Interval]) -> list[Interval]:
     return [ELEMENTARY[step.name].slope(x[0], y)]
 
 
-def _of_max(x: list[Interval], dx: list[Interval]) -> Interval:
+def number_undecided(tape: Tape, values: list[Interval]) -> Indices:
+    """Return how many switches may be in either mode, in each box."""
+    count = np.zeros(values[0].lo.shape, dtype=np.intp)
+    for step in tape.steps:
+        x = [values[place] for place in step.args]
+        if step.name in ("max", "min"):
+            count += ~((x[0].lo > x[1].hi) | (x[0].hi < x[1].lo))
+        elif step.name in ("abs", "where", "clip"):
+            count += ~((x[0].lo >= 0.0) | (x[0].hi < 0.0))
+    return count
+
+
+def _of_max(x: list[Interval], dx: list[Interval], both: Join) -> Interval:
     first, second = x[0].lo > x[1].hi, x[0].hi < x[1].lo
-    return chosen(first, dx[0], chosen(second, dx[1], dx[0].hull(dx[1])))
+    return chosen(first, dx[0], chosen(second, dx[1], both(dx[0], dx[1])))
 
 
-def _of_min(x: list[Interval], dx: list[Interval]) -> Interval:
-    return _of_max([x[1], x[0]], dx)
+def _of_min(x: list[Interval], dx: list[Interval], both: Join) -> Interval:
+    return _of_max([x[1], x[0]], dx, both)
 
 
-def _of_abs(x: list[Interval], dx: list[Interval]) -> Interval:
-    return _branch(x[0], dx[0], -dx[0], dx[0].hull(-dx[0]))
+def _of_abs(x: list[Interval], dx: list[Interval], both: Join) -> Interval:
+    return _branch(x[0], dx[0], -dx[0], both(dx[0], -dx[0]))
 
 
-def _of_where(x: list[Interval], dx: list[Interval]) -> Interval:
+def _of_where(x: list[Interval], dx: list[Interval], both: Join) -> Interval:
     """Return the derivative of one branch; across a kink nothing is known, for f may jump."""
     return _branch(x[0], dx[1], dx[2], dx[1].where(np.zeros(x[0].lo.shape, dtype=bool)))
 
 
-def _of_clip(x: list[Interval], dx: list[Interval]) -> Interval:
+def _of_clip(x: list[Interval], dx: list[Interval], both: Join) -> Interval:
     """Return the hull of all branches where the bounds are certainly in order, else nothing."""
     return dx[0].hull(dx[1]).hull(dx[2]).where(x[1].hi <= x[2].lo)
 
 
-_SWITCHES: dict[str, Callable[[list[Interval], list[Interval]], Interval]] = {
+_SWITCHES: dict[str, Callable[[list[Interval], list[Interval], Join], Interval]] = {
     "max": _of_max,
     "min": _of_min,
     "abs": _of_abs,

@@ -90,6 +90,19 @@ def eliminated(middle: Array, width: Array) -> tuple[Array, Indices]:
     return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns
 
 
+def inverse(middle: Array) -> Array:
+    """Return about the inverse of square matrices (n, n, B); any numbers will do."""
+    n, _, count = middle.shape
+    whole_width = np.vstack([np.ones((n, count)), np.zeros((1, count))])
+    padded = np.concatenate([middle, np.zeros((n, 1, count))], axis=1)
+    rows, columns = eliminated(padded, whole_width)
+    found = np.zeros_like(rows)
+    each = np.arange(count)
+    for i in range(n):
+        found[columns[i], :, each] = rows[i].T
+    return found
+
+
 def newton(tape: Tape, box: Interval, slopes: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty."""
     middle = box.middle()

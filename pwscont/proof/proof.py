@@ -19,12 +19,12 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.graph.structure import connected
 from pwscont.proof.agreement import judged
-from pwscont.proof.clusters import are_passed, hulls
+from pwscont.proof.clusters import MOST_GROUPED, are_passed, hulls
 from pwscont.proof.cover import FINEST_ALPHA, Cover
 from pwscont.proof.interval import FUNCTION_ULPS, Interval
-from pwscont.proof.newton import formula, with_slopes
+from pwscont.proof.newton import formula, inverse, with_slopes
 from pwscont.proof.tape import Tape
-from pwscont.proof.tubes import ROOM, Tubes, inverse, polished, proved, slack, whole
+from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack, whole
 
 if TYPE_CHECKING:
     from pwscont.graph import BranchGraph
@@ -42,7 +42,7 @@ ASSUMED = (
 
 @final
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class CountedStretch:
     """A stretch of alpha between windows, ends excluded but for those of the interval.
 
     Attributes
@@ -95,23 +95,29 @@ class BoxProof:
         self.box = box.lo[:-1], box.hi[:-1]
         self.interval = float(box.lo[-1]), float(box.hi[-1])
         groups = hulls(cover.open)
-        passed = are_passed(tape, groups, scale) if groups.lo.shape[1] else np.zeros(0, dtype=bool)
+        passed = self._passed(groups)
         apart = FINEST_ALPHA * float(scale[-1])
         self.windows = _united(groups[-1][passed], apart)
         self.open = list(zip(groups.lo[:, ~passed].T, groups.hi[:, ~passed].T, strict=True))
         self._unsaid = _united(groups[-1], apart)
 
+    def _passed(self, groups: Interval) -> Signs:
+        """Tell which groups of open boxes are windows; of too many groups, none is tried."""
+        count = groups.lo.shape[1]
+        tried = 0 < count <= MOST_GROUPED
+        return are_passed(self._tape, groups, self._scale) if tried else np.zeros(count, dtype=bool)
+
     # -- counts --------------------------------------------------------------------------------
 
     @cached_property
-    def stretches(self) -> list[Stretch]:
+    def stretches(self) -> list[CountedStretch]:
         """The stretches of alpha between windows, with the number of solutions in the box."""
         lo, hi = self.interval
         ends = [lo, *(end for window in self._unsaid for end in window), hi]
         pairs = zip(ends[::2], ends[1::2], strict=True)
         return [self._counted(a, b) for a, b in pairs if a < b]
 
-    def _counted(self, lo: float, hi: float) -> Stretch:
+    def _counted(self, lo: float, hi: float) -> CountedStretch:
         """Return a stretch with its count, which several places agree on."""
         counts: dict[float, int] = {}
         for part in PLACES:
@@ -122,9 +128,9 @@ class BoxProof:
             if len(counts) == AGREEING:
                 break
         if len(set(counts.values())) != 1:
-            return Stretch(lo, hi, 0.5 * (lo + hi), None)
+            return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
         alpha, count = next(iter(counts.items()))
-        return Stretch(lo, hi, alpha, count)
+        return CountedStretch(lo, hi, alpha, count)
 
     def count(self, alpha: float) -> int | None:
         """Return the proved number of solutions in the box; None in windows and where undecided.

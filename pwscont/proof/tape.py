@@ -1,6 +1,6 @@
 """The tape of a formula: the elementary operations of f(z, alpha, sw), written down once.
 
-The formula is called with arrays of :class:`Node` objects. numpy hands every operation on such an
+The formula is called with arrays of :class:`Traced` objects. numpy hands every operation on such an
 array to the nodes, and every node writes the operation on the tape.
 
 Failure modes and answers
@@ -78,10 +78,10 @@ class Tape:
             self.steps.append(step)
         return self._places[step]
 
-    def node(self, name: str, *args: Any, number: float = 0.0) -> Node:
+    def node(self, name: str, *args: Any, number: float = 0.0) -> Traced:
         """Write an operation down and return the node of the result."""
         places = tuple(self.place_of(each) for each in args)
-        return Node(self, self.place(Step(name, places, number)))
+        return Traced(self, self.place(Step(name, places, number)))
 
     def place_of_variable(self, number: int) -> int:
         """Return the place of a variable."""
@@ -93,7 +93,7 @@ class Tape:
 
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
-        if isinstance(thing, Node):
+        if isinstance(thing, Traced):
             return thing.place
         return self.place(Step("constant", (), _exact(thing)))
 
@@ -118,7 +118,7 @@ ADVICE = ": write the decision with the switches of sw"
 
 
 @final
-class Node:
+class Traced:
     """A number on a tape, with the arithmetic of numbers."""
 
     __slots__ = ("place", "tape")
@@ -140,7 +140,7 @@ class Node:
     def __neg__(self) -> Any:
         return self.tape.node("negative", self)
 
-    def __pos__(self) -> Node:
+    def __pos__(self) -> Traced:
         return self
 
     def __add__(self, other: Any) -> Any:
@@ -165,7 +165,7 @@ class Node:
             return self
         if _is_number(other) and other == 0.0 and self.step.name == "variable":
             return 0.0
-        if isinstance(other, Node) and other.place == self.place:
+        if isinstance(other, Traced) and other.place == self.place:
             return self.tape.node("power", self, number=2.0)
         return self._with("multiply", self, other)
 
@@ -211,11 +211,11 @@ class Node:
         """Return the power of 2."""
         return 2.0**self
 
-    def conjugate(self) -> Node:
+    def conjugate(self) -> Traced:
         """Return the number itself, which is real."""
         return self
 
-    def copy(self) -> Node:
+    def copy(self) -> Traced:
         """Return the number itself, which never changes."""
         return self
 

@@ -17,13 +17,11 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.proof.interval import ULP, Interval, above
-from pwscont.proof.newton import eliminated, formula, times, total, with_slopes
+from pwscont.proof.newton import formula, inverse, times, total, with_slopes
 from pwscont.proof.tape import Tape
 
 #: How much wider than the box a tube is tried, and how many times the residual besides.
 WIDER, ROOM = 1.1, 2.0
-#: How much wider than the image of the last try a tube is tried.
-INFLATED = 1.5
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 #: How many roundings of its centre a tube is wider than it need be.
@@ -78,9 +76,7 @@ def whole(z: Interval, alpha: Interval) -> Interval:
     return Interval(np.vstack([z.lo, alpha.lo]), np.vstack([z.hi, alpha.hi]))
 
 
-def around(
-    tape: Tape, box: Interval, slopes: Interval, least: Array, tries: int = 1
-) -> tuple[Tubes, Signs]:
+def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes, and which of the tubes are proved.
 
     Parameters
@@ -91,8 +87,6 @@ def around(
         The derivatives on the boxes, from which the shape of the tubes is guessed.
     least : ndarray, shape (n,)
         A radius that every tube exceeds: a box may have no width at all.
-    tries : int
-        How often a tube is tried; after each try, wider where the image was wider.
     """
     guess = slopes.middle()
     matrix = inverse(guess[:, :-1])
@@ -105,9 +99,7 @@ def around(
     needed = np.max([(box[:-1] - tubes.at(end, zero)).reach() for end in ends], axis=0)
     radius = WIDER * needed + _rough(tape, tubes, matrix) + slack(centre)
     radius = radius + least[:, np.newaxis]
-    for _ in range(tries):
-        tubes, is_proved = proved(tape, tubes, radius, matrix)
-        radius = np.fmax(radius, INFLATED * tubes.image)
+    tubes, is_proved = proved(tape, tubes, radius, matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
@@ -125,19 +117,6 @@ def _rough(tape: Tape, tubes: Tubes, matrix: Array) -> Array:
         far.append(np.abs(np.einsum("ijb,jb->ib", matrix, value)))
     rough: Array = ROOM * np.max(far, axis=0)
     return rough
-
-
-def inverse(middle: Array) -> Array:
-    """Return about the inverse of square matrices (n, n, B); any numbers will do."""
-    n, _, count = middle.shape
-    whole_width = np.vstack([np.ones((n, count)), np.zeros((1, count))])
-    padded = np.concatenate([middle, np.zeros((n, 1, count))], axis=1)
-    rows, columns = eliminated(padded, whole_width)
-    found = np.zeros_like(rows)
-    each = np.arange(count)
-    for i in range(n):
-        found[columns[i], :, each] = rows[i].T
-    return found
 
 
 def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
