@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from pages import blocks, check_answers
 from proof_families import Mixed, PiecewisePolynomial, proved
 from sweeps import swept
 
@@ -300,3 +301,10 @@ def test_a_box_that_makes_no_sense_is_refused(box):
 def test_seconds_must_be_positive():
     with pytest.raises(InvalidInputError, match="seconds"):
         Everywhere(seconds=0.0)
+
+
+def test_the_page_of_the_manual_says_what_is_true():
+    names = {}
+    for code in blocks("proofs.rst"):
+        exec(compile(code, "proofs.rst", "exec"), names)
+        assert check_answers(code, names) == 4
