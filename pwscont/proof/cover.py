@@ -21,7 +21,7 @@ from pwscont.basics.arrays import Array, Signs
 from pwscont.proof.evaluate import values_of
 from pwscont.proof.hull_consistency import contracted
 from pwscont.proof.interval import Interval
-from pwscont.proof.newton import inverse, newton, with_slopes
+from pwscont.proof.newton import eliminated, inverse, newton, times, with_slopes
 from pwscont.proof.tape import Tape
 from pwscont.proof.tubes import Tubes, around
 
@@ -32,7 +32,7 @@ FINEST_ALPHA = 2.0**-40
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
 #: Most boxes in all: then a double root or an area of solutions ends the search.
-MOST_BOXES = 200_000
+MOST_BOXES = 300_000
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
@@ -136,9 +136,10 @@ def _are_regular(slopes: Interval) -> Signs:
 
 
 def _halved(boxes: Interval, slopes: Interval, scale: Array, finest: Array) -> Interval:
-    """Return both halves of boxes, along the coordinate that changes the formula most."""
+    """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
     width, count = boxes.width(), boxes.lo.shape[1]
-    effect = slopes.reach() * width
+    matrix, _ = eliminated(slopes.middle(), width)
+    effect = times(matrix, slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
     is_known = np.isfinite(effect).all(axis=0)
     effect = np.where(is_known, effect, width / scale[:, np.newaxis])
