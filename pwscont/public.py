@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.proof.everywhere import Everywhere
+    from pwscont.proof.prove import prove
     from pwscont.scenes.panels import Panel, ParameterPath
     from pwscont.scenes.paths import draw_counts
     from pwscont.scenes.plotting import plot
@@ -139,6 +140,7 @@ __all__ = [
     "explore",
     "plane",
     "plot",
+    "prove",
     "trace",
 ]
 
@@ -175,6 +177,7 @@ LATER = {
     "draw_counts": "pwscont.scenes.paths",
     "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
+    "prove": "pwscont.proof.prove",
 }
 
 

@@ -60,7 +60,7 @@ BUDGET = {
     "transitions": (20, 4450),
     "graph": (12, 3000),
     "search": (11, 2150),
-    "proof": (13, 2050),
+    "proof": (15, 2420),
     "continuation": (16, 4100),
     "scenes": (15, 2700),
     "view": (7, 950),

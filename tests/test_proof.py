@@ -304,7 +304,8 @@ def test_seconds_must_be_positive():
 
 
 def test_the_page_of_the_manual_says_what_is_true():
-    names = {}
+    names, answers = {}, 0
     for code in blocks("proofs.rst"):
         exec(compile(code, "proofs.rst", "exec"), names)
-        assert check_answers(code, names) == 4
+        answers += check_answers(code, names)
+    assert answers == 5

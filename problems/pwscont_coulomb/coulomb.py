@@ -34,6 +34,8 @@ from pwscont import Block, Character, SlicewiseLinearSystem
 from pwscont.extending import (
     Array,
     BringsSearches,
+    ExactData,
+    ExactMode,
     Indices,
     Matrix,
     Reducible,
@@ -45,6 +47,7 @@ from pwscont_coulomb import modes as contact
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
+from pwscont_coulomb.exact import exact_rows
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
 from pwscont_coulomb.kept import Kept
@@ -69,7 +72,7 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 MANY_NODES = 32
 
 
-class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, ExactData):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -134,6 +137,13 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches):
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
         """Return the same problem with only some of its contact nodes."""
+
+    def exact_rows(self, alpha: float) -> tuple[Array, list[list[ExactMode]]]:
+        """Return equilibrium, and the equations and inequalities of every mode of every node.
+
+        A, N, T, gap, and f and F at alpha, count as exact.
+        """
+        return exact_rows(self.body, self.load_at(alpha), self.friction_at(alpha))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""
