@@ -28,6 +28,7 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.graph.branch_graph import Proof
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
@@ -91,6 +92,7 @@ __all__ = [
     "Metric",
     "Piece",
     "Predictor",
+    "Proof",
     "Ray",
     "Reading",
     "Reducible",

@@ -18,6 +18,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.budget import check_budget
 from pwscont.proof.evaluate import values_of
 from pwscont.proof.hull_consistency import contracted
 from pwscont.proof.interval import Interval
@@ -71,6 +72,7 @@ def covered(tape: Tape, box: Interval, scale: Array, seconds: float) -> Cover:
     while waiting.lo.shape[1]:
         following = []
         for some in _portions(waiting):
+            check_budget()
             if boxes >= MOST_BOXES or perf_counter() > end:
                 left.append(some)
                 continue
