@@ -110,12 +110,16 @@ class Everywhere(Search):
         lower, upper = self._limits(system, metric.scale[:size], size)
         box = Interval(np.append(lower, interval[0]), np.append(upper, interval[1]))
         scale = np.append(metric.scale[:size], interval[1] - interval[0])
+        key = b"".join(each.tobytes() for each in (box.lo, box.hi, scale))
+        known = self.proved(system, interval)
+        if known is not None and self._last["key"] == key:
+            return known
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
-            cover = covered(tape, box, scale, self.seconds)
-            proof = BoxProof(tape, box, scale, cover)
+            proof = BoxProof(tape, box, scale, covered(tape, box, scale, self.seconds))
             _ = proof.stretches
-        self._last.update(system=system, interval=interval, proof=proof)
+        formula = getattr(system, "formula", None)
+        self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
 
     def _limits(self, system: PiecewiseSystem, scale: Array, size: int) -> tuple[Array, Array]:
@@ -133,8 +137,9 @@ class Everywhere(Search):
         )
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
-        """Return the proof of the last run, if the run was of this system and interval."""
-        is_last = self._last.get("system") is system and self._last.get("interval") == interval
+        """Return the proof of the last run, if the run was of this formula and interval."""
+        formula = getattr(system, "formula", None)
+        is_last = self._last.get("formula") is formula and self._last.get("interval") == interval
         return self._last["proof"] if is_last else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
