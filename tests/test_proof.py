@@ -1,5 +1,7 @@
 """Counts that a theorem stands behind: right or not said, whatever the system."""
 
+import subprocess
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -296,6 +298,12 @@ def test_systems_without_a_formula_are_refused():
 def test_a_box_that_makes_no_sense_is_refused(box):
     with pytest.raises(InvalidInputError, match="box"):
         Everywhere(box=box)
+
+
+def test_nothing_is_imported_unless_asked_for():
+    code = "import sys\nfrom pwscont import explore\nprint('pwscont.proof' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False"]
 
 
 def test_seconds_must_be_positive():
