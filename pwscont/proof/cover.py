@@ -36,6 +36,9 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
+#: A coordinate is not halved if another one is so many times as wide, by typical magnitudes:
+#: else a coordinate that hardly matters to any row would never be halved.
+LENGTHY = 4.0
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
 TRIED = 0.9
 
@@ -143,8 +146,9 @@ def _halved(boxes: Interval, slopes: Interval, scale: Array, finest: Array) -> I
     matrix, _ = eliminated(slopes.middle(), width)
     effect = times(matrix, slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
-    is_known = np.isfinite(effect).all(axis=0)
-    effect = np.where(is_known, effect, width / scale[:, np.newaxis])
+    relative = width / scale[:, np.newaxis]
+    effect = np.where(np.isfinite(effect).all(axis=0), effect, relative)
+    effect = np.where(LENGTHY * relative >= relative.max(axis=0), effect, 0.0)
     effect = np.where(width > finest[:, np.newaxis], effect, -1.0)
     split, each = effect.argmax(axis=0), np.arange(count)
     middle = boxes.middle()[split, each]
