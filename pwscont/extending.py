@@ -31,6 +31,7 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.evolution.states import EvolutionState
 from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.graph.branch_graph import Proof
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
@@ -45,6 +46,8 @@ from pwscont.system.abilities import (
     Compact,
     DecidesCorners,
     Ending,
+    ExactData,
+    ExactMode,
     HidesUnknowns,
     Recovery,
     Reducible,
@@ -80,6 +83,8 @@ __all__ = [
     "Ending",
     "EvolutionState",
     "Evolver",
+    "ExactData",
+    "ExactMode",
     "Factor",
     "Failure",
     "FailureReason",
@@ -97,6 +102,7 @@ __all__ = [
     "Moments",
     "Piece",
     "Predictor",
+    "Proof",
     "Ray",
     "Reading",
     "Recovery",

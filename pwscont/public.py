@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from pwscont.evolution.scene import EvolutionScene
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
+    from pwscont.proof.everywhere import Everywhere
+    from pwscont.proof.prove import prove
     from pwscont.scenes.panels import Panel, ParameterPath
     from pwscont.scenes.paths import draw_counts
     from pwscont.scenes.plotting import plot
@@ -89,6 +91,7 @@ __all__ = [
     "CountAt",
     "CriticalValue",
     "EndPoints",
+    "Everywhere",
     "EvolutionGraph",
     "EvolutionScene",
     "ExactLinear",
@@ -147,6 +150,7 @@ __all__ = [
     "explore",
     "plane",
     "plot",
+    "prove",
     "trace",
 ]
 
@@ -160,6 +164,7 @@ LATER = {
     "CriticalValue": "pwscont.studies.measures",
     "EvolutionGraph": "pwscont.evolution.graph",
     "EvolutionScene": "pwscont.evolution.scene",
+    "Everywhere": "pwscont.proof.everywhere",
     "FirstFold": "pwscont.studies.measures",
     "FoldLocus": "pwscont.two_parameters.locus",
     "LCP": "pwscont.notation.problems",
@@ -187,6 +192,7 @@ LATER = {
     "evolve": "pwscont.evolution.evolve",
     "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
+    "prove": "pwscont.proof.prove",
 }
 
 

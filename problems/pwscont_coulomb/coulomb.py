@@ -36,6 +36,8 @@ from pwscont.extending import (
     Array,
     BringsSearches,
     DecidesCorners,
+    ExactData,
+    ExactMode,
     Indices,
     Matrix,
     Reducible,
@@ -48,6 +50,7 @@ from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.condensed import is_worth_condensing
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactJacobian, ContactMatrix
+from pwscont_coulomb.exact import exact_rows
 from pwscont_coulomb.far_nodes import without_far_nodes
 from pwscont_coulomb.fixed import Fixed, protected
 from pwscont_coulomb.interior import without_interior
@@ -73,7 +76,7 @@ GUIDED_MODES = (SIGNS[contact.Mode.NO_CONTACT], SIGNS[contact.Mode.STICK])
 MANY_NODES = 32
 
 
-class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCorners):
+class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCorners, ExactData):
     """Static contact with Coulomb friction; subclasses say what the parameter is.
 
     Parameters
@@ -143,6 +146,13 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
     @abstractmethod
     def with_nodes(self, kept: Indices) -> Coulomb:
         """Return the problem with only some contact nodes."""
+
+    def exact_rows(self, alpha: float) -> tuple[Array, list[list[ExactMode]]]:
+        """Return equilibrium, and the equations and inequalities of every mode of every node.
+
+        A, N, T, gap, and f and F at alpha, count as exact.
+        """
+        return exact_rows(self.body, self.load_at(alpha), self.friction_at(alpha))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""

@@ -427,7 +427,9 @@ def explore(
         searched = _searched(given, scope_of(chosen, plan.followed))
 
         def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
-            return plan.follow(found, parameter, report, searched, journal, budget, recorded)
+            graph = plan.follow(found, parameter, report, searched, journal, budget, recorded)
+            graph.proof = chosen.proved(plan.followed, plan.interval)
+            return graph
 
         graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), follow)
     if not graph.special_points() and not budget.spent:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
@@ -20,6 +20,13 @@ from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:
     import networkx as nx
+
+
+class Proof(Protocol):
+    """What is proved of the solutions of a graph, see ``graph.proof``."""
+
+    def judged(self, graph: BranchGraph, words: str) -> str:
+        """Return the guarantee of a graph with what is proved, from the guarantee without."""
 
 
 @final
@@ -66,6 +73,10 @@ class BranchGraph(Structure):
     >>> graph.nx.number_of_edges()
     3
     """
+
+    #: What a search proved, for :class:`pwscont.Everywhere`; None where nothing was proved. Files
+    #: do not keep the proof.
+    proof: Any = None
 
     def count(self, alpha: float) -> int | float:
         """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
@@ -177,9 +188,11 @@ class BranchGraph(Structure):
         piece that could not be followed, or known to less than two digits. Where the run was
         interrupted or its limits ran out, the text says so instead. Balance is necessary for
         completeness, not sufficient, and says nothing of stretches shorter than the uncertainty of
-        the ends, see :meth:`balance_values`.
+        the ends, see :meth:`balance_values`. What :attr:`proof` proves is said as well, and where
+        the number of solutions found is not the number proved.
         """
-        return verdict(self)
+        words = verdict(self)
+        return words if self.proof is None else self.proof.judged(self, words)
 
     @property
     def is_complete(self) -> bool:

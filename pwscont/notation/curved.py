@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Indices, Matrix
 from pwscont.basics.character import Character
 from pwscont.notation.derivatives import Derivatives
-from pwscont.notation.function import LiftedFunction, Outcome
+from pwscont.notation.function import Function, LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated
 
 
@@ -41,6 +41,16 @@ class SwitchedSystem(Notated):
     def knows_jacobian(self) -> bool:
         """Whether derivatives come from Duals or JAX, not from differences."""
         return self._derivatives is not None
+
+    @property
+    def formula(self) -> Function:
+        """The user's function of (z, alpha, sw)."""
+        return self._lifted.function.f
+
+    def formula_at(self, z: Array, alpha: float) -> Array:
+        """Return the value of the user's function of the user's unknowns, shape (n,)."""
+        value: Array = self._lifted.function.outcome(z, alpha, self._layout).value
+        return value
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the values of the test functions of all switches at (z, alpha), shape (m,)."""

@@ -73,7 +73,7 @@ class UserFunction:
     """A user's function of n unknowns."""
 
     def __init__(self, f: Function, size: int) -> None:
-        self._f, self._size = f, size
+        self.f, self._size = f, size
 
     def surveyed(self, z: Array, alpha: float) -> tuple[Outcome, list[Any]]:
         """Return the outcome with true values, and the kinds of bounds of the clips."""
@@ -111,7 +111,7 @@ class UserFunction:
         return self._called(z, alpha, _Replay(layout, pick or _true))
 
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
-        value = self._f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
+        value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
         return Outcome(self._checked(value), joined(switches.tests), joined(switches.branches))
 

@@ -15,6 +15,7 @@ from pwscont.linear.balance import balanced
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
+from pwscont.notation.switches import Switches
 
 #: Largest number of unknowns that is tried if the user does not say how many F takes.
 MOST_UNKNOWNS = 1000
@@ -75,7 +76,9 @@ def Complementarity(  # noqa: N802  used like a class
 
 def _median(function: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any) -> Any:
     """Return the median of z - upper, F and z - lower, in a form without small differences."""
-    return -sw.clip(-as_operand(function(z, alpha)), below(alpha) - z, above(alpha) - z)
+    value = function(z, alpha)
+    value = as_operand(value) if isinstance(sw, Switches) else np.asarray(value)
+    return -sw.clip(-value, below(alpha) - z, above(alpha) - z)
 
 
 def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usual name

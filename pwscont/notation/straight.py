@@ -16,6 +16,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.linear.banded import BandedJacobian
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
+from pwscont.system.abilities import ExactData, ExactMode
 from pwscont.system.system import Block, PiecewiseLinearSystem
 
 #: Matrices of at most this number of entries, zeros included, are stored dense.
@@ -204,7 +205,7 @@ def _values(
 
 
 @final
-class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
+class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
     """A piecewise-linear system written with switches; made by :func:`pwscont.Switched`."""
 
     def __init__(
@@ -281,6 +282,21 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem):
             Block(self._layout.tests_of(switch), (rows[switch],), self._layout.signs(switch))
             for switch in range(self._layout.count)
         )
+
+    def exact_rows(self, alpha: float) -> tuple[Array, list[list[ExactMode]]]:
+        """Return the rows that no switch chooses, and those of every mode of every switch."""
+        dense = [np.column_stack([A.toarray(), a]) for A, a in self._rows.modes]
+        tests = np.column_stack([self._rows.tests[0].toarray(), self._rows.tests[1]])
+        parts = []
+        for switch in range(self._layout.count):
+            own, places = self._rows.owner == switch, self._layout.tests_of(switch)
+            modes = []
+            for mode, signs in enumerate(self._layout.signs(switch)):
+                near = [i for i in (mode - 1, mode) if 0 <= i < len(signs)]
+                sides = [tests[places[i]] * (1.0 if signs[i] else -1.0) for i in near]
+                modes.append(ExactMode(dense[mode][own], np.array(sides)))
+            parts.append(modes)
+        return dense[0][self._rows.owner < 0], parts
 
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
         """Return inequalities that hold in every mode, such as max(a, b) >= a."""

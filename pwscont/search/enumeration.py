@@ -68,11 +68,19 @@ class Solutions(list[Solution]):
     guarantee : str
         "complete", also with a remark in brackets; or words that begin with "not" and say what is
         uncertain.
+    system : PiecewiseSystem, optional
+    alpha : float, optional
     """
 
-    def __init__(self, solutions: Iterable[Solution] = (), guarantee: str = "") -> None:
+    def __init__(
+        self,
+        solutions: Iterable[Solution] = (),
+        guarantee: str = "",
+        system: PiecewiseSystem | None = None,
+        alpha: float | None = None,
+    ) -> None:
         super().__init__(solutions)
-        self.guarantee = guarantee
+        self.guarantee, self.system, self.alpha = guarantee, system, alpha
 
 
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
@@ -122,7 +130,8 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         solutions = [_solution(system, metric, point) for point in points]
     pairs = zip(solutions, points, strict=True)
     within = [s for s, p in pairs if is_inside(box, p.x, p.error, metric.scale)]
-    return Solutions(within, _guarantee(system, found, sum(s.det_sign for s in solutions)))
+    guarantee = _guarantee(system, found, sum(s.det_sign for s in solutions))
+    return Solutions(within, guarantee, system, alpha)
 
 
 def _representatives(found: Slice, metric: Metric) -> list[Point]:

@@ -16,6 +16,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
+from pwscont.graph.branch_graph import Proof
 from pwscont.system.solved import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -101,6 +102,10 @@ class Search(ABC):
         """
         return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
+    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
+        """Return what the last run of the search proved of a system; default nothing."""
+        return None
+
     def __add__(self, other: Search) -> Search:
         if not isinstance(other, Search):
             hint = "; call it to make one" if isinstance(other, type) else ""
@@ -134,6 +139,11 @@ class CombinedSearch(Search):
         """Yield what the first finds, then what the second finds."""
         yield from starts_of(self.first, system, metric, interval, known)
         yield from starts_of(self.second, system, metric, interval, known)
+
+    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
+        """Return what either search proved."""
+        first = self.first.proved(system, interval)
+        return first if first is not None else self.second.proved(system, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the two descriptions and the better promise."""

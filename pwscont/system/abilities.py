@@ -151,6 +151,37 @@ class DecidesCorners(ABC):
         """
 
 
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class ExactMode:
+    """The equations and inequalities of one mode of a part of a system, as rows of doubles.
+
+    Attributes
+    ----------
+    equations : ndarray, shape (k, n + 2)
+        Coefficients of z, of alpha, and a constant; each row times (z, alpha, 1) is zero.
+    sides : ndarray, shape (s, n + 2)
+        Each row times (z, alpha, 1) is not negative.
+    """
+
+    equations: Array
+    sides: Array
+
+
+class ExactData(ABC):
+    """A system of linear pieces that hands over its data as exact numbers, for proofs."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def exact_rows(self, alpha: float) -> tuple[Array, Sequence[Sequence[ExactMode]]]:
+        """Return the rows common to all modes, shape (k, n + 2), and for every part its modes.
+
+        A solution at alpha solves the common rows, and for every part the equations and
+        inequalities of at least one mode. All numbers count as exact.
+        """
+
+
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""
 
@@ -247,7 +278,15 @@ class Reduction:
         return Character.of(np.where(signs, 1.0, -1.0))
 
 
-ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners)
+ABILITIES = (
+    Ending,
+    Reducible,
+    Compact,
+    BringsSearches,
+    HidesUnknowns,
+    DecidesCorners,
+    ExactData,
+)
 #: The methods of all abilities.
 METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 

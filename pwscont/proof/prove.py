@@ -1,0 +1,136 @@
+"""The number of solutions of a system of linear pieces at one alpha, proved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import prod
+from typing import Any, cast, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.looks import counted
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.records import Solution
+from pwscont.proof.cells import MOST_CELLS, proved_cells
+from pwscont.search.enumeration import Solutions
+from pwscont.system.abilities import ExactData, shown_size
+from pwscont.system.system import PiecewiseSystem
+
+#: A solution is the proved solution if closer than this part of the largest unknown, or than
+#: errors.
+CLOSE = 1e-6
+
+
+@final
+class CountProof:
+    """What is proved of the solutions at one alpha; made by :func:`pwscont.prove`.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether the number of solutions is proved, and the given solutions are these solutions.
+    count : int or None
+        The proved number of solutions; None where a cell is not decided.
+    statements : tuple of str
+        What is proved, and of which data, a sentence each.
+    open : list of tuple of int
+        The cells that are not decided: for every part of the system, the number of a mode.
+    """
+
+    def __init__(
+        self, alpha: float, given: int, centres: Sequence[Array], matched: bool, open_cells: Any
+    ) -> None:
+        self.open = list(open_cells)
+        self.count = None if self.open else len(centres)
+        self.holds = self.count is not None and self.count == given and matched
+        self.statements = (self._words(alpha, given), ASSUMED)
+
+    def _words(self, alpha: float, given: int) -> str:
+        if self.count is None:
+            return f"not proved: {counted(len(self.open), 'cell')} undecided at alpha = {alpha:.8g}"
+        exactly = f"exactly {counted(self.count, 'solution')} at alpha = {alpha:.8g}, proved"
+        return exactly if self.holds else f"{exactly}; the {given} given are not these"
+
+    def __repr__(self) -> str:
+        return f"CountProof({self.statements[0]})"
+
+
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
+
+
+def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountProof:
+    """Prove how many solutions a system of linear pieces has at one alpha.
+
+    Every cell gets a certificate: floating point with bounds of all rounding, or rational numbers
+    where the bounds decide nothing. The data of the system count as exact (docs/proofs).
+
+    Parameters
+    ----------
+    given : BranchGraph or Solutions
+        The answer to be proved: a graph, or what :func:`pwscont.enumerate_solutions` returned. The
+        system must be a :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and
+        formulas with ``linear=True`` such as :func:`pwscont.LCP`.
+    alpha : float, optional
+        Where solutions of a graph are counted.
+
+    Returns
+    -------
+    CountProof
+        With ``holds``, ``count``, ``statements`` and ``open``.
+
+    Raises
+    ------
+    InvalidInputError
+        If ``given`` is something else, alpha is missing, the system hands over no exact data, or
+        has too many cells.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, enumerate_solutions, prove
+    >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0])
+    >>> prove(enumerate_solutions(problem, 0.0)).statements[0]
+    'exactly 3 solutions at alpha = 0, proved'
+    """
+    system, alpha, known = _given(given, alpha)
+    if not isinstance(system, ExactData):
+        raise InvalidInputError(
+            f"{type(system).__name__} hands over no exact data: prove takes contact problems and "
+            "formulas with linear=True; formulas of curved systems are proved by Everywhere"
+        )
+    common, parts = system.exact_rows(alpha)
+    cells = prod(len(modes) for modes in parts)
+    if cells > MOST_CELLS:
+        raise InvalidInputError(f"{cells} cells are too many: at most {MOST_CELLS} are proved")
+    found = proved_cells(common, parts, alpha)
+    shown = shown_size(cast(PiecewiseSystem, system))
+    centres = [x[:shown] for x, _ in found.boxes.values()]
+    centres += [np.array(point, dtype=float)[:shown] for point in found.points]
+    return CountProof(alpha, len(known), centres, _are_matched(centres, known), found.open)
+
+
+def _given(given: Any, alpha: float | None) -> tuple[Any, float, Sequence[Solution]]:
+    """Return the system, alpha and the solutions to be proved."""
+    if isinstance(given, BranchGraph):
+        if alpha is None:
+            raise InvalidInputError("prove(graph, alpha) needs the alpha at which to count")
+        alpha = float(finite_array("alpha", alpha, ()))
+        return given.system, alpha, given.solutions(alpha)
+    if not isinstance(given, Solutions) or given.alpha is None:
+        raise InvalidInputError(
+            f"prove takes a graph or what enumerate_solutions returned, got {type(given).__name__}"
+        )
+    return given.system, given.alpha, given
+
+
+def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
+    """Tell whether every proved solution is one of the given solutions."""
+    return all(any(_is_close(x, solution) for solution in known) for x in centres)
+
+
+def _is_close(x: Array, solution: Solution) -> bool:
+    error = solution.error[: len(x)] if len(solution.error) else 0.0
+    slack = CONFIDENCE * error + CLOSE * np.abs(x).max(initial=0.0)
+    return bool((np.abs(x - solution.z) <= slack).all())

@@ -1,0 +1,250 @@
+"""Interval arithmetic against exact fractions and sixty digits; mutants are caught."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from high_precision import exact
+from sweeps import swept
+
+from pwscont.proof.functions import ELEMENTARY
+from pwscont.proof.hull_consistency import INVERSES
+from pwscont.proof.interval import FUNCTION_ULPS, Interval, above, below
+
+QUICK, WHOLE = 2_000, 200_000
+SIZES = swept([QUICK], [WHOLE])
+
+
+def intervals(rng, count, spread=12):
+    """Return intervals of all magnitudes, many with simple ends, and a number inside each."""
+    ends = rng.normal(size=(2, count)) * 2.0 ** rng.integers(-spread, spread, size=(2, count))
+    simple = rng.integers(-3, 4, size=(2, count)).astype(float)
+    tiny = rng.normal(size=(2, count)) * 1e-160
+    kind = rng.integers(0, 6, size=(2, count))
+    ends = np.where(kind == 0, simple, np.where(kind == 1, tiny, ends))
+    ends[1] = np.where(rng.integers(0, 3, size=count) == 0, ends[0], ends[1])  # points
+    lo, hi = np.sort(ends, axis=0)
+    inside = np.clip(lo + (hi - lo) * rng.choice([0.0, 1.0, 0.5, 0.3], size=count), lo, hi)
+    return Interval(lo, hi), inside
+
+
+def escapes(found, truths):
+    """Return how many true values are certainly outside their intervals."""
+    ends = zip(found.lo, found.hi, truths, strict=True)
+    return sum(t is not None and not _low(lo) <= Fraction(t) <= _high(hi) for lo, hi, t in ends)
+
+
+def _low(x):
+    return Fraction(float(x)) if np.isfinite(x) else Fraction(-(10**400))
+
+
+def _high(x):
+    return Fraction(float(x)) if np.isfinite(x) else Fraction(10**400)
+
+
+def plain(rule):
+    """Return a rule between two intervals as floating point has it: without outward rounding."""
+    return lambda a, b: Interval(rule(a.lo, b.lo), rule(a.hi, b.hi))
+
+
+RULES = {
+    "add": (Interval.__add__, lambda x, y: x + y),
+    "subtract": (Interval.__sub__, lambda x, y: x - y),
+    "multiply": (Interval.__mul__, lambda x, y: x * y),
+    "divide": (Interval.__truediv__, lambda x, y: x / y if y else None),
+    "max": (Interval.maximum, max),
+    "min": (Interval.minimum, min),
+    "square": (lambda a, b: a.square(), lambda x, y: x * x),
+    "cube": (lambda a, b: a.power(3), lambda x, y: x**3),
+    "fourth": (lambda a, b: a.power(4), lambda x, y: x**4),
+    "inverse square": (lambda a, b: a.power(-2), lambda x, y: 1 / x**2 if x else None),
+    "magnitude": (lambda a, b: a.magnitude(), lambda x, y: abs(x)),
+}
+MUTANTS = {
+    "add": [plain(np.add)],
+    "subtract": [plain(np.subtract), lambda a, b: Interval.rounded(a.lo - b.hi, a.hi - b.hi)],
+    "multiply": [
+        plain(np.multiply),
+        lambda a, b: Interval.rounded(
+            np.minimum(a.lo * b.lo, a.hi * b.hi), np.maximum(a.lo * b.lo, a.hi * b.hi)
+        ),
+        lambda a, b: Interval(below(a.lo * b.hi), (a * b).hi),
+    ],
+    "divide": [
+        plain(np.divide),
+        lambda a, b: Interval.rounded(np.minimum(a.lo / b.lo, a.hi / b.hi), (a / b).hi),
+    ],
+    "max": [lambda a, b: Interval(np.maximum(a.lo, b.lo), a.hi)],
+    "min": [lambda a, b: Interval(a.lo, np.minimum(a.hi, b.hi))],
+    "square": [lambda a, b: Interval.rounded(a.lo**2, a.hi**2)],
+    "cube": [lambda a, b: Interval(a.lo**3, a.hi**3)],
+    "fourth": [lambda a, b: Interval.rounded(a.lo**4, a.hi**4)],
+    "inverse square": [lambda a, b: Interval.rounded(1.0 / a.hi**2, 1.0 / a.lo**2)],
+    "magnitude": [lambda a, b: Interval(np.abs(a.lo), np.abs(a.hi))],
+}
+
+
+def tried(rule, truth, count, seed=1):
+    """Return how often a rule loses the exact result of numbers in the intervals."""
+    rng = np.random.default_rng(seed)
+    (a, x), (b, y) = intervals(rng, count), intervals(rng, count)
+    with np.errstate(all="ignore"):
+        found = rule(a, b)
+    return escapes(found, [truth(Fraction(p), Fraction(q)) for p, q in zip(x, y, strict=True)])
+
+
+@pytest.mark.parametrize("count", SIZES)
+@pytest.mark.parametrize("name", RULES)
+def test_a_rule_holds_every_exact_result(name, count):
+    assert tried(*RULES[name], count) == 0
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_mutants_of_a_rule_are_caught(name):
+    for mutant in MUTANTS[name]:
+        assert tried(mutant, RULES[name][1], QUICK) > 0
+
+
+def test_rounding_near_the_smallest_numbers():
+    x = np.array([5e-324, 1e-323, 2.2e-308, 4.4e-308, 1.0, 1e308])
+    truth = [Fraction(float(v)) * Fraction(1, 3) for v in x]
+    with np.errstate(all="ignore"):
+        third = Interval.point(x) / Interval.point(np.full_like(x, 3.0))
+    assert escapes(third, truth) == 0
+    assert (below(x) < x).all()
+    assert (above(x) > x).all()
+
+
+def test_what_is_no_number_says_nothing():
+    with np.errstate(all="ignore"):
+        unknown = Interval.point(np.array([-1.0])).sqrt()
+        for found in (unknown + unknown, unknown * unknown, unknown.square(), unknown / unknown):
+            assert not found.excludes_zero()[0]
+            assert not found.is_within(Interval.ball(np.array([np.inf])))[0]
+        partly = ELEMENTARY["log"].values(Interval(np.array([-1.0]), np.array([0.5])))
+        assert not partly.excludes_zero()[0]
+
+
+#: Arguments that a function is tried with: least and largest.
+DOMAINS = {
+    "sqrt": (0.0, 1e3),
+    "exp": (-50.0, 50.0),
+    "expm1": (-5.0, 5.0),
+    "log": (1e-9, 1e3),
+    "log1p": (-0.9, 1e3),
+    "arcsin": (-0.999, 0.999),
+    "arctanh": (-0.999, 0.999),
+    "sinh": (-20.0, 20.0),
+    "cosh": (-20.0, 20.0),
+}
+
+
+def arguments(name, count, seed=3):
+    """Return intervals within the domain of a function, narrow and wide, and numbers inside."""
+    rng, (low, high) = np.random.default_rng(seed), DOMAINS.get(name, (-30.0, 30.0))
+    lo = rng.uniform(low, high, count)
+    hi = np.minimum(lo + rng.uniform(0.0, 8.0, count) * 10.0 ** -rng.integers(0, 17, count), high)
+    x = np.clip(lo + (hi - lo) * rng.choice([0.0, 1.0, 0.5, 0.7], size=count), lo, hi)
+    return Interval(lo, hi), x
+
+
+def escaped(function, name, count):
+    """Return how often a function of intervals loses the value of a number inside."""
+    box, x = arguments(name, count)
+    with np.errstate(all="ignore"):
+        found = function(box)
+    return escapes(found, [Fraction(exact(name, each)) for each in x])
+
+
+@pytest.mark.parametrize("count", swept([150], [5_000]))
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_an_elementary_function_holds_every_value(name, count):
+    assert escaped(ELEMENTARY[name].values, name, count) == 0
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_mutants_of_elementary_functions_are_caught(name):
+    """Without outward rounding, values escape; a wave without crests loses its crests."""
+    function = getattr(np, name)
+
+    def unrounded(x):
+        a, b = function(x.lo), function(x.hi)
+        return Interval(np.minimum(a, b), np.maximum(a, b))
+
+    assert escaped(unrounded, name, 150) > 0
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_elementary_functions_err_by_less_than_assumed(name):
+    """The assumption that proofs print, measured here on every machine."""
+    _, x = arguments(name, 300, seed=5)
+    with np.errstate(all="ignore"):
+        y = getattr(np, name)(x)
+    errors = [
+        abs(Fraction(exact(name, a)) - Fraction(float(b))) / Fraction(float(np.spacing(abs(b))))
+        for a, b in zip(x, y, strict=True)
+    ]
+    assert max(errors) < FUNCTION_ULPS / 2
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_slopes_hold_differences(name):
+    """The mean value theorem: every chord within an interval has a slope in the derivative."""
+    rng = np.random.default_rng(7)
+    box, _ = arguments(name, 200)
+    wide = box.hi - box.lo > 1e-6
+    box = box[wide]
+    x, y = np.sort(box.lo + (box.hi - box.lo) * rng.uniform(size=(2, wide.sum())), axis=0)
+    with np.errstate(all="ignore"):
+        function = ELEMENTARY[name]
+        slope = function.slope(box, function.values(box))
+        chord = (getattr(np, name)(y) - getattr(np, name)(x)) / (y - x)
+        slack = 1e-6 * (1.0 + np.abs(chord))
+        assert not ((chord < slope.lo - slack) | (chord > slope.hi + slack)).any()
+
+
+OF_TWO = {
+    "add": lambda x, y: x + y,
+    "subtract": lambda x, y: x - y,
+    "multiply": lambda x, y: x * y,
+    "divide": lambda x, y: x / y if y else None,
+    "max": max,
+    "min": min,
+    "negative": lambda x, y: -x,
+    "abs": lambda x, y: abs(x),
+}
+
+
+def lost(name, inverse, count=QUICK):
+    """Return how often an inverse rule loses the arguments of a result that is allowed."""
+    rng = np.random.default_rng(11)
+    (a, x), (b, y) = intervals(rng, count), intervals(rng, count)
+    truth = [OF_TWO[name](Fraction(p), Fraction(q)) for p, q in zip(x, y, strict=True)]
+    value = np.array([np.nan if t is None else float(t) for t in truth])
+    result = Interval.rounded(value, value + rng.choice([0.0, 1.0], size=count))
+    with np.errstate(all="ignore"):
+        known = inverse(result, [a, b])
+    used = [[v if t is not None else None for v, t in zip(z, truth, strict=True)] for z in (x, y)]
+    return sum(escapes(found, each) for found, each in zip(known, used, strict=False))
+
+
+@pytest.mark.parametrize("name", OF_TWO)
+def test_inverse_rules_lose_no_argument(name):
+    assert lost(name, INVERSES[name]) == 0
+
+
+BAD_INVERSES = {
+    "add": lambda y, x: [y - x[0], y - x[1]],
+    "subtract": lambda y, x: [y - x[1], x[0] - y],
+    "multiply": lambda y, x: [y * x[1], y / x[0]],
+    "divide": lambda y, x: [y * x[1], y / x[0]],
+    "max": lambda y, x: [y, y],
+    "min": lambda y, x: [y, y],
+    "negative": lambda y, x: [y],
+    "abs": lambda y, x: [y],
+}
+
+
+@pytest.mark.parametrize("name", OF_TWO)
+def test_mutants_of_inverse_rules_are_caught(name):
+    assert lost(name, BAD_INVERSES[name]) > 0

@@ -1,0 +1,332 @@
+"""Counts that a theorem stands behind: right or not said, whatever the system."""
+
+import subprocess
+import sys
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from pages import blocks, check_answers
+from proof_families import Mixed, PiecewisePolynomial, proved
+from sweeps import swept
+
+import pwscont.proof.cover
+import pwscont.proof.evaluate
+import pwscont.proof.proof
+import pwscont.proof.tubes
+from pwscont import LCP, Complementarity, Everywhere, InvalidInputError, Switched, explore, trace
+from pwscont.proof.cover import MOST_BOXES
+from pwscont.proof.interval import Interval
+from pwscont.proof.tape import traced
+
+ARCH = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+
+
+def slices(seed, count=8):
+    return np.random.default_rng(10**6 + seed).uniform(-1.0, 1.0, count)
+
+
+def wrong_polynomials(seeds):
+    """Return how many slices are wrong, not said, and how many there are."""
+    wrong = unsaid = total = 0
+    for seed in seeds:
+        f = PiecewisePolynomial(np.random.default_rng(seed))
+        proof = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+        for alpha in slices(seed):
+            known, truth = proof.count(alpha), f.count(alpha, -3.0, 3.0)
+            unsaid, total = unsaid + (known is None), total + 1
+            wrong += None not in (known, truth) and known != truth
+    return wrong, unsaid, total
+
+
+@pytest.mark.parametrize("seeds", swept([range(12)], [range(12, 400)]))
+def test_counts_of_piecewise_polynomials(seeds):
+    wrong, unsaid, total = wrong_polynomials(seeds)
+    assert wrong == 0
+    assert unsaid <= 0.05 * total
+
+
+@pytest.mark.parametrize(
+    ("n", "seeds"), swept([(2, range(6)), (3, (2, 4))], [(2, range(6, 60)), (3, range(5, 30))])
+)
+def test_counts_of_mixed_rows(n, seeds):
+    unsaid = total = 0
+    for seed in seeds:
+        f = Mixed(np.random.default_rng(1000 * n + seed), n)
+        if not f.is_covered(2.0):
+            continue
+        proof = proved(f, n, (-2.0, 2.0), (-1.0, 1.0))
+        for alpha in slices(seed, 4):
+            known, truth = proof.count(alpha), f.count(alpha, 2.0)
+            unsaid, total = unsaid + (known is None), total + 1
+            assert None in (known, truth) or known == truth
+    assert unsaid <= 0.2 * total
+
+
+def arches(z, t, sw):
+    """Three uneven arches, each after the other: up to 27 solutions."""
+    k, before = np.arange(1.0, 4.0), np.concatenate([[0.0], z[:-1]])
+    rows = z**3 - 1.2 * (1.0 + 0.1 * k) * z + 5.0 * sw.relu(z - 1.0)
+    return rows - t * (1.0 - 0.05 * k) + 0.1 * before
+
+
+def test_no_coordinate_is_left_wide():
+    proof = proved(arches, 3, (-5.0, 5.0), (-1.0, 1.0))
+    assert proof.boxes < 40_000
+    assert [proof.count(t) for t in (-0.9, 0.0, 0.9)] == [3, 27, 3]
+
+
+# -- certificates ---------------------------------------------------------------------------------
+
+
+def exact_polynomial(f, x, alpha):
+    """Return the value of a piecewise polynomial at exact numbers."""
+    y = Fraction(f.c[0]) + Fraction(f.b) * alpha + Fraction(f.e) * alpha * x
+    y += sum(Fraction(c) * x**k for k, c in enumerate(f.c[1:], start=1))
+    pairs = zip(f.kinks, f.sizes, strict=True)
+    return y + sum(Fraction(size) * abs(x - Fraction(kink)) for kink, size in pairs)
+
+
+def bad_certificates(seeds):
+    """Return how many tubes have no change of sign over the image, at exact numbers."""
+    bad = total = 0
+    for seed in seeds:
+        f = PiecewisePolynomial(np.random.default_rng(seed))
+        tubes = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))._tubes
+        for i in range(0, len(tubes.first), 7):
+            for alpha in (tubes.first[i], tubes.middle[i], tubes.last[i]):
+                bad += not _is_certified(f, tubes, i, Fraction(alpha))
+                total += 1
+    return bad, total
+
+
+def _is_certified(f, tubes, i, alpha):
+    line = Fraction(tubes.centre[0, i]) + Fraction(tubes.slope[0, i]) * (
+        alpha - Fraction(tubes.middle[i])
+    )
+    image, radius = Fraction(tubes.image[0, i]), Fraction(tubes.radius[0, i])
+    ends = [exact_polynomial(f, line + part, alpha) for part in (-image, image)]
+    far = [exact_polynomial(f, line + part, alpha) for part in (-radius, radius)]
+    return image < radius and ends[0] * ends[1] <= 0 and far[0] * far[1] < 0
+
+
+@pytest.mark.parametrize("seeds", swept([range(4)], [range(100, 140)]))
+def test_every_certificate_holds_at_exact_numbers(seeds):
+    bad, total = bad_certificates(seeds)
+    assert bad == 0
+    assert total > 100
+
+
+# -- faults of the rules: the tests above must see them -------------------------------------------
+
+
+def single_selection(x, dx, both):
+    return dx[0]
+
+
+def accepted_outside(*args):
+    tubes, _ = original(*args)
+    tubes = tubes.__class__(*(getattr(tubes, n) for n in tubes.__slots__[:-1]), 0.05 * tubes.radius)
+    return tubes, (tubes.image < tubes.radius).all(axis=0)
+
+
+original = pwscont.proof.tubes.proved
+
+
+def test_a_krawczyk_image_accepted_outside_its_box_is_caught(monkeypatch):
+    """A wrong count does not show this fault: the certificates do."""
+    monkeypatch.setattr(pwscont.proof.tubes, "proved", accepted_outside)
+    assert bad_certificates(range(4))[0] > 0
+
+
+def test_a_single_selection_at_kinks_is_caught(monkeypatch):
+    monkeypatch.setitem(pwscont.proof.evaluate._SWITCHES, "abs", single_selection)
+    assert wrong_polynomials(range(12))[0] + bad_certificates(range(4))[0] > 0
+
+
+def test_tubes_that_are_not_told_apart_are_caught(monkeypatch):
+    """Each tube counted for itself: the same solution counts several times."""
+    each = lambda tubes, found, alpha: list(range(len(tubes.first)))  # noqa: E731
+    monkeypatch.setattr(pwscont.proof.proof, "_distinct", each)
+    with pytest.raises(AssertionError):
+        test_counts_of_piecewise_polynomials(range(12))
+
+
+def leaving(z, t, sw):
+    """A curve that leaves the box [-1, 1] at t = 0.3 and comes back at t = 0.7."""
+    return z - 1.0 + (t - 0.3) * (t - 0.7)
+
+
+def test_a_curve_that_leaves_the_box_makes_windows():
+    proof = proved(leaving, 1, (-1.0, 1.0), (0.0, 1.0))
+    assert [proof.count(t) for t in (0.1, 0.5, 0.9)] == [1, 0, 1]
+    assert len(proof.windows) == 2
+    assert proof.holds
+
+
+def test_no_check_at_the_boundary_is_caught(monkeypatch):
+    def inside(boxes, slopes):
+        return Interval.is_within(boxes, slopes) | True
+
+    kept = pwscont.proof.cover.Interval.is_within
+    monkeypatch.setattr(
+        Interval, "is_within", lambda a, b: kept(a, b) | np.ones_like(a.lo, dtype=bool)
+    )
+    proof = proved(leaving, 1, (-1.0, 1.0), (0.0, 1.0))
+    assert not (proof.holds and [proof.count(t) for t in (0.1, 0.5, 0.9)] == [1, 0, 1])
+
+
+# -- what must stay not proved ---------------------------------------------------------------------
+
+
+ANIMALS = {
+    "a double root": lambda z, t, sw: (z - t) ** 2,
+    "a double root beside another": lambda z, t, sw: (z * z - 1) ** 2 * (z - 2) + 0.0 * t,
+    "a pitchfork": lambda z, t, sw: z**3 - t * z,
+    "two curves that cross": lambda z, t, sw: z * (z - t),
+    "an isolated solution": lambda z, t, sw: z**2 + t**2,
+    "an area": lambda z, t, sw: sw.relu(z) + 0.0 * t,
+    "a jump across zero": lambda z, t, sw: sw.where(z - 0.3, z + 1, z - 1) - t,
+    "a jump of a clip": lambda z, t, sw: z - sw.clip(2 * z, t, -t),
+    "no number": lambda z, t, sw: z * np.log(z - 5) - t,
+    "an infinite slope": lambda z, t, sw: sw.abs(z) ** 1.5 - t,
+}
+
+
+@pytest.mark.parametrize("name", ANIMALS)
+def test_what_cannot_be_proved_ends_in_words(name):
+    proof = proved(ANIMALS[name], 1, (-3.0, 3.0), (-1.0, 1.0))
+    assert not proof.holds
+    assert proof.open
+    assert proof.words.startswith("not proved in ")
+    assert proof.boxes <= 2 * MOST_BOXES
+
+
+def test_between_windows_counts_are_proved_even_beside_a_pitchfork():
+    proof = proved(ANIMALS["a pitchfork"], 1, (-3.0, 3.0), (-1.0, 1.0))
+    assert [proof.count(t) for t in (-0.5, 0.0, 0.5)] == [1, None, 3]
+
+
+@pytest.mark.parametrize("shift", [-1e-12, -1e-15, 0.0, 1e-15, 1e-12])
+def test_data_moved_a_little_across_a_kink(shift):
+    """|z| = shift, for all alpha: two solutions, one or none; closer than any box."""
+    proof = proved(lambda z, t, sw: sw.abs(z - 0.1) - shift + 0.0 * t, 1, (-1.0, 1.0), (-1.0, 1.0))
+    right = 0 if shift < 0.0 else 1 if shift == 0.0 else 2
+    assert proof.count(0.2) in (None, right)
+    assert proof.holds == (shift < 0.0)
+
+
+@pytest.mark.parametrize("exponent", range(1, 9))
+@pytest.mark.parametrize("is_smooth", [True, False])
+def test_loops_of_all_sizes_are_never_denied(exponent, is_smooth):
+    r = 10.0**-exponent
+
+    def loop(z, t, sw):
+        x, y = z - 0.3, t - 0.2
+        return x * x + y * y - r * r if is_smooth else sw.abs(x) + sw.abs(y) - r
+
+    proof = proved(loop, 1, (-3.0, 3.0), (-1.0, 1.0))
+    assert proof.count(0.2) in (2, None)
+    assert proof.count(0.2) == 2 or proof.open
+    assert proof.count(0.2) == 2 or exponent > 6
+
+
+# -- graphs ----------------------------------------------------------------------------------------
+
+
+def test_a_graph_says_what_is_proved():
+    graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    words = "complete in the box, proved, except in 2 windows of alpha of width up to "
+    assert graph.guarantee.startswith(words)
+    assert "(around folds)" in graph.guarantee
+    assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+    assert graph.proof.count(0.0) is None
+    assert "[-1000, 1000]" in graph.proof.statements[1]
+    assert "IEEE 754" in graph.proof.statements[2]
+    with pytest.raises(InvalidInputError, match="outside"):
+        graph.proof.count(2.0)
+
+
+def test_a_graph_with_a_branch_dropped_says_so():
+    whole = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    two = Switched(1, lambda z, t, sw: (z - 2 + t) * (z + 2 - t))
+    proof = explore(two, (-1.0, 1.0), search=Everywhere()).proof
+    part = trace(two, ([2.0], 0.0), (-1.0, 1.0))
+    part.proof = proof
+    assert "2 solutions proved in the box at alpha = 0, but 1 of them found" in part.guarantee
+    assert "but" not in whole.guarantee
+
+
+def test_a_graph_on_another_curve_says_so():
+    """As many solutions as proved, but others: a branch that jumped."""
+    one, other = (Switched(1, lambda z, t, sw, c=c: z - t - c) for c in (0.0, 1e-3))
+    graph = explore(one, (-1.0, 1.0), search=Everywhere())
+    wrong = explore(other, (-1.0, 1.0))
+    wrong.proof = graph.proof
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+    assert "1 solutions proved" in wrong.guarantee
+
+
+def test_everywhere_finds_a_loop_that_other_searches_miss():
+    loop = Switched(1, lambda z, t, sw: sw.abs(z - 300) + 100 * (t - 0.123) ** 2 - 1e-4)
+    graph = explore(loop, (-1.0, 1.0), search=Everywhere())
+    assert graph.count(0.123) == graph.proof.count(0.123) == 2
+
+
+def test_complementarity_is_traced():
+    problem = Complementarity(lambda z, t: t + 1 - z**2, lower=0.0, upper=2.0, n=1)
+    proof = explore(problem, (-0.5, 5.0), search=Everywhere(box=(-1.0, 5.0))).proof
+    assert proof.holds
+    assert [proof.count(t) for t in (0.0, 4.0)] == [3, 1]
+
+
+REFUSED = {
+    "a plain number": (lambda z, t, sw: z - float(t), "plain number"),
+    "complex numbers": (lambda z, t, sw: ((z + 1j) * (t + 1j)).imag, "no real number"),
+    "a function it does not know": (lambda z, t, sw: np.cbrt(z) - t, "cbrt"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_traced_is_refused_in_words(name):
+    f, words = REFUSED[name]
+    with pytest.raises(InvalidInputError, match=words):
+        traced(f, 1)
+
+
+def test_a_decision_hidden_from_the_tape_is_seen():
+    def sly(z, t, sw):
+        return z - t if z.dtype.kind == "O" else z - t + 1e-3
+
+    with pytest.raises(InvalidInputError, match="decides by something"):
+        explore(Switched(1, sly), (-1.0, 1.0), search=Everywhere())
+
+
+def test_systems_without_a_formula_are_refused():
+    with pytest.raises(InvalidInputError, match="hands over no formula"):
+        explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0), search=Everywhere())
+
+
+@pytest.mark.parametrize("box", [3.0, (1.0, 0.0), ([0.0, 0.0], [1.0, 1.0, 1.0]), (0.0, np.inf)])
+def test_a_box_that_makes_no_sense_is_refused(box):
+    with pytest.raises(InvalidInputError, match="box"):
+        Everywhere(box=box)
+
+
+def test_nothing_is_imported_unless_asked_for():
+    code = "import sys\nfrom pwscont import explore\nprint('pwscont.proof' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False"]
+
+
+def test_seconds_must_be_positive():
+    with pytest.raises(InvalidInputError, match="seconds"):
+        Everywhere(seconds=0.0)
+
+
+def test_the_page_of_the_manual_says_what_is_true():
+    names, answers = {}, 0
+    for code in blocks("proofs.rst"):
+        exec(compile(code, "proofs.rst", "exec"), names)
+        answers += check_answers(code, names)
+    assert answers == 5
