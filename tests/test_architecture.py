@@ -53,15 +53,15 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (11, 1250),
-    "system": (16, 2900),
+    "system": (16, 2980),
     "linear": (13, 1990),
     "notation": (14, 2950),
-    "curve": (17, 3200),
+    "curve": (17, 3400),
     "enumeration": (13, 3100),
     "transitions": (20, 4450),
     "graph": (12, 3000),
     "search": (11, 2190),
-    "continuation": (16, 4180),
+    "continuation": (11, 3850),
     "proof": (15, 2420),
     "scenes": (15, 2700),
     "view": (7, 950),

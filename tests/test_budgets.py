@@ -23,8 +23,8 @@ from pwscont import (
 )
 from pwscont.basics.budget import Budget, check_budget
 from pwscont.commands.cli import main
-from pwscont.continuation.endless import accumulation
 from pwscont.continuation.follow import PieceFollower
+from pwscont.continuation.known import accumulation
 
 FIG7 = fig7()
 

@@ -545,7 +545,6 @@ def test_seconds_that_no_number_holds():
     [
         ({}, {"report": 3}, InvalidInputError, "report must be a function"),
         ({}, {"parameter": ""}, InvalidInputError, "parameter must be a text"),
-        ({"names": lambda self: ("alpha",)}, {}, InvalidInputError, "and of an unknown"),
         ({"size": 10**9}, {}, InvalidSystemError, "do not fit into the memory"),
         (
             {"residual": lambda self, z, alpha, character: z - np.random.default_rng().random()},

@@ -25,7 +25,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.continuation.magnitudes import rough_magnitudes
+from pwscont.curve.magnitudes import rough_magnitudes
 
 # stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
 UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]

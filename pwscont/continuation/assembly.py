@@ -27,8 +27,9 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
-from pwscont.continuation.detector_words import keep_words
-from pwscont.continuation.discovery import Discovery, Edge, Node
+from pwscont.continuation.detectors import keep_words
+from pwscont.continuation.discovery import Discovery, Node
+from pwscont.continuation.known import Edge
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric

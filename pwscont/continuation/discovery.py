@@ -1,7 +1,7 @@
 """Discovery: rays leave nodes, pieces arrive at nodes, until no ray is left.
 
 A piece arrives at a known node if the node has a ray in the same cell, at the same place, in the
-opposite direction. So loops close, and no piece is followed twice.
+opposite direction. So loops close.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
@@ -18,15 +18,18 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.endless import EVERY, REPEATS, Past
 from pwscont.continuation.follow import FollowedPiece, Follower
-from pwscont.continuation.ray_keys import (
+from pwscont.continuation.known import (
+    EVERY,
     JOIN,
+    REPEATS,
     SAME,
     SAME_CROSSING,
+    Edge,
     FollowedRay,
     KnownRay,
     KnownRays,
+    Past,
     RayKey,
     name_of,
     placed,
@@ -80,20 +83,6 @@ class Node:
         return worded(self.said)
 
 
-@final
-class Edge(NamedTuple):
-    """A piece under discovery, from the node where it was begun to the node it reached.
-
-    ``begun_at`` is the point in its middle where tracing began, if it began there.
-    """
-
-    start: int
-    end: int
-    followed: FollowedRay
-    track: Track
-    begun_at: Place | None = None
-
-
 def ends_on_purpose(arrival: SpecialPointFound) -> bool:
     """Tell whether the system, or an event, ends curves at a special point."""
     rays = arrival.rays
@@ -138,6 +127,9 @@ def _also(said: Said, more: str) -> str:
     return f"{worded(said)}; {more}"
 
 
+#: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
+#: tell apart: nothing is said to have been passed over there.
+BESIDE_AN_END = 1e-3
 #: Where a curve leaves one cell for another.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
@@ -376,9 +368,9 @@ class Discovery:
     def _settle(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
         """Of two pieces that overlap keep the shorter one, which ends where the other passed over.
 
-        A step may pass over two branch points, or over a thin cell; a start inside shows both. The
-        rest of the longer piece is followed from its other end. A longer piece that comes second is
-        forgotten: another piece will arrive on its ray.
+        A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
+        followed from the other end. A longer piece that comes second is forgotten: another piece
+        will arrive on its ray.
         """
         beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
         for other in beside:
@@ -397,15 +389,17 @@ class Discovery:
             return False
         if set(longer.followed.names).isdisjoint(shorter.followed.names):
             return False
-        node = self.nodes[far.pop()]
+        node, metric = self.nodes[far.pop()], ray.curve.metric
+        ends = longer.track.start, longer.track.end
+        if any(metric.norm(metric.difference(node.place.x, e.x)) < BESIDE_AN_END for e in ends):
+            return False
         crossed = node.kind == Kind.BRANCH_POINT
         at_end = placed(ray, longer.followed, node.place)
         return starts_on(at_end, longer.followed, longer.track, SAME_CROSSING if crossed else SAME)
 
     def _forget(self, edge: Edge) -> None:
         self.edges[:] = [each for each in self.edges if each is not edge]
-        if edge.begun_at is not None:
-            self._starts.append(edge.begun_at)
+        self._starts += [] if edge.begun_at is None else [edge.begun_at]
 
     def _follow_again(self, edge: Edge, shared: int, ray: Ray) -> None:
         """Follow a forgotten piece from the end that is not shared with a shorter one."""

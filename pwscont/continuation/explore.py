@@ -16,14 +16,6 @@ from pwscont.basics.given import check_callable, checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.magnitudes import (
-    Gauge,
-    MisjudgedError,
-    are_alike,
-    magnitudes_of,
-    rough_magnitudes,
-    rounded_to_one,
-)
 from pwscont.continuation.plan import (
     Plan,
     Report,
@@ -32,6 +24,14 @@ from pwscont.continuation.plan import (
     silent,
 )
 from pwscont.curve.error_samples import Found, is_inside
+from pwscont.curve.magnitudes import (
+    Gauge,
+    MisjudgedError,
+    are_alike,
+    magnitudes_of,
+    rough_magnitudes,
+    rounded_to_one,
+)
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
@@ -299,7 +299,7 @@ def trace(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, alpha)")
-    check_parameter(system, parameter)
+    check_parameter(parameter)
     rough = checked_start(system, start, (lo, hi))
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
@@ -415,7 +415,7 @@ def explore(
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, alpha)")
-    check_parameter(system, parameter)
+    check_parameter(parameter)
     given = checked_starts(system, starts, (lo, hi))
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())

@@ -25,8 +25,8 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
-from pwscont.continuation.magnitudes import Gauge
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.system.differences import FINEST_PART, REFINEMENT
 from pwscont.system.slopes import refuse_wrong_jacobian

@@ -28,12 +28,12 @@ from pwscont.continuation.assembly import assemble, mark
 from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import CROSSED, Discovery, Node
 from pwscont.continuation.follow import Follower, PieceFollower, alone
-from pwscont.continuation.followed_branches import FollowedBranches
 from pwscont.continuation.journal import Journal, Recorded
-from pwscont.continuation.magnitudes import Gauge
+from pwscont.continuation.known import FollowedBranches
 from pwscont.continuation.reentry import Beyond, reentries
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
+from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import Stepper

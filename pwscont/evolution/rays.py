@@ -23,9 +23,9 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.continuation.magnitudes import rough_magnitudes
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, is_same
+from pwscont.curve.magnitudes import rough_magnitudes
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.curve.semismooth import semismooth_newton

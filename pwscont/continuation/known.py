@@ -1,4 +1,4 @@
-"""Rays that are known, and how rays are told apart.
+"""What a run knows: the rays at which pieces arrive, the branches followed, the past of a path.
 
 A ray is recognised by cells, place and direction. Directions are compared by the cosine between
 sketches of the directions, see :meth:`~pwscont.curve.metric.Metric.sketch`.
@@ -9,12 +9,21 @@ Failure modes and answers
 - Special points are closer than places are told apart by digits: then only errors tell which of
   several points is at this place. A walk that has never left that distance may have passed such
   points: only errors tell whether the walk has come back to a known point.
+- Special points come closer and closer for a while, and then no more: no path is stopped for that.
+  Only the message of a path that was stopped for another reason says that points accumulate.
+- Special points come closer so slowly that they reach any alpha (roots of the whole numbers): the
+  differences must shrink fast enough for their sum to be finite, by Raabe's test.
+- Several kinds of special points take turns: the sequences of every second, third and fourth point
+  are tested, too.
+- A path with many equal teeth, each in cells of its own, ends: a path repeats itself only in the
+  same cells, shifted by the same vector again and again, at the same alphas.
+- A path that repeats itself for a while may end all the same: a user who sets limits decides.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from hashlib import blake2b
 from typing import NamedTuple, final
 
@@ -22,13 +31,14 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import ACCUMULATE, Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.graph.place import Place, Track
 from pwscont.graph.queries import solve_between
+from pwscont.search.search import KnownBranches
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.rays import Ray
@@ -137,6 +147,20 @@ class FollowedRay(NamedTuple):
         """Return the curve of the piece."""
         first, *adjacent = self.selection
         return Curve(Selection(system, first, tuple(adjacent)), metric)
+
+
+@final
+class Edge(NamedTuple):
+    """A piece under discovery, from the node where it was begun to the node it reached.
+
+    ``begun_at`` is the point in its middle where tracing began, if it began there.
+    """
+
+    start: int
+    end: int
+    followed: FollowedRay
+    track: Track
+    begun_at: Place | None = None
 
 
 class KnownRay(NamedTuple):
@@ -281,3 +305,177 @@ def ray_back(ray: Ray, followed: FollowedRay, track: Track) -> Ray | None:
         return None
     state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
     return Ray(curve, state, followed.selection[1:])
+
+
+#: A curve strays from the chord between two stored points by less than this part of its length.
+NEAR = 0.2
+TINY = 1e-300
+
+
+@final
+class FollowedBranches(KnownBranches):
+    """The pieces of a discovery.
+
+    Attributes
+    ----------
+    edges : callable
+        Returns the pieces; none before the discovery begins.
+    """
+
+    def __init__(self) -> None:
+        self.edges: Sequence[Edge] = ()
+
+    def at(self, alpha: float) -> list[Array]:
+        """Return a point for each known solution, by straight lines between stored points."""
+        return [x for edge in self.edges for x in _crossings(edge.track.points, alpha)]
+
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return the nearest point on the straight lines between stored points, if it is near."""
+        found = (_nearest(edge.track.points, x, metric) for edge in self.edges)
+        near = [(distance / length, point) for distance, length, point in found]
+        part, point = min(near, key=lambda each: each[0], default=(np.inf, x))
+        return point if part <= NEAR else None
+
+    def extremes(self) -> list[Array]:
+        """Return the points of pieces at which alpha or an unknown is extremal."""
+        return [x for edge in self.edges for x in _extremes(edge.track.points)]
+
+
+def _crossings(points: Array, alpha: float) -> list[Array]:
+    """Return where the polygon through some points has an alpha."""
+    sides = np.sign(points[:, -1] - alpha)
+    found = [points[i] for i in np.flatnonzero(sides == 0.0)]
+    for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
+        a, b = points[i], points[i + 1]
+        found.append(a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a))
+    return found
+
+
+def _nearest(points: Array, x: Array, metric: Metric) -> tuple[float, float, Array]:
+    """Return the distance to the nearest point of a polygon, the length of its chord, the point."""
+    starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
+    away = metric.difference(x, points[:-1]) / metric.scale
+    lengths = np.maximum((chords**2).sum(axis=1), TINY)
+    parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
+    distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1)
+    i = int(np.argmin(distances / np.sqrt(lengths)))
+    point = (starts[i] + parts[i] * chords[i]) * metric.scale
+    return float(distances[i]), float(np.sqrt(lengths[i])), point
+
+
+def _extremes(points: Array) -> list[Array]:
+    """Return the points at which a coordinate is largest or smallest, each once."""
+    numbers = {*points.argmin(axis=0).tolist(), *points.argmax(axis=0).tolist()}
+    return [points[i] for i in sorted(numbers)]
+
+
+#: What a user reads at an end of a path that repeats itself.
+REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"
+#: Pieces after which a path is looked at again; odd, so that the ends of a path take turns.
+EVERY = 13
+#: Differences that must fit a convergent sequence, and most kinds of points that may take turns.
+TERMS, MOST_TURNS = 6, 4
+#: How far 1 / (1 - q) may stray from a straight line, q the ratio of successive differences.
+STRAY = 0.25
+#: Largest slope of that line: 0 for geometric sequences, 1/2 for 1 / k, 1 where the sum diverges.
+STEEPEST = 0.8
+#: Periods after which a path is taken to repeat itself, and their longest length in pieces.
+PERIODS, LONGEST = 8, 8
+#: Two shifts are one up to this part of their length.
+SAME_SHIFT = 1e-5
+
+
+@final
+class Past:
+    """The way by which each special point of a run was first reached."""
+
+    def __init__(self) -> None:
+        self._steps: dict[int, tuple[int, Place, object]] = {}
+
+    def add(self, start: int, end: int, place: Place, cells: object) -> None:
+        """Remember that a piece in some cells led from a node to another one, and its place."""
+        self._steps.setdefault(end, (start, place, cells))
+
+    def _leading_to(self, node: int, most: int) -> list[tuple[Place, object]]:
+        """Return the last places on the way to a node, each with the cells before it."""
+        found: list[tuple[Place, object]] = []
+        while len(found) < most and node in self._steps:
+            node, place, cells = self._steps[node]
+            found.append((place, cells))
+        return found[::-1]
+
+    def repeats(self, node: int, scale: Array) -> bool:
+        """Tell whether the path to a node repeats itself; the scale is that of (z, alpha)."""
+        way = self._leading_to(node, PERIODS * LONGEST + 1)
+        periods = _periods([cells for _, cells in way[1:]])
+        if not periods:  # nearly always, and places are not looked at
+            return False
+        points = np.array([place.x / scale for place, _ in way])
+        return any(_is_shifted(points, period) for period in periods)
+
+    def accumulation(self, node: int, is_special: bool) -> str:
+        """Return at which alpha the special points up to a node accumulate, in words."""
+        way = self._leading_to(node, TERMS * MOST_TURNS + 2)
+        alphas = [place.alpha for place, _ in way]
+        limit = accumulation(alphas if is_special else alphas[:-1])
+        return "" if limit is None else f"; {ACCUMULATE} {limit:.6g}"
+
+
+def accumulation(alphas: Sequence[float]) -> float | None:
+    """Return the alpha at which special points accumulate, None where nothing looks like it.
+
+    Parameters
+    ----------
+    alphas : sequence of float
+        The alphas of successive special points of a path.
+    """
+    for turns in range(1, MOST_TURNS + 1):
+        terms = np.array(alphas[::-1][::turns][: TERMS + 1][::-1])
+        if len(terms) > TERMS and (limit := _limit(terms)) is not None:
+            return limit
+    return None
+
+
+def _limit(terms: Array) -> float | None:
+    """Return the limit of a sequence, by the tail of its differences."""
+    steps = np.diff(terms)
+    if (steps == 0.0).any():
+        return None
+    ratios = steps[1:] / steps[:-1]
+    if ratios.min() <= 0.0 or ratios.max() >= 1.0:
+        return None
+    rests = 1.0 / (1.0 - ratios)
+    slope = float(np.median(np.diff(rests)))
+    if slope >= STEEPEST or np.abs(np.diff(rests) - slope).max() > STRAY:
+        return None
+    return float(terms[-1] + steps[-1] * (rests[-1] - 1.0) / (1.0 - slope))
+
+
+def _periods(cells: Sequence[object]) -> list[int]:
+    """Return after how many pieces a path is in the same cells again and again."""
+    return [
+        period
+        for period in range(1, min(LONGEST, len(cells) // PERIODS) + 1)
+        if cells[-PERIODS * period : -period] == cells[-(PERIODS - 1) * period :]
+    ]
+
+
+def _is_shifted(points: Array, period: int) -> bool:
+    """Tell whether each period shifts a path by as much, without coming nearer to an end.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, n + 1)
+        Successive special points (z, alpha), each unknown divided by its typical magnitude.
+    period : int
+        A number of pieces after which the path is in the same cells again.
+    """
+    shifts = np.diff(points[-1 - PERIODS * period :: period], axis=0)
+    length = float(np.linalg.norm(shifts[-1]))
+    spread = np.linalg.norm(shifts - shifts[-1], axis=1).max()
+    return bool(length > 0.0 and spread <= SAME_SHIFT * length) and _stays(shifts, length)
+
+
+def _stays(shifts: Array, length: float) -> bool:
+    """Tell whether a period leads back to the alpha where it began."""
+    return bool(np.abs(shifts[:, -1]).max() <= SAME_SHIFT * length)
