@@ -26,6 +26,8 @@ from pwscont.commands.cli import main
 from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.known import accumulation
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 FIG7 = fig7()
 
 

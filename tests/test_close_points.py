@@ -5,6 +5,8 @@ import pytest
 
 from pwscont import PiecewiseLinearSystem, PiecewiseSystem, explore, trace
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 #: How far an event is beyond a kink.
 GAPS = (0.0, 1e-12, 3e-11, 1e-10, 3e-10, 1e-9, 5e-9, 1e-7, -1e-10, -1e-9, -5e-9)
 

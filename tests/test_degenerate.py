@@ -16,6 +16,8 @@ from pwscont import (
     trace,
 )
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]])
 UNCOUPLED = np.diag([2.0, 2.0])
 

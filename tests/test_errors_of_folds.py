@@ -5,6 +5,8 @@ import pytest
 
 from pwscont import PiecewiseSystem, PseudoArclength, StepSize, trace
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 
 class Turned(PiecewiseSystem):
     """alpha = a u^2 + b u^3 with u = y_0 - c, y_i = cos(w_i u) and y = M z: a fold at u = 0."""

@@ -17,6 +17,8 @@ from pwscont import (
     trace,
 )
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 
 class Kinked(PiecewiseLinearSystem):
     """z = 2 alpha up to z = 1, and z = 4 alpha - 1 beyond."""

@@ -27,6 +27,8 @@ from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_chang
 from pwscont.scenes.marks import markers_of
 from pwscont.transitions import events as events_module
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 
 def along(system, interval, function):
     """Return all zeros of a function on the branches, by sign changes on a fine grid."""

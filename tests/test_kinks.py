@@ -17,6 +17,8 @@ from pwscont import (
 from pwscont.basics.arrays import dense
 from pwscont.bench.calls import counted
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 
 class Switches(PiecewiseLinearSystem):
     """A z + C |z - k| = a + alpha b with a diagonal C."""

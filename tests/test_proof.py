@@ -19,6 +19,8 @@ from pwscont.proof.cover import MOST_BOXES
 from pwscont.proof.interval import Interval
 from pwscont.proof.tape import traced
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 ARCH = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
 
 

@@ -14,6 +14,8 @@ from sweeps import swept
 
 from pwscont import InvalidInputError, Limits, SystemWithMemory, evolve
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 #: Times at which histories are compared; those next to an event are left out.
 PLACES, BESIDE = 20, 1e-6
 

@@ -24,6 +24,8 @@ from pwscont.curve.predictor import Secant
 from pwscont.curve.step_size import StepSize
 from pwscont.linear.factorise import bordered
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 LOCATED = 1e-10
 INTERVAL = (-1.0, 1.3)
 

@@ -8,6 +8,8 @@ import pytest
 from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, trace
 from pwscont.curve.step_size import StepSize
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 WIDTH = 2.0**-27  # 7.5e-9; 1 + WIDTH is exact, so the closed form below is, too
 STEP_SIZES = [
     StepSize(first=length, largest=length) for length in (1e-3, 1e-2, 0.1, 0.7, 3.0, 10.0)

@@ -27,6 +27,8 @@ from pwscont import (
 )
 from pwscont.curve.magnitudes import rough_magnitudes
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 # stiffness and force of one unit of the paper's data: soft tissue to steel, micro to mega
 UNITS = [(1.0, 1.0), (1e3, 1e-3), (2.1e11, 1e3), (2.1e11, 1e6), (1e-6, 1e-9), (1e12, 1.0)]
 ALL_UNITS = pytest.mark.parametrize(("stiffness", "force"), UNITS)

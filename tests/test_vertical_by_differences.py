@@ -10,6 +10,8 @@ import pytest
 
 from pwscont import PiecewiseSystem, trace
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 
 class Mixed(PiecewiseSystem):
     """alpha = y_0 below 0, 0 up to 1 and y_0 - 1 beyond; the other y_k follow y_0; z = Q^T y."""

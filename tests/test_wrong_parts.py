@@ -36,6 +36,8 @@ from pwscont.extending import Ending, Failure, FailureReason, Guarantee, SearchS
 from pwscont.scenes import registry
 from pwscont.scenes.registry import settings_of
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 
 class Bent(PiecewiseSystem):
     """z + z^2 / 4 = 0.4 alpha + 0.0125: z = 1/2 at alpha = 1.375, z = 0.3 at alpha = 0.775."""
