@@ -8,6 +8,7 @@ from rational import SwitchedFamily
 
 from pwscont import (
     LCP,
+    InvalidSystemError,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     Switched,
@@ -290,3 +291,16 @@ def test_a_body_that_grazes_the_floor_has_one_solution_along_interfaces(force, c
     body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
     graph = explore(CoulombFriction(body, np.array(force)), (0.0, 10.0))
     assert tuple(graph.count(F) for F in (0.5, 1.0, 5.0)) == counts
+
+
+def test_a_residual_that_is_zero_everywhere_is_refused():
+    with pytest.raises(InvalidSystemError, match="every z is a solution"):
+        explore(Switched(2, lambda z, alpha, sw: 0.0 * z), (-1.0, 1.0))
+
+
+@pytest.mark.slow
+def test_many_branch_points_at_one_point_end_in_words():
+    """Three pitchforks meet in one point: 27 branches leave to the right."""
+    graph = explore(Switched(3, lambda z, alpha, sw: alpha * z - z**3), (-1.0, 1.0))
+    assert 20 <= graph.count(0.3) <= 27
+    assert "stopped at alpha = " in graph.guarantee

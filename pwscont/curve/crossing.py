@@ -34,6 +34,9 @@ from pwscont.linear.factorise import columns_scaled, largest_in_rows, power_of_t
 
 #: Most Newton iterations to a branch point.
 MOST_ITERATIONS = 12
+#: From this iteration on Newton is fast if the branch point is simple: a correction of more than
+#: this part of the correction before tells of a point at which more than two curves meet.
+FAR_OFF, LINEAR = 4, 0.25
 #: Rounds of renewing generic borders before the first iteration.
 FIRST_BORDERS = 2
 #: Largest H at a crossing, as a part of the terms of H; with a larger H the curves pass by.
@@ -110,7 +113,7 @@ class _Step:
 
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     """Return the branch point near ``x``, by Newton's method on the extended system."""
-    equations, borders = _equations(curve, x), _generic(len(x) - 1)
+    equations, borders, before = _equations(curve, x), _generic(len(x) - 1), np.inf
     for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS):
         null = _null(curve, x, equations, *borders)
         if null is None:
@@ -122,8 +125,12 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
         if step is None:
             return Failure(FailureReason.SINGULAR)
         x = _in_the_interval(curve, x + step.dx)
-        if curve.metric.relative(step.dx, x) <= CONVERGED:
+        size = curve.metric.relative(step.dx, x)
+        if size <= CONVERGED:
             return _found(curve, x, null, step)
+        if iteration >= FAR_OFF and size > LINEAR * before:
+            break
+        before = size
     return Failure(FailureReason.NOT_CONVERGED)
 
 

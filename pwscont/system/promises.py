@@ -265,7 +265,9 @@ def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale:
 
 
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
-    """Refuse a system whose H is finite at no point tried: around zero, over the whole interval.
+    """Refuse a system whose H is finite, or other than zero, at no point tried.
+
+    The points lie around zero, over the whole interval.
 
     Raises
     ------
@@ -280,6 +282,11 @@ def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> 
             f"{probes[0][1]:.6g}: no solution can be searched; trace() from a point where H is "
             "defined"
         )
+    if not any(_is_nonzero(system, z, alpha) for z, alpha in probes):
+        raise InvalidSystemError(
+            f"{type(system).__name__}.residual is zero at all of {len(probes)} points that were "
+            "tried: every z is a solution"
+        )
 
 
 def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, float]]:
@@ -287,6 +294,12 @@ def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, floa
         yield np.zeros(len(scale)), alpha
         for shift in range(1, PROBES):
             yield scale * generic(len(scale), shift), alpha
+
+
+def _is_nonzero(system: PiecewiseSystem, z: Array, alpha: float) -> bool:
+    with np.errstate(all="ignore"):
+        residual = system.residual(z, alpha, Character.of(system.test_functions(z, alpha)))
+    return bool((np.asarray(residual) != 0.0).any())
 
 
 def _is_finite(system: PiecewiseSystem, z: Array, alpha: float) -> bool:

@@ -37,6 +37,9 @@ from pwscont.transitions.rays import Ray
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
+#: The extended system, which costs as much as many points of the curve, is solved from the middle
+#: of every third bracket: from within an eighth of the bracket before.
+BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no walk carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 #: What is read, by the sign: not to be written to.
@@ -119,9 +122,10 @@ def _locate(
 ) -> Crossing | Failure:
     """Return the branch point on a segment, bisecting until Newton finds the point."""
     lo, hi = bracket
-    for _ in range(MOST_BISECTIONS):
+    for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        found = crossing(segment.curve, segment.near(middle))
+        is_tried = number % BISECTIONS_BETWEEN == 0
+        found = crossing(segment.curve, segment.near(middle)) if is_tried else None
         if isinstance(found, Crossing) and _belongs(segment, found.x):
             if not found.meets:
                 return Failure(FailureReason.SINGULAR)
