@@ -432,7 +432,7 @@ def explore(
             return graph
 
         graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), follow)
-    if not graph.special_points() and not budget.spent:
+    if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
 
