@@ -166,16 +166,17 @@ def play(springs: int = 5, hardening: float = 0.2) -> EvolutionScene:
     strength = np.linspace(0.4, 1.6, springs) / springs
     system = PlasticTruss(one, history, 1.0 / springs, strength, hardening / springs)
 
-    def load(z: Array, t: float) -> float:
-        return float(history(t)[0])
-
     return EvolutionScene(
         "play",
         f"{springs} elastic-plastic springs in parallel",
         system,
         history.interval,
-        record={"load": load},
+        record={"load": partial(_load, history)},
         at=(1.0, 2.0),
         panels=(("load", "u_1"),),
         period=2.0,
     )
+
+
+def _load(history: LoadHistory, z: Array, t: float) -> float:
+    return float(history(t)[0])

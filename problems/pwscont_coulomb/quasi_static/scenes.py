@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from pwscont import EvolutionScene, InvalidInputError, LoadHistory
@@ -57,27 +59,36 @@ def cattaneo(
     moved = [np.repeat(way, nodes) for way in ways]
     history = LoadHistory(np.array(moved) @ body.A)
 
-    def force(z: Array, t: float) -> float:
-        return float(-z[-nodes:].sum())
-
-    def shifted(z: Array, t: float) -> float:
-        far = FAR / (np.pi * MODULUS) * force(z, t)  # the compliance far away is left out
-        return float(np.interp(t, history.times, [way[1] for way in ways])) - far
-
-    def sticking(z: Array, t: float) -> float:
-        bound = -friction * z[-2 * nodes : -nodes]
-        sticks = np.abs(z[-nodes:]) < bound * (1.0 - CONVERGED)
-        return float(sticks.sum() / max(1, np.count_nonzero(bound)))
-
+    shifts = [way[1] for way in ways]
+    record = {
+        "force": partial(_force, nodes),
+        "shift": partial(_shift, nodes, history.times, shifts),
+        "stick zone": partial(_stick_zone, nodes, friction),
+    }
     return EvolutionScene(
         "cattaneo",
         f"a round body, pressed and sheared to and fro, {nodes} strips, F = {friction:g}",
         QuasiStaticCoulomb(body, history, friction),
         history.interval,
-        record={"force": force, "shift": shifted, "stick zone": sticking},
+        record=record,
         panels=(("force", "shift"), ("stick zone", "t")),
         period=2.0,
     )
+
+
+def _force(nodes: int, z: Array, t: float) -> float:
+    return float(-z[-nodes:].sum())
+
+
+def _shift(nodes: int, times: Array, shifts: list[float], z: Array, t: float) -> float:
+    far = FAR / (np.pi * MODULUS) * _force(nodes, z, t)  # the compliance far away is left out
+    return float(np.interp(t, times, shifts)) - far
+
+
+def _stick_zone(nodes: int, friction: float, z: Array, t: float) -> float:
+    bound = -friction * z[-2 * nodes : -nodes]
+    sticks = np.abs(z[-nodes:]) < bound * (1.0 - CONVERGED)
+    return float(sticks.sum() / max(1, np.count_nonzero(bound)))
 
 
 def block_cycle(
