@@ -46,7 +46,7 @@ WRITTEN = {"curve.png", "curve.npz", "curve.html", "run.journal", "most.png", "s
 @pytest.mark.slow
 def test_the_cheat_sheet_runs(tmp_path):
     _, answers = run("cheatsheet.rst")
-    assert answers == 46
+    assert answers == 48
     assert {file.name for file in tmp_path.iterdir()} >= WRITTEN
 
 

@@ -59,8 +59,8 @@ class Stamps:
         Nodes between which current finds a way.
     stiff : list of pair of str
         The paths whose voltage follows from the current.
-    fixed : list of (name, plus, minus)
-        Pairs of nodes whose voltage is given, and the element that gives the voltage.
+    fixed : list of tuple of str
+        The element that gives a voltage, and the two nodes between which the voltage is given.
     is_monotone : bool
         Whether all elements have two ends and currents that never fall while voltages grow.
 

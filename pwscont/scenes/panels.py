@@ -34,8 +34,8 @@ class Shapes:
     ----------
     corners : ndarray of int, shape (elements, c)
         The nodes around each element.
-    positions : ndarray, shape (states, 2, nodes)
-        Places at which nodes are drawn: displacements may be magnified.
+    positions : ndarray, shape (states, 2, v)
+        Places at which the v nodes are drawn: displacements may be magnified.
     shade : ndarray, shape (states, m, elements)
         Stress of each element; the Euclidean norm over the m components chooses the colour.
     contact : ndarray of int, shape (p,)
