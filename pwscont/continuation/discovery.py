@@ -112,7 +112,7 @@ def keys_at_end(walk: FollowedPiece, ray: Ray, key: RayKey, end: Place) -> list[
 def without_leaving(
     arrival: SpecialPointFound, staying: tuple[Ray, ...], bounds: Bounds
 ) -> SpecialPointFound:
-    """Return a special point with the rays that stay, and words on bounds that others leave."""
+    """Return a special point with the rays that stay, and words on bounds that the rest leaves."""
     gone = [ray for ray in arrival.rays if ray not in staying]
     why = next(filter(None, map(bounds.left_by, gone)), None)
     if why is None:

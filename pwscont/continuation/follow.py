@@ -2,14 +2,12 @@
 
 Failure modes and answers
 -------------------------
-- Shorter steps amplify rounding, and noise of the user's function, and every later piece of the run
-  would have them: the error of steps that are too long falls with their length, that of rounding
-  and noise grows. So finer steps are taken only where the next finer ones change derivatives more
-  than those after them.
-- Beside an end of the model derivatives change by rounding: that is no reason.
-- The step of the differences leads beyond an end of the model, where the point itself does not:
-  finer steps are taken where these alone are finite. So a piece reaches the end of the model as
-  closely as the finest steps allow, whatever the magnitudes are.
+- Shorter steps of differences amplify rounding and the noise of the user's function. Finer steps
+  are taken only if the next finer steps change derivatives more than the finest steps do.
+- Beside an end of the model derivatives change by rounding, which is no reason for finer steps.
+- The step of the differences leads beyond an end of the model, although the point does not: finer
+  steps are taken if only finer steps are finite. So a piece reaches the end of the model as closely
+  as the finest steps allow, whatever the magnitudes are.
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, fi
 
 
 def refined(curve: Curve, x: Array) -> bool:
-    """Let differences have shorter steps if derivatives become better; tell whether they do.
+    """Let differences have shorter steps if derivatives become better; return whether so.
 
     Parameters
     ----------
@@ -374,7 +372,7 @@ class _Reached:
         return abs(float(points[-1, -1]) - middle), abs(middle - first)
 
     def refines(self) -> bool:
-        """Let differences have shorter steps if these help; tell whether they do."""
+        """Let differences have shorter steps if shorter steps help; return whether so."""
         self._shortened = 0
         return refined(self.curve, self.state.x)
 

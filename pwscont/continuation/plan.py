@@ -67,7 +67,7 @@ from pwscont.transitions.watch import Watch
 
 @final
 class Usable:
-    """Starts within the bounds, of which at least one digit is certain; the others are counted.
+    """Starts within the bounds with at least one certain digit; uncertain starts are counted.
 
     Parameters
     ----------
@@ -450,7 +450,7 @@ def checked_detectors(
     Raises
     ------
     InvalidInputError
-        If one is no :class:`~pwscont.TransitionDetector`, or an event no function.
+        If a detector is no :class:`~pwscont.TransitionDetector`, or an event is no function.
     """
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:

@@ -1,37 +1,36 @@
 """Typical magnitudes of the unknowns, from H, from solutions and from the path.
 
-An unknown is typically as far from where the path begins as it is on the mean over alpha. The mean
-over the points would follow a branch that leaves for infinity, where there are many points and
-alpha hardly changes.
+The typical magnitude of an unknown is the distance of the unknown from the beginning of the path,
+as a mean over alpha. A mean over the points would follow a branch that leaves for infinity, where
+there are many points and alpha hardly changes.
 
-Before anything is known, an unknown is as large as it must be for H to change by its own terms.
-Solutions then say more, and :class:`Gauge` what the path says. All of
-it follows the units: if an unknown, an equation or alpha is measured in another unit, so are the
-magnitudes.
+Before a solution is known, the magnitude of an unknown is the change of the unknown by which H
+changes by the terms of H. Solutions then say more, and :class:`Gauge` what the path says.
+Magnitudes follow the units of unknowns, equations and alpha.
 
 Failure modes and answers
 -------------------------
-- Magnitudes far too small: thousands of steps lead nowhere. The path is looked at after some steps;
-  where alpha has hardly moved by then, and an unknown very far, its magnitude grows by a factor.
-- Magnitudes far too large: a fold is as sharp as a kink, and may be passed over. That is known at
-  the end only.
-- An unknown that does not move, or by no more than rounding, has no magnitude: it is left out.
-- Newton's method by differences needs steps that fit, so that H is asked before Newton is used.
-- H may be flat, or singular, where it is asked: it is asked for changes of all sizes, not for
-  derivatives. Of many unknowns that would take too long; there one Newton step tells.
-- H may oscillate, as tan(z): changes do not grow with the size then, and any size may come out of a
-  bisection. A far smaller size shows it: there H changes by far more than in proportion. The size
-  by which H changes a little is then found first, and larger ones in turn.
+- Magnitudes are far too small: thousands of steps lead nowhere. The path is looked at after some
+  steps; the magnitude of an unknown that has moved far while alpha has hardly moved grows by a
+  factor.
+- Magnitudes are far too large: a fold is as sharp as a kink, and may be passed over. The end of the
+  path tells.
+- An unknown that moves by no more than rounding has no magnitude, and is left out.
+- Newton's method by differences needs steps that fit: H is evaluated before Newton is used.
+- H may be flat or singular at a point: H is evaluated for changes of all sizes, and no derivative
+  is taken. If unknowns are many, one Newton step tells, in less time.
+- H may oscillate, as tan(z): then changes do not grow with the size, and a bisection may find any
+  size. At a far smaller size H changes by far more than in proportion. The size by which H changes
+  a little is then found first, and larger sizes in turn.
 - An unknown may rest at a bound, whose value is no magnitude: the size of an unknown that does not
   move says nothing.
-- Equations that alpha is in come first. What is constant in another one may be a switch's small
-  saturation current: before that counts, unknowns that are measured give the equation terms.
-- Next to a fold dz/dalpha is large: the smallest of several solutions counts, of many unknowns
-  only.
-- H need not be defined beyond the bounds of z, nor far out: H is not asked there, and where it
-  fails it says nothing.
-- A solution that decays along a chain of unknowns: an unknown that is tiny beside the largest is
-  not measured by its own size.
+- Equations with alpha come first. The constant of another equation may be a small saturation
+  current of a switch: unknowns with known magnitudes give such an equation larger terms first.
+- Next to a fold dz/dalpha is large: if unknowns are many, the smallest of several solutions counts.
+- H need not be defined beyond the bounds of z, or far out: values outside are not asked for, and a
+  value that is not finite says nothing.
+- A solution decays along a chain of unknowns: the size of an unknown that is tiny beside the
+  largest unknown is no magnitude.
 """
 
 from __future__ import annotations

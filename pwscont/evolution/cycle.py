@@ -32,7 +32,7 @@ class Cycle:
         "ratchetting": the memory grows by the same ``drift`` in each of the last periods.
         "not yet": none of these within the interval, or the evolution ends before.
     periods : int
-        After how many periods of the load the state repeats itself; 0 where it does not.
+        Number of periods of the load after which the state repeats itself; 0 if the state does not.
     drift : ndarray, shape (k,)
         Change of the memory in the last period.
     """

@@ -24,7 +24,7 @@ from pwscont.evolution.user_events import UserEvents
 from pwscont.evolution.ways import Moment, Moments, WaysOn
 from pwscont.transitions.user_event import Stop
 
-#: No more uncertain events than these are named one by one.
+#: Largest number of uncertain events that the guarantee names.
 MOST_NAMED = 4
 ALL = "all evolutions with finitely many events"
 

@@ -70,7 +70,7 @@ class EvolutionGraph(EvolutionStructure):
     def paths(self) -> EvolutionPaths:
         """Return all evolutions, each from a start to an end, a loss or an undecided state.
 
-        The evolutions may be very many; they are made one by one as they are asked for.
+        Evolutions may be very many: each evolution is made when asked for.
         """
         return EvolutionPaths(self)
 

@@ -21,7 +21,7 @@ from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.states import EvolutionState
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 
-#: No more evolutions than these are told one by one.
+#: Largest number of evolutions that a table tells singly.
 MOST_TOLD = 8
 
 

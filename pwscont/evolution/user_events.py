@@ -4,8 +4,8 @@ Failure modes and answers
 -------------------------
 - The function is zero where the piece begins, because the piece begins at that event: the search
   begins a little later.
-- The function is curved and has two zeros close together: they are found where a sample lies
-  between them; :data:`SAMPLES` samples are taken.
+- The function is curved and has two zeros close together: both zeros are found if one of
+  :data:`SAMPLES` samples lies between the zeros.
 """
 
 from __future__ import annotations

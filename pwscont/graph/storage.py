@@ -118,7 +118,7 @@ def write(path: str | Path, contents: Contents) -> None:
     np.savez(content, header=np.array(json.dumps(header)), **arrays)
     try:
         replace_file(Path(path), content.getbuffer())
-    except (OSError, TypeError, ValueError) as error:  # the last two: it is no path of a file
+    except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
         why = getattr(error, "strerror", None) or error
         raise GraphFileError(f"cannot write {path}: {why}") from error
 

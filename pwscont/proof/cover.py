@@ -36,8 +36,8 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
-#: A coordinate is not halved if another one is so many times as wide, by typical magnitudes:
-#: else a coordinate that hardly matters to any row would never be halved.
+#: A coordinate is halved only if no other coordinate is this many times as wide, in typical
+#: magnitudes: else a coordinate that hardly matters to any row would never be halved.
 LENGTHY = 4.0
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
 TRIED = 0.9

@@ -20,7 +20,7 @@ from scipy.linalg import lapack
 from pwscont.extending import Array
 
 Flags = npt.NDArray[np.bool_]
-#: So many changes of rank one are made before the inverse is computed afresh.
+#: Largest number of changes of rank one before the inverse is computed afresh.
 MOST_CHANGES = 24
 
 

@@ -10,7 +10,7 @@ from pwscont import Block, Character, SlicewiseLinearSystem, enumerate_solutions
 from pwscont.extending import Array, Indices, Matrix
 from pwscont_coulomb.modes import SIGNS, Mode, mode_of
 
-#: Signs of the only test of a node at the bound: it slips, or it sticks.
+#: Signs of the only test of a node at the friction bound: the node slips, or the node sticks.
 SLIPS, STICKS = (True,), (False,)
 
 

@@ -52,7 +52,7 @@ MOST_BITS = 44
 MOST_PIVOTS, MOST_THETAS = 60, 40
 #: After so many steps for theta the gain is looked at.
 WAIT = 6
-#: So many times all nodes change at once without fewer of them being wrong.
+#: Largest number of changes of all wrong nodes at once after which no fewer nodes are wrong.
 PATIENCE = 8
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
 SLIP = {1: int(Mode.SLIP_PLUS), -1: int(Mode.SLIP_MINUS)}
