@@ -30,6 +30,8 @@ from pwscont.curve.step_size import StepSize
 from pwscont.graph.place import Track
 from pwscont.transitions import BoundingTests
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 ROUNDING = 1e-13
 KNOWN = [name for name in CASES if name not in ("fig12", "fig16_as_captioned")]
 

@@ -24,6 +24,8 @@ from pwscont.scenes.registry import GROUP, load_scene, scene_names
 from pwscont.scenes.table import report
 from pwscont.two_parameters.scene import PlaneScene
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 NAMES = scene_names()
 ELASTIC = ("block", "press", "wedge")  # with the body at the listed solutions
 PLANES = ("fig4", "fig5", "fig6", "example1-load-plane", "example1-critical-friction")

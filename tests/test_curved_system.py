@@ -19,6 +19,8 @@ from pwscont.curve.predictor import Secant, Tangent
 from pwscont.curve.step_size import StepSize
 from pwscont.search import Search
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 VARIANTS = [
     PseudoArclength(),
     PseudoArclength(predictor=Secant()),

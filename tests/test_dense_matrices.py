@@ -11,6 +11,8 @@ from pwscont.linear.factorise import bordered, factor, inner
 from pwscont.linear.updates import TOGETHER, Changes, ProductForm
 from pwscont.linear.vectors import Rows
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 SIZES = [1, 2, 5, 31, 32, 33, 120]
 
 

@@ -20,6 +20,8 @@ from pwscont import (
 from pwscont.basics.rounding import EPS
 from pwscont.system.differences import FINE_STEP, REFINEMENT, STEP, Differences
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 UNITS = [1e-12, 1e-9, 1e-5, 1.0, 1e5, 1e12]
 
 

@@ -25,6 +25,8 @@ from pwscont.enumeration import solve_slice
 from pwscont.enumeration.options import Option, Problem
 from pwscont.enumeration.tree import leaves
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 NEAR_A_TRANSITION = 1e-8
 
 

@@ -18,6 +18,8 @@ from pwscont.search.few_cells import FewCells
 from pwscont.system.selection import Selection
 from pwscont.transitions.departures import Standing
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 INTERVAL = (-2.0, 2.0)
 
 

@@ -12,6 +12,8 @@ from sweeps import swept
 
 from pwscont import LCP, BranchGraph, Complementarity, Switched, enumerate_solutions, explore
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 INTERVAL = (-1.5, 1.5)
 ALPHAS = [
     Fraction(-1),

@@ -36,6 +36,8 @@ from pwscont import (
     trace,
 )
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 ALPHAS = (-1.37, 0.21, 1.83)
 
 

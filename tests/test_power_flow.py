@@ -16,6 +16,8 @@ from sweeps import swept
 
 from pwscont import Complementarity, InvalidInputError, check_system, explore, trace
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "ieee14.json").read_text())
 
 

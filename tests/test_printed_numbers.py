@@ -7,6 +7,8 @@ from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad
 
 from pwscont import explore, trace
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 HALF_DIGIT = 5.001e-5  # four digits are printed
 ALPHA_44 = -0.62514  # printed as -0.6251; this one rounds to all printed digits
 NEGATIVE = -1

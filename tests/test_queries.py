@@ -15,6 +15,8 @@ from reference_enumeration import exact_pieces
 from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
 

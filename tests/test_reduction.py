@@ -8,6 +8,8 @@ from reference_enumeration import Body, enumerate_solutions, modes_of
 
 from pwscont import explore, trace
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 
 def with_far_nodes(p, seed, far):
     """Return a body whose nodes in ``far`` have a gap that no load of the tests closes."""

@@ -8,6 +8,8 @@ from random_bodies import contact_body, random_body, random_vector
 
 from pwscont import ExactLinear, PiecewiseLinearSystem, PseudoArclength, explore, trace
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 FORMATS = [sp.csr_matrix, sp.csc_matrix, sp.coo_matrix]
 CASES = [(2, 1), (2, 8), (3, 3), (3, 5)]
 BODIES = pytest.mark.parametrize(("p", "seed"), CASES)

@@ -16,6 +16,8 @@ from pwscont.curve import straight
 from pwscont.linear.updates import ProductForm
 from pwscont.transitions.detector import FARTHEST_ZERO, soonest
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 # -- stated errors ---------------------------------------------------------------------------------
 
 

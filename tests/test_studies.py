@@ -50,6 +50,8 @@ from pwscont import (
 )
 from pwscont.studies.store import Store
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 FRICTIONS = (0.5, 1.5, 2.5, 4.0)
 COUNTS = {"most": MaxCount(), "first": FirstFold(), "where": NonUnique()}
 
