@@ -72,7 +72,7 @@ BUDGET = {
     "commands": (12, 1200),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 64, 88
+MOST_FILES_MET, MOST_CLASSES_MET = 61, 82
 
 
 def module_of(path):
