@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, final
 
 import networkx as nx
+import numpy as np
 
 from pwscont.basics.errors import SystemNeededError
 from pwscont.basics.looks import counted, named, short, state
@@ -19,6 +20,7 @@ from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.states import EvolutionState
+from pwscont.graph.presentation import DUST
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 
 #: Largest number of evolutions that a table tells singly.
@@ -59,7 +61,8 @@ class EvolutionAnswer(Answer):
         return [line for pair in zip(ends, [*pieces, ""], strict=True) for line in pair if line]
 
     def _line(self, found: EvolutionState) -> str:
-        return f"  {short(found.label)}: {state(self.graph.names, found.z)}"
+        z = np.where(np.abs(found.z) > DUST * np.abs(found.z).max(initial=0.0), found.z, 0.0)
+        return f"  {short(found.label)}: {state(self.graph.names, z)}"
 
     def _cycles(self) -> list[str]:
         if self.scene.period is None:
