@@ -124,25 +124,26 @@ def _locate(
     lo, hi = bracket
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        is_tried = number % BISECTIONS_BETWEEN == 0
-        found = crossing(segment.curve, segment.near(middle)) if is_tried else None
-        if isinstance(found, Crossing) and _belongs(segment, found.x):
-            if not found.meets:
+        point = _point_near(segment, middle) if number % BISECTIONS_BETWEEN == 0 else None
+        if point is not None:
+            if not point.meets:
                 return Failure(FailureReason.SINGULAR)
-            middle = 0.5 * (lo + segment.position(found.x))
-            if middle <= lo or _has_sign(segment, middle, before):
-                return found
+            middle = 0.5 * (lo + segment.position(point.x))
+            if middle <= lo:
+                return point
         state = segment.at(middle)
+        if point is not None and (isinstance(state, Failure) or state.orientation == before):
+            return point  # the sign has not flipped on the way to the point
         if isinstance(state, Failure):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
     return Failure(FailureReason.SINGULAR)
 
 
-def _has_sign(segment: CurvedSegment, s: float, before: int) -> bool:
-    """Tell whether the sign at a place is still the one before the branch point, or unknown."""
-    state = segment.at(s)
-    return isinstance(state, Failure) or state.orientation == before
+def _point_near(segment: CurvedSegment, s: float) -> Crossing | None:
+    """Return the branch point to which Newton leads from a place, None if not on the segment."""
+    found = crossing(segment.curve, segment.near(s))
+    return found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
