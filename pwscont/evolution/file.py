@@ -10,22 +10,19 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import GraphFileError
 from pwscont.evolution.exports import ends_of
 from pwscont.evolution.states import KINDS, EvolutionNode, EvolutionPiece
 from pwscont.evolution.structure import EvolutionStructure
 from pwscont.evolution.ways import StateReader
+from pwscont.graph.archive import damaged, read_archive, stacked, write_archive
 from pwscont.graph.exports import DamagedError, Fields
-from pwscont.graph.storage import replace_file
 
 FORMAT = "pwscont evolution"
 VERSION = 1
@@ -81,28 +78,17 @@ def write(path: str | Path, graph: EvolutionStructure) -> None:
     ends = [z for i in range(len(graph.pieces)) for z in ends_of(graph, i)]
     memories = [m for i in range(len(graph.pieces)) for m in _memories(graph, i)]
     arrays = {
-        "z": _stack([state.z for state in states]),
-        "memory": _stack([state.memory for state in states]),
-        "ends": _stack(ends),
-        "memories": _stack(memories),
+        "z": stacked([state.z for state in states]),
+        "memory": stacked([state.memory for state in states]),
+        "ends": stacked(ends),
+        "memories": stacked(memories),
     }
-    content = BytesIO()
-    named: dict[str, Any] = {"header": np.array(json.dumps(_header(graph))), **arrays}
-    np.savez(content, **named)
-    try:
-        replace_file(Path(path), content.getbuffer())
-    except (OSError, TypeError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise GraphFileError(f"cannot write {path}: {why}") from error
+    write_archive(path, _header(graph), arrays)
 
 
 def _memories(graph: EvolutionStructure, number: int) -> list[Array]:
     piece = graph.pieces[number]
     return [graph.memory_at(piece.first, piece.start), graph.memory_at(piece.last, piece.end)]
-
-
-def _stack(rows: list[Array]) -> Array:
-    return np.vstack(rows) if rows else np.empty((0, 0))
 
 
 def _header(graph: EvolutionStructure) -> dict[str, Any]:
@@ -132,18 +118,11 @@ def read(path: str | Path) -> StoredGraph:
     GraphFileError
         If the file cannot be read, is damaged, or is something else.
     """
-    try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in ("header", *ARRAYS)}
-        header = json.loads(str(arrays["header"]))
-    except OSError as error:
-        raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
-    except Exception as error:  # a damaged zip fails in a dozen ways
-        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged") from error
+    header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         return _graph(Fields("the header", header), arrays)
     except DamagedError as error:
-        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
+        raise damaged(path, FORMAT, error) from error
 
 
 def _graph(header: Fields, arrays: dict[str, Any]) -> StoredGraph:

@@ -13,10 +13,8 @@ Failure modes and answers
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 from zipfile import ZipFile
@@ -28,6 +26,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import GraphFileError
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
+from pwscont.graph.archive import damaged, read_archive, stacked, write_archive
 from pwscont.graph.balance import check_places, check_references
 from pwscont.graph.exports import DamagedError, Fields
 from pwscont.graph.place import Place, Track, first_digits, from_first_digits
@@ -107,20 +106,12 @@ def write(path: str | Path, contents: Contents) -> None:
     """
     points, starts = contents.points, contents.starts
     arrays = {
-        "nodes": _stack([point.z for point in points]),
-        "starts": _stack([start.z for start in starts]),
-        "errors": first_digits(_stack([point.error for point in (*points, *starts)])),
-        "points": _stack([piece.points for piece in contents.pieces]),
+        "nodes": stacked([point.z for point in points]),
+        "starts": stacked([start.z for start in starts]),
+        "errors": first_digits(stacked([point.error for point in (*points, *starts)])),
+        "points": stacked([piece.points for piece in contents.pieces]),
     }
-    header = _header(contents)
-    content = BytesIO()
-    # not compressed: digits are random, and compressing them takes ten times as long as all else
-    np.savez(content, header=np.array(json.dumps(header)), **arrays)
-    try:
-        replace_file(Path(path), content.getbuffer())
-    except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
-        why = getattr(error, "strerror", None) or error
-        raise GraphFileError(f"cannot write {path}: {why}") from error
+    write_archive(path, _header(contents), arrays)
 
 
 def _header(contents: Contents) -> dict[str, Any]:
@@ -139,21 +130,6 @@ def _header(contents: Contents) -> dict[str, Any]:
         "infinite": rows_of(contents.infinite),
     }
     return header if contents.names is None else header | {"names": contents.names}
-
-
-def replace_file(target: Path, content: memoryview) -> None:
-    """Write a file that appears whole or not at all, and leaves nothing else behind."""
-    temporary = target.with_name(target.name + ".part")
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-def _stack(rows: list[Any]) -> Any:
-    return np.vstack(rows) if rows else np.empty((0, 0))
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
@@ -192,21 +168,13 @@ def read(path: str | Path) -> Contents:
     GraphFileError
         If the file cannot be read, is damaged, or is something else.
     """
-    try:
-        # opened here: numpy would leave an unreadable file open
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in ("header", *ARRAYS)}
-        header = json.loads(str(arrays["header"]))
-    except OSError as error:
-        raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
-    except Exception as error:  # a damaged zip fails in a dozen ways
-        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged") from error
+    header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
         _check_format(path, fields)
         return _contents(fields, arrays)
     except DamagedError as error:
-        raise GraphFileError(f"{path} is not a {FORMAT} file, or it is damaged: {error}") from error
+        raise damaged(path, FORMAT, error) from error
 
 
 def _check_format(path: str | Path, header: Fields) -> None:
