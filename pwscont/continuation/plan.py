@@ -21,7 +21,7 @@ from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.given import checked_kind
-from pwscont.basics.outcome import FILL, Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.continuation.assembly import assemble, mark
@@ -58,6 +58,7 @@ from pwscont.system.system import (
 )
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
+from pwscont.transitions.continuum import filled_between
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.events import Events, checked_events
@@ -393,6 +394,9 @@ class Plan:
         if nodes and not (is_part or any(map(is_sign, nodes))):
             return ()
         alphas = [*self.interval, *(node.place.alpha for node in nodes)]
+        many = [node.place.x for node in nodes if node.message == FILL_CURVES]
+        if many:
+            return joined(filled_between(self.followed, self.metric, many), alphas)
         return infinite_stretches(self.followed, self.metric, alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
