@@ -1,6 +1,7 @@
-"""Solutions of curved systems that fill a curve or more at one alpha, as two equal equations do.
+"""Sets of infinitely many solutions at one alpha, as two equal equations have.
 
-No piece leaves such a solution: dH/dx has not full rank there, nor at the neighbours.
+For piecewise-linear systems such sets are found exactly. For curved systems, a solution belongs to
+such a set if dH/dz is singular there and at another solution nearby.
 
 Failure modes and answers
 -------------------------
@@ -13,7 +14,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -22,9 +23,16 @@ from scipy.linalg import lstsq, svd
 from pwscont.basics.arrays import Array, are_finite, dense
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.filled import Filled
+from pwscont.enumeration import Filled, filled, solve_slice
+from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.system import (
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    has_too_many_tests,
+    number_of_cells,
+)
 
 #: Largest singular value that counts as zero, as a part of the largest: the error of differences.
 SINGULAR = EPS ** (1.0 / 3.0)
@@ -34,6 +42,8 @@ BESIDE = 0.01
 MOST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
 ARRIVED = EPS**0.5
+#: Of more cells nothing is asked.
+MANY_CELLS = 4**10
 #: Most unknowns for which a singular value decomposition costs little beside a search.
 MOST_UNKNOWNS = 200
 
@@ -84,27 +94,66 @@ def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float)
     return None
 
 
-def filled_between(
-    system: PiecewiseSystem, metric: Metric, points: Iterable[Array]
+def filled_parts(
+    system: PiecewiseSystem, metric: Metric, alphas: list[float], one_of_many: list[Array]
 ) -> Iterator[Filled]:
-    """Yield where infinitely many solutions are, from solutions that belong to such sets.
+    """Yield the parts of the interval with infinitely many solutions.
 
-    Each value of alpha of a solution is such a place. The stretch between two values is, if the
-    middle is one as well.
+    Exact for piecewise-linear systems. Otherwise the special points and the middles between special
+    points are asked for.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+        Nothing is asked of systems that are affine in z at fixed alpha and have many cells.
+    metric : Metric
+    alphas : list of float
+        Where special points are, and both ends of the interval.
+    one_of_many : list of ndarray, shape (n + 1,)
+        Known solutions of a curved system that belong to infinitely many, see
+        :func:`is_one_of_many`.
     """
+    if not isinstance(system, SlicewiseLinearSystem):
+        yield from _beside(system, metric, one_of_many)
+    elif has_too_many_tests(system) or number_of_cells(system.blocks()) > MANY_CELLS:
+        return
+    elif isinstance(system, PiecewiseLinearSystem):
+        box = Box.of(system)
+        yield from filled(system, metric.scale[:-1], metric.interval, (box.lower, box.upper))
+    else:
+        yield from _asked(system, metric, sorted(set(alphas)))
+
+
+def _asked(system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]) -> Iterator[Filled]:
+    """Yield the values of alpha with infinitely many solutions, and the stretches between values.
+
+    All solutions are sought at each value, and in the middle between two values.
+    """
+    for alpha in alphas:
+        if solve_slice(system, metric, alpha).faces:
+            yield Filled(alpha, alpha, True, True, 0.0)
+    for lo, hi in pairwise(alphas):
+        if solve_slice(system, metric, 0.5 * (lo + hi)).faces:
+            yield Filled(lo, hi, False, False, 0.0)
+
+
+def _beside(system: PiecewiseSystem, metric: Metric, points: list[Array]) -> Iterator[Filled]:
+    """Yield the values of alpha of such solutions, and the stretches whose middle is filled too."""
     found = sorted(points, key=lambda x: float(x[-1]))
     for x in found:
         yield Filled(float(x[-1]), float(x[-1]), True, True, 0.0)
     for low, high in pairwise(found):
-        middle = 0.5 * float(low[-1] + high[-1])
-        starts = (x[:-1] / metric.scale[:-1] for x in (low, high))
-        others = (solution_near(system, metric.scale[:-1], y, middle) for y in starts)
         if any(
-            y is not None
-            and is_one_of_many(system, metric, np.append(y * metric.scale[:-1], middle))
-            for y in others
+            _is_filled_near(system, metric, x, 0.5 * float(low[-1] + high[-1])) for x in (low, high)
         ):
             yield Filled(float(low[-1]), float(high[-1]), True, True, 0.0)
+
+
+def _is_filled_near(system: PiecewiseSystem, metric: Metric, x: Array, alpha: float) -> bool:
+    """Tell whether a solution at another alpha leads to one of infinitely many at this alpha."""
+    scale = metric.scale[:-1]
+    found = solution_near(system, scale, x[:-1] / scale, alpha)
+    return found is not None and is_one_of_many(system, metric, np.append(found * scale, alpha))
 
 
 def _linear(
