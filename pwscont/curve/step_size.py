@@ -14,7 +14,7 @@ WANTED_STRAIN = 0.5
 NO_DIVISION_BY_ZERO = 1e-300
 #: Default lengths in the metric: the first step of a piece, and the gap between looks into a step.
 FIRST_STEP = 0.02
-LARGEST_GAP = 0.005
+LARGEST_GAP = 0.0025
 
 
 @final
