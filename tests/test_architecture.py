@@ -60,7 +60,7 @@ BUDGET = {
     "enumeration": (13, 3100),
     "transitions": (20, 4480),
     "graph": (12, 3000),
-    "search": (11, 2190),
+    "search": (11, 2210),
     "continuation": (9, 3300),
     "proof": (15, 2420),
     "scenes": (15, 2700),

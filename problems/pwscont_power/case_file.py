@@ -82,10 +82,11 @@ class CaseFile:
         self._fields: dict[str, Array] = {}
         self._case, self._outputs = "mpc", ["mpc"]
         self._reader = Reader(text, self._value)
+        self._is_left = False
 
     def tables(self) -> dict[str, Array]:
         """Return the fields of the case."""
-        while self._reader.next.kind != "end":
+        while self._reader.next.kind != "end" and not self._is_left:
             self._statement()
         if len(self._outputs) == 1:
             return self._fields
@@ -120,7 +121,9 @@ class CaseFile:
         elif token.text == "define_constants":
             for names in NAMES.values():
                 self._assign_names([pair.split("=")[0] for pair in names.split()], names)
-        elif token.text in ("end", "return", "endfunction"):
+        elif token.text == "return":  # MATLAB leaves the function here
+            self._is_left = True
+        elif token.text in ("end", "endfunction"):
             pass
         elif token.kind != "name" or reader.next.text not in (".", "=", "("):
             refuse(token.line, f"the statement that begins with {token.text!r} is not known here")

@@ -19,7 +19,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, are_finite, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
@@ -122,6 +122,8 @@ MOST_BLOCKED = 200
 MOST_SHORTENED = 100
 #: Failures that wrong derivatives may cause.
 BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
+#: The end of the model is at most this many times the last step away: steps shrink towards the end.
+REST_OF_THE_WAY = 4.0
 #: A step is shortened if the length is less than this part of the length that was proposed.
 SHORTENED = 0.75
 
@@ -336,13 +338,14 @@ class _Reached:
 
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
+        self._before = ray.state
         self.blocked = self._shortened = 0
         self.stops: EventsAlong | None = None
         self._part = part_of(self.curve)
 
     def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
         """Add a point, at the end of a step that may be shorter than the one before proposed."""
-        self.state = step.end
+        self._before, self.state = self.state, step.end
         self.points.append(step.end.x)
         if not isinstance(before, CurvedSegment):
             return
@@ -402,9 +405,24 @@ class _Reached:
     def stopped(self, why: str) -> FollowedPiece:
         """Return the walk that ends here; finer differences have been of no use."""
         self.curve.selection.system.refine_differences(self._part)
+        if why == str(Failure(FailureReason.NOT_FINITE)) and len(self.points) > 2:
+            self._end_inside()
         back = Ray(self.curve, self.state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
         return FollowedPiece(self.points, arrival)
+
+    def _end_inside(self) -> None:
+        """End at the last point at which H is finite; the end of the model is a few steps farther.
+
+        The last correction may have led beyond the end, where H was not asked for.
+        """
+        last, residual = self.state, self.curve.selection.residual
+        while len(self.points) > 2 and not are_finite(residual(self.points[-1])):
+            last = self._before
+            self.points.pop()
+        rest = REST_OF_THE_WAY * (self.points[-1] - self.points[-2])
+        error = np.vstack([last.error, rest])
+        self.state = State(self.points[-1], last.tangent, error, last.orientation)
 
 
 def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:

@@ -15,6 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import (
     Array,
     Matrix,
+    are_finite,
     is_anywhere,
     is_everywhere,
     largest,
@@ -80,9 +81,14 @@ def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
 
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
-    """Return the estimated error of ``rows @ x`` where the terms of ``x`` have these sizes."""
+    """Return the estimated error of ``rows @ x`` where the terms of ``x`` have these sizes.
+
+    Nothing is known of rows with infinite entries: their estimate is zero.
+    """
     spread = np.abs(np.hypot.reduce(product(rows, error.T), axis=1))  # rows are in any units
     estimate: Array = EPS * product(abs(rows), sizes) + spread
+    if len(estimate) and not are_finite(estimate):
+        estimate[~np.isfinite(estimate)] = 0.0
     return estimate
 
 

@@ -272,7 +272,11 @@ def _changes(
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
-    return residual_at(system, z, alpha, system.character(z, alpha))
+    """Return H, nan where the tests do not tell the cell."""
+    tests = np.asarray(system.test_functions(z, alpha), dtype=float)
+    if not np.isfinite(tests).all():
+        return np.full(len(z), np.nan)
+    return residual_at(system, z, alpha, Character.of(tests))
 
 
 def _finite(sizes: Array) -> Array:

@@ -28,6 +28,8 @@ Failure modes and answers
   and the caller judges by that ratio (Deuflhard 2011, chapter 5).
 - Scale: convergence is judged by the correction of each unknown relative to the size of the
   unknown, which does not depend on the units of z or of the equations.
+- A derivative is nearly infinite next to the root of zero: corrections are tiny there although H is
+  not zero. The residual counts as well (:func:`is_solved`).
 - Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
   there, and the error estimate says how few digits are left.
 - A needless iteration costs as much as the rest of a step: where quadratic convergence predicts
@@ -47,13 +49,13 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, joined, largest, product
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import LEAN, Curve, State
 from pwscont.curve.error_samples import magnitude, samples
-from pwscont.curve.metric import LARGEST, SHORTEST
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.curve.metric import LARGEST, SHORTEST, Metric
+from pwscont.linear.factorise import Factor, bordered, column, last_unit
 from pwscont.linear.vectors import times
-from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -66,6 +68,8 @@ MOST_CHORDS = 2
 MOST_CORRECTIONS = 6
 #: Largest ratio of two corrections that still converge.
 STALLED = 0.1
+#: Largest part of a residual at a root, of what alpha changes over the interval.
+SOLVED = 1e-4
 #: A factorisation is stale where the Jacobian changes by more than this part within the last
 #: correction. A direction that the factorisation corrects by no more than this part is right to
 #: rounding.
@@ -121,8 +125,9 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         jacobian = selection.jacobian(x)
         factor = bordered(jacobian, row, metric.binary)
         if factor.failed:
-            return Failure(FailureReason.SINGULAR)
-        dx = factor.solve(selection.residual_and(x, value))
+            return Failure(why_failed(jacobian))
+        rest = selection.residual_and(x, value)
+        dx = factor.solve(rest)
         x, last = x - dx, np.abs(dx)
         relative_to = metric.sizes(x)
         size = largest(last / relative_to)
@@ -135,10 +140,14 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             stale = before == 0.0 or ratio > TURNED
             for _ in range(MOST_CHORDS):
                 if size > CONVERGED and metric.admits(x):
-                    dx = factor.solve(selection.residual_and(x, border(x)[0]))
+                    rest = selection.residual_and(x, border(x)[0])
+                    dx = factor.solve(rest)
                     x, last = x - dx, np.abs(dx)
                     size = largest(last / relative_to)  # sizes hardly change any more
                     sizes.append(size)
+        if size <= CONVERGED and not is_solved(selection.system, metric, jacobian, x, rest[:-1]):
+            before = 0.0
+            continue
         if size <= CONVERGED or size > STALLED * before > 0.0:
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
@@ -146,6 +155,32 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
+
+
+def is_solved(
+    system: PiecewiseSystem, metric: Metric, jacobian: Matrix, x: Array, residual: Array
+) -> bool:
+    """Tell whether the residual before the last correction is as small as at a solution.
+
+    Where a derivative is nearly infinite, as of a root of zero, corrections vanish although the
+    residual does not: each row must be a small part of what alpha changes in the row over the
+    interval, or rounding of the terms. Systems that are linear at fixed alpha have no such rows.
+    """
+    if isinstance(system, SlicewiseLinearSystem):
+        return True
+    by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
+    open_rows = (np.abs(residual) > SOLVED * by_alpha) & (by_alpha > 0.0)
+    if not open_rows.any():
+        return True  # nearly always
+    rounding = GUARD * EPS * product(abs(jacobian), np.abs(x))
+    return bool((np.abs(residual) <= rounding)[open_rows].all())
+
+
+def why_failed(jacobian: Matrix) -> FailureReason:
+    """Return why a bordered Jacobian could not be factorised."""
+    entries = jacobian if isinstance(jacobian, np.ndarray) else getattr(jacobian, "data", 0.0)
+    is_finite = bool(np.isfinite(entries).all())
+    return FailureReason.SINGULAR if is_finite else FailureReason.NOT_FINITE
 
 
 def first_quotient(sizes: Sequence[float]) -> float:

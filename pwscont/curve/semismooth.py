@@ -36,7 +36,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import Root, is_rounding, uncertainty
+from pwscont.curve.newton import Root, is_rounding, is_solved, uncertainty
 from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -124,7 +124,12 @@ def semismooth_newton(
             ):
                 point, crossings = _evaluated(system, there), crossings + 1
                 continue
-            if not _is_solved(linear, metric, x, residual) or _misses(linear, metric, x, residual):
+            if not is_solved(system, metric, linear.jacobian, x, residual):
+                point, linear = _evaluated(system, there), None
+                continue
+            if not _is_regular_zero(linear, metric, x, residual) or _misses(
+                linear, metric, x, residual
+            ):
                 return Failure(FailureReason.NO_DESCENT)
             return x + step, np.abs(step)[np.newaxis]
         reduced = _line_search(system, metric, linear.rows, known, point, step)
@@ -172,7 +177,7 @@ def _linearised(
     return _Linearised(character, jacobian, rows, factor, factor.is_singular())
 
 
-def _is_solved(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
+def _is_regular_zero(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:
     """Tell whether a residual, divided by coefficients, fits a correction that is rounding.
 
     The regularised step of a singular J may vanish although the residual does not. A row is

@@ -16,6 +16,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import final
 
@@ -102,7 +103,7 @@ class BorderedFactor(Factor):
         self._right = interior.right
         self._schur = self._corner - float(self._row.dot(self._right))
         self._is_ill = not np.abs(self._right).max() < GROWTH
-        self.failed = self._schur == 0.0
+        self.failed = not 0.0 < abs(self._schur) < math.inf  # nan fails as well
 
     @property
     def sign(self) -> int:

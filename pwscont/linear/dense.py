@@ -9,6 +9,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -40,7 +41,8 @@ class DenseFactor(Factor):
     Parameters
     ----------
     matrix : ndarray, shape (k, k)
-        M, which is overwritten, or copied where M is not in Fortran order.
+        M, which is overwritten, or copied where M is not in Fortran order. If M is not finite, the
+        factorisation has ``failed``.
     scale : ndarray, shape (k,)
         The diagonal of C: typical magnitudes of the unknowns, powers of two.
     """
@@ -52,7 +54,7 @@ class DenseFactor(Factor):
         by_columns *= self._rows
         self._norm = lapack.dlange("1", matrix)
         self._lu, self._pivots, info = lapack.dgetrf(matrix, True)
-        self.failed = info > 0
+        self.failed = info > 0 or not self._norm < math.inf
         self._is_singular: bool | None = None
 
     @property
@@ -84,8 +86,6 @@ class DenseFactor(Factor):
 
     def _is_regular(self) -> bool:
         """Tell whether the reciprocal condition number is larger than k rounding errors."""
-        if not np.isfinite(self._norm):
-            return False
         rcond: float = lapack.dgecon(self._lu, self._norm)[0]
         return rcond >= len(self._lu) * EPS  # False for nan
 

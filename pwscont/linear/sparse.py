@@ -10,6 +10,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, final
 
 import numpy as np
@@ -112,7 +113,7 @@ def column_of(matrix: Any, index: int) -> Array:
 
 @final
 class SparseLU(LU):
-    """LU of a sparse matrix, which fails where a pivot vanishes exactly.
+    """LU of a sparse matrix, which fails where a pivot vanishes exactly or is not finite.
 
     Parameters
     ----------
@@ -122,10 +123,10 @@ class SparseLU(LU):
     def __init__(self, matrix: Any) -> None:
         from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
 
-        try:
-            self._lu: Any = splu(matrix)
-        except RuntimeError:  # SuperLU found a pivot that is exactly zero
-            self._lu = None
+        self._lu: Any = None
+        if np.isfinite(matrix.data).all():
+            with suppress(RuntimeError):  # SuperLU finds a pivot that is exactly zero
+                self._lu = splu(matrix)
         self.failed = self._lu is None
 
     @property

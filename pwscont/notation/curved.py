@@ -96,6 +96,8 @@ class SwitchedSystem(Notated):
         if self._derivatives is None:
             return super().jacobian(z, alpha, character)
         slopes, n, m = self._slopes(z, alpha, character), self.shown, self._layout.number_of_tests
+        if not _is_usable(slopes):  # inf / inf of an exponential, where H may be finite
+            return super().jacobian(z, alpha, character)
         if not len(self._hidden):
             return slopes[:n]
         modes = self._layout.modes(character.array)
@@ -110,6 +112,8 @@ class SwitchedSystem(Notated):
         if self._derivatives is None:
             return super().test_jacobian(z, alpha)
         slopes = self._slopes(z, alpha, self.character(z, alpha))
+        if not _is_usable(slopes):
+            return super().test_jacobian(z, alpha)
         return slopes[self.shown : self.shown + self._layout.number_of_tests]
 
     def _slopes(self, z: Array, alpha: float, character: Character) -> Matrix:
@@ -122,3 +126,8 @@ class SwitchedSystem(Notated):
         found = self._derivatives(np.append(z, alpha), modes, self.differences)
         self._last_slopes = (place, alpha, signs, found)
         return found
+
+
+def _is_usable(slopes: Matrix) -> bool:
+    """Tell whether derivatives are finite, or differences would need too much memory."""
+    return not isinstance(slopes, np.ndarray) or bool(np.isfinite(slopes).all())

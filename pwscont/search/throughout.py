@@ -26,19 +26,20 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, generic
+from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton
+from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import KnownBranches, NothingKnown, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import residual_at
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.continuum import is_one_of_many
@@ -294,11 +295,22 @@ class _Looking:
         if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
             return None
         x[:-1] = self.box.wrapped(x[:-1])
-        error = np.atleast_2d(error)
-        is_usable = has_digits(x, error, metric.scale) and is_inside(
-            self.box, x, error, metric.scale
+        error, scale = np.atleast_2d(error), metric.scale
+        if not has_digits(x, error, scale) or not is_inside(self.box, x, error, scale):
+            return None
+        return (x, error) if self._solves(x) else None
+
+    def _solves(self, x: Array) -> bool:
+        """Tell whether a root of one selection is a solution in the cell in which the root lies."""
+        system, z, alpha = self._system, x[:-1], float(x[-1])
+        tests = system.test_functions(z, alpha)
+        if not np.isfinite(tests).all():
+            return False
+        character = Character.of(tests)
+        jacobian = jacobian_at(system, z, alpha, character)
+        return is_solved(
+            system, self._metric, jacobian, x, residual_at(system, z, alpha, character)
         )
-        return (x, error) if is_usable else None
 
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:

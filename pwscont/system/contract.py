@@ -108,9 +108,21 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
         )
     if not isinstance(system, PiecewiseLinearSystem):  # a promise that is checked says more
         terms = product(abs(jacobian), np.abs(joined(z, alpha)))
-        again = residual_at(system, given.copy(), alpha, character)
-        _refuse_chance(system, residual, again, terms)
+        _refuse_chance(system, residual, _again(system, given, alpha, character), terms)
     return Sample(joined(z, alpha), character, tests, gradients, residual, jacobian)
+
+
+def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
+    """Return the residual at a state that cannot be written to."""
+    z.setflags(write=False)
+    try:
+        return residual_at(system, z, alpha, character)
+    except ValueError as error:
+        if "read-only" not in str(error):
+            raise
+        raise InvalidSystemError(
+            f"{type(system).__name__}.residual writes to its argument z; let it work on a copy"
+        ) from error
 
 
 def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: Array) -> None:

@@ -96,6 +96,7 @@ def _wrong_row(
 ) -> int | None:
     """Return the row in which a derivative is not the function's; None if there is no such row."""
     slopes, terms = product(given, direction), product(abs(given), np.abs(direction))
+    terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)
     for step in STEPS:
@@ -107,7 +108,7 @@ def _wrong_row(
             return None
         quotients.append((function(ahead) - function(behind)) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
-        wrong &= np.abs(quotients[-1] - slopes) > WRONG_SLOPE * sizes
+        wrong &= ~(np.abs(quotients[-1] - slopes) <= WRONG_SLOPE * sizes)
         for one, other in pairwise(quotients):
             wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
         if not wrong.any():

@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, largest, smallest
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, largest, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.corrector import BorderedNewton
@@ -161,6 +161,8 @@ class BoundingTests(TransitionDetector):
             return Reading(np.zeros(0), np.zeros(0))
         rows = selection.unsigned_gradients(state.x)
         values, slopes = selection.tests(state.x), selection.side * rows.dot(state.tangent)
+        if not are_finite(slopes):  # as of a root of zero: the values alone tell
+            slopes[~np.isfinite(slopes)] = 0.0
         scale = curve.metric.scale
         idle = _next_to_zero(values, _terms(rows, state.x, scale))
         if len(idle):
@@ -240,8 +242,10 @@ def _next_to_zero(values: Array, terms: Array) -> Indices:
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
-    """Return the size of the terms of tests with these gradients, shape (l,)."""
+    """Return the size of the terms of tests with these gradients, shape (l,); zero if infinite."""
     terms: Array = abs(rows).dot(np.abs(x) + scale)
+    if not are_finite(terms):
+        terms[~np.isfinite(terms)] = 0.0
     return terms
 
 

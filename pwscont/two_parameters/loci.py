@@ -26,6 +26,8 @@ from pwscont.continuation.explore import explore, trace
 from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
+from pwscont.curve.pseudo_arclength import PseudoArclength
+from pwscont.curve.step_size import StepSize
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.system.abilities import completed
 from pwscont.system.selection import Selection
@@ -37,6 +39,9 @@ from pwscont.two_parameters.locus import TransitionLocus
 #: Distance at a value of mu, in typical magnitudes of (z, alpha), up to which two loci count as one
 #: locus: half of the digits.
 SAME_LOCUS = EPS**0.5
+#: The stepper for loci: each look inside a step builds a system anew, so that only wider bumps of a
+#: locus are looked for.
+SPARING = PseudoArclength(step_size=StepSize(gap=0.02))
 #: Largest distance of a locus from the chords between points, as a part of the range of alpha: less
 #: than ``BESIDE`` of :mod:`plane`, so that points beside an edge lie on the right side.
 FLAT = 1e-4
@@ -189,7 +194,9 @@ def follow_transitions(
             if not any(_passes(other, locus, y, mu) for other in found):
                 done = sum(len(other.graph.pieces) for other in found)
                 counted = partial(lambda done, pieces, mu: report(done + pieces, mu), done)
-                graph = trace(locus, (y, mu), mus, parameter=parameter, report=counted)
+                graph = trace(
+                    locus, (y, mu), mus, stepper=SPARING, parameter=parameter, report=counted
+                )
                 found.append(Locus(locus, uninterrupted(graph)))
     return found
 
