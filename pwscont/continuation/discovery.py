@@ -163,6 +163,7 @@ class Discovery:
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []
         self._again: set[tuple[int, int]] = set()
+        self._repeats = False
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -205,6 +206,16 @@ class Discovery:
             for node in nodes
         )
 
+    def is_beyond(self, x: Array) -> bool:
+        """Tell whether a start lies farther out than a path was followed that never ends.
+
+        From there the same path would be followed again, to where that path repeats itself.
+        """
+        if not self._repeats:
+            return False
+        points = np.vstack([edge.track.points for edge in self.edges])[:, :-1]
+        return bool(((x[:-1] < points.min(axis=0)) | (x[:-1] > points.max(axis=0))).any())
+
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
         reached = lo
@@ -246,7 +257,7 @@ class Discovery:
         if ray is None:
             return
         if (len(self.edges) + 1) % EVERY == 0 and self._is_endless(node, ray):
-            here.rays[index] = None
+            here.rays[index], self._repeats = None, True
             here.stop(REPEATS)
             return
         walk = self._within(self._follower.walk(ray).sharing(ray))

@@ -347,6 +347,8 @@ class Plan:
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:
+            if discovery.is_beyond(x):
+                continue
             standing = Standing.of(self.followed, self.metric, x, error)
             if not discovery.has(standing):
                 discovery.add(self._begun(standing.departures()))

@@ -55,7 +55,8 @@ from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.linear.factorise import Factor, bordered, column, last_unit
 from pwscont.linear.vectors import times
-from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.selection import Selection
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -68,7 +69,7 @@ MOST_CHORDS = 2
 MOST_CORRECTIONS = 6
 #: Largest ratio of two corrections that still converge.
 STALLED = 0.1
-#: Largest part of a residual at a root, of what alpha changes over the interval.
+#: Largest residual at a root, as a part of what alpha changes in the row over the interval.
 SOLVED = 1e-4
 #: A factorisation is stale where the Jacobian changes by more than this part within the last
 #: correction. A direction that the factorisation corrects by no more than this part is right to
@@ -145,7 +146,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
                     x, last = x - dx, np.abs(dx)
                     size = largest(last / relative_to)  # sizes hardly change any more
                     sizes.append(size)
-        if size <= CONVERGED and not is_solved(selection.system, metric, jacobian, x, rest[:-1]):
+        if size <= CONVERGED and not is_solved(selection, metric, x, jacobian, rest[:-1]):
             before = 0.0
             continue
         if size <= CONVERGED or size > STALLED * before > 0.0:
@@ -158,22 +159,27 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
 
 
 def is_solved(
-    system: PiecewiseSystem, metric: Metric, jacobian: Matrix, x: Array, residual: Array
+    selection: Selection, metric: Metric, x: Array, jacobian: Matrix, residual: Array
 ) -> bool:
     """Tell whether the residual before the last correction is as small as at a solution.
 
     Where a derivative is nearly infinite, as of a root of zero, corrections vanish although the
     residual does not: each row must be a small part of what alpha changes in the row over the
-    interval, or rounding of the terms. Systems that are linear at fixed alpha have no such rows.
+    interval, or rounding of the terms, at the point and at a point of typical magnitude. Systems
+    that are linear at fixed alpha have no such rows.
     """
-    if isinstance(system, SlicewiseLinearSystem):
+    if isinstance(selection.system, SlicewiseLinearSystem):
         return True
     by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
-    open_rows = (np.abs(residual) > SOLVED * by_alpha) & (by_alpha > 0.0)
-    if not open_rows.any():
+    above, depends = np.abs(residual) - SOLVED * by_alpha, by_alpha > 0.0
+    if not (above > 0.0)[depends].any():
         return True  # nearly always
-    rounding = GUARD * EPS * product(abs(jacobian), np.abs(x))
-    return bool((np.abs(residual) <= rounding)[open_rows].all())
+    above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
+    if not (above > 0.0)[depends].any():
+        return True
+    typical = selection.lent_jacobian(joined((x + metric.scale * generic(len(x)))[:-1], x[-1]))
+    terms = np.minimum(*(product(abs(each), metric.scale) for each in (jacobian, typical)))
+    return bool((above <= GUARD * EPS * terms)[depends].all())
 
 
 def why_failed(jacobian: Matrix) -> FailureReason:

@@ -39,6 +39,7 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, is_rounding, is_solved, uncertainty
 from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: Most Newton iterations from a start, and most halvings of a step that hardly reduces the merit.
@@ -124,7 +125,7 @@ def semismooth_newton(
             ):
                 point, crossings = _evaluated(system, there), crossings + 1
                 continue
-            if not is_solved(system, metric, linear.jacobian, x, residual):
+            if not is_solved(Selection(system, character), metric, x, linear.jacobian, residual):
                 point, linear = _evaluated(system, there), None
                 continue
             if not _is_regular_zero(linear, metric, x, residual) or _misses(

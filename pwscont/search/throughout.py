@@ -39,7 +39,7 @@ from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import KnownBranches, NothingKnown, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.continuum import is_one_of_many
@@ -54,13 +54,19 @@ USUAL = 20
 SAME_SOLUTION = EPS**0.5
 #: Distance below which two rough known solutions coincide, measured in the same way.
 DISTINCT = 1e-5
-#: Most solutions from a start, needed where solutions fill a line.
-MOST_FROM_ONE = 100
+#: Most solutions from a start.
+MOST_FROM_ONE = 16
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
+#: Most solutions at an end, and most between the ends: an equation such as tan(z) = alpha has
+#: infinitely many branches.
+MOST_FOUND = 48
 #: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
 #: in turn.
 WIDER, WIDTHS = 4.0, 3
+#: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
+#: branch of a periodic function would lead farther out.
+FARTHEST = 1e3
 #: Number of values of a single unknown at which the equation is evaluated, within MARGIN times the
 #: known magnitude and again farther out.
 ON_LINE, MARGIN = 64, 1.5
@@ -119,14 +125,14 @@ class Throughout(Search):
         rough = self.ends.guesses(looking.box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from looking.at(alpha, rough)
+        count = 0
         for number in range(MOST_ROUNDS):
-            more = False
-            for found in self._between(looking, interval, number):
+            before = count
+            for count, found in enumerate(self._between(looking, interval, number), before + 1):
                 yield found
-                more = True
-            if number and not more:
-                return
-            if not more and known.extremes():
+                if count > MOST_FOUND:
+                    return
+            if count == before and (number or known.extremes()):
                 return
 
     def _between(
@@ -172,6 +178,8 @@ class _Looking:
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
         for number, rough in enumerate(chain(zeros, guesses)):
+            if len(here) >= MOST_FOUND:
+                return
             z = completed(self._system, rough[: shown_size(self._system)], alpha)
             y = np.append(z, alpha) / self._metric.scale
             for _ in range(MOST_FROM_ONE):
@@ -249,7 +257,8 @@ class _Looking:
         """Return the known solutions at an alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
-            self._reach = np.maximum(self._reach, np.abs(x[:-1]))
+            reach = np.minimum(np.abs(x[:-1]), FARTHEST * self._metric.scale[:-1])
+            self._reach = np.maximum(self._reach, reach)
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
         return found
@@ -263,12 +272,12 @@ class _Looking:
         return found
 
     def _is_new(self, x: Array, known: list[Array], same: float = SAME_SOLUTION) -> bool:
+        if not known:
+            return True
         scale = self._metric.scale
-        y = np.linalg.norm(x / scale)
-        return all(
-            self._metric.norm(self._metric.difference(x, other * scale)) > same * (1.0 + y)
-            for other in known
-        )
+        apart = self._metric.difference(x, np.array(known) * scale) / scale
+        least = float(np.linalg.norm(apart, axis=1).min())
+        return least > same * (1.0 + float(np.linalg.norm(x / scale)))
 
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails.
@@ -306,11 +315,8 @@ class _Looking:
         tests = system.test_functions(z, alpha)
         if not np.isfinite(tests).all():
             return False
-        character = Character.of(tests)
-        jacobian = jacobian_at(system, z, alpha, character)
-        return is_solved(
-            system, self._metric, jacobian, x, residual_at(system, z, alpha, character)
-        )
+        selection = Selection(system, Character.of(tests))
+        return is_solved(selection, self._metric, x, selection.jacobian(x), selection.residual(x))
 
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:

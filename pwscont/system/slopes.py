@@ -34,6 +34,8 @@ STEPS = (1e-5, 1e-4, 1e-6)
 #: Largest error of a right derivative, and largest difference of quotients that agree, as parts of
 #: the terms of the derivative.
 WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
+#: Largest change of a function within a step by the slope, in magnitudes of the function.
+WITHIN = 100.0
 
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
@@ -106,8 +108,11 @@ def _wrong_row(
             > EQUAL_QUOTIENTS * np.abs(direction)
         ).any():
             return None
-        quotients.append((function(ahead) - function(behind)) / (2.0 * step))
+        after, before = function(ahead), function(behind)
+        quotients.append((after - before) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
+        # a function that oscillates within the step has no slope that the step shows
+        wrong &= ~(np.abs(slopes) * step > WITHIN * (np.abs(after) + np.abs(before)))
         wrong &= ~(np.abs(quotients[-1] - slopes) <= WRONG_SLOPE * sizes)
         for one, other in pairwise(quotients):
             wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
