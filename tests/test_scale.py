@@ -17,7 +17,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.place import Place, first_digits, from_first_digits
-from pwscont.linear.banded import banded_lu
+from pwscont.linear.banded import BandLU
 from pwscont.linear.dense import DenseLU
 from pwscont.linear.factorise import DenseFactor, bordered, column, factor, power_of_two
 from pwscont.linear.sparse import SparseLU
@@ -510,8 +510,8 @@ def test_several_right_hand_sides_are_solved_for_together(kind):
     bands[width] += 5.0
     matrix = sp.dia_matrix((bands, range(width, -width - 1, -1)), shape=(n, n)).toarray()
     core = {
-        "tridiagonal": lambda: banded_lu(bands, 1, 1),
-        "banded": lambda: banded_lu(bands, 2, 2),
+        "tridiagonal": lambda: BandLU(bands, 1, 1),
+        "banded": lambda: BandLU(bands, 2, 2),
         "sparse": lambda: SparseLU(sp.csc_matrix(matrix)),
         "dense": lambda: DenseLU.of(matrix),
     }[kind]()
