@@ -270,17 +270,6 @@ class PartSlice(SlicewiseLinearSystem):
         matrices, values = zip(*self._rows, strict=True)
         return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
-    def scalar_row(self, character: Character) -> tuple[float, float, Array]:
-        """Return slope and value at zero of the only row of a cell, and samples of the error."""
-        matrix, values = self._in_cell(character)
-        errors = np.append(self._before.error @ matrix[0], EPS * self._terms[0])
-        return float(matrix[0, self.unknowns[0]]), float(values[0]), errors
-
-    def scalar_tests(self) -> tuple[Array, Array, Array]:
-        """Return slopes and values at zero of all tests, and :meth:`inherited_slack`."""
-        gradients: Array = self._all_gradients[:, self.unknowns[0]]
-        return gradients, self._values, self.inherited_slack()
-
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
         residual = self._before.error @ self._in_cell(character)[0].T

@@ -28,7 +28,6 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
-from pwscont.enumeration.batch import solve_scalar
 from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, aside, reduce
@@ -122,8 +121,6 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
 
     def solve(part: PartSlice) -> Slice:
         scale = part.magnitudes(metric.scale[part.unknowns])
-        if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
-            return scalar
         around = Metric(np.append(scale, 1.0))
         found = _at_once(part, around, 0.0)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
