@@ -52,27 +52,27 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (11, 1250),
-    "system": (16, 2980),
-    "linear": (13, 1990),
-    "notation": (14, 2950),
+    "basics": (10, 1180),
+    "system": (11, 2960),
+    "linear": (12, 1830),
+    "notation": (13, 2920),
     "curve": (17, 3400),
-    "enumeration": (13, 3100),
-    "transitions": (20, 4450),
-    "graph": (12, 3000),
+    "enumeration": (11, 2910),
+    "transitions": (17, 4240),
+    "graph": (10, 2840),
     "search": (11, 2190),
     "continuation": (11, 3850),
     "proof": (15, 2420),
-    "scenes": (15, 2700),
-    "view": (7, 950),
+    "scenes": (14, 2660),
+    "view": (6, 940),
     "evolution": (20, 2700),
-    "two_parameters": (16, 3750),
-    "studies": (12, 2350),
-    "bench": (16, 1900),
-    "commands": (12, 1200),
+    "two_parameters": (16, 3680),
+    "studies": (11, 2290),
+    "bench": (15, 1880),
+    "commands": (11, 1180),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 61, 82
+MOST_FILES_MET, MOST_CLASSES_MET = 54, 75
 
 
 def module_of(path):

@@ -16,7 +16,7 @@ from pwscont_coulomb.rows import FEW, GradientRows, rows_of_tests
 
 from pwscont import Character, PseudoArclength, check_system, trace
 from pwscont.basics.arrays import dense
-from pwscont.graph.place import Place, first_digits, from_first_digits
+from pwscont.graph.records import Place, first_digits, from_first_digits
 from pwscont.linear.banded import BandLU
 from pwscont.linear.dense import DenseLU
 from pwscont.linear.factorise import DenseFactor, bordered, column, factor, power_of_two

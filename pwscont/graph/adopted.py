@@ -10,7 +10,7 @@ import numpy as np
 from pwscont.basics.errors import InvalidInputError
 from pwscont.graph.records import Piece, SpecialPoint
 from pwscont.system.abilities import completed, shown_size
-from pwscont.system.solved import unexplained
+from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
 
 #: Components larger than this, or smaller than 1 / this, are not of the order of 1.

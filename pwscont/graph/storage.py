@@ -26,12 +26,27 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import GraphFileError
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
-from pwscont.graph.archive import damaged, read_archive, stacked, write_archive
+from pwscont.graph.archive import (
+    DamagedError,
+    Fields,
+    damaged,
+    read_archive,
+    stacked,
+    write_archive,
+)
 from pwscont.graph.balance import check_places, check_references
-from pwscont.graph.exports import DamagedError, Fields
-from pwscont.graph.place import Place, Track, first_digits, from_first_digits
 from pwscont.graph.queries import read_stretches, rows_of
-from pwscont.graph.records import Messages, Piece, SpecialPoint, Stretch, attempted
+from pwscont.graph.records import (
+    Messages,
+    Piece,
+    Place,
+    SpecialPoint,
+    Stretch,
+    Track,
+    attempted,
+    first_digits,
+    from_first_digits,
+)
 
 MEMBER = "scene.json"
 

@@ -8,7 +8,7 @@ from typing import Any, final
 
 from pwscont.basics.looks import counted, named
 from pwscont.graph import BranchGraph, Solution
-from pwscont.graph.presentation import Attempt, not_recorded, recorded
+from pwscont.graph.exports import Attempt, not_recorded, recorded
 from pwscont.graph.records import attempted
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look
 from pwscont.scenes.panels import Shown

@@ -18,8 +18,7 @@ from pwscont.basics.looks import apart, counted, middle_cut
 from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph import BranchGraph, Piece, Solution
-from pwscont.graph.exports import magnitudes
-from pwscont.graph.presentation import DUST, number
+from pwscont.graph.exports import DUST, magnitudes, number
 from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 

@@ -22,8 +22,8 @@ from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.vectors import Rows
 from pwscont.system.abilities import Ending
+from pwscont.system.returned import own_array
 from pwscont.system.selection import Selection
-from pwscont.system.shapes import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
 from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import (
@@ -32,7 +32,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     soonest,
 )
-from pwscont.transitions.interval import at_end
+from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
 #: Tests that change by more than this part of typical terms are not looked at more closely.

@@ -13,7 +13,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Kind
 from pwscont.continuation.plan import Report, silent
 from pwscont.curve.metric import Metric
-from pwscont.graph.presentation import number
+from pwscont.graph.exports import number
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of

@@ -12,7 +12,7 @@ from typing import Any, final
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.looks import counted, named
 from pwscont.continuation.plan import Report, silent
-from pwscont.graph.presentation import finite
+from pwscont.graph.exports import finite
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
 from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.affine import Window, is_affine

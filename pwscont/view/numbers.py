@@ -11,7 +11,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.presentation import DUST
+from pwscont.graph.exports import DUST
 from pwscont.graph.queries import fine_points
 from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
 

@@ -15,7 +15,7 @@ from pwscont.basics.looks import counted
 from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph import BranchGraph, SpecialPoint
-from pwscont.graph.presentation import as_dict, number
+from pwscont.graph.exports import as_dict, number
 from pwscont.graph.records import FEW_DIGITS, attempted
 from pwscont.graph.structure import connected
 from pwscont.scenes.panels import Panel
