@@ -1,6 +1,4 @@
-"""The file of a branch graph: written and read, with the scene that made the graph.
-
-Readers that do not know the member of the scene ignore this member.
+"""The file of a branch graph: written and read.
 
 Failure modes and answers
 -------------------------
@@ -12,12 +10,10 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
-from zipfile import ZipFile
 
 import numpy as np
 
@@ -47,45 +43,6 @@ from pwscont.graph.records import (
     first_digits,
     from_first_digits,
 )
-
-MEMBER = "scene.json"
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """The name of a scene and its settings, as texts."""
-
-    scene: str
-    settings: Mapping[str, str]
-
-
-def write_origin(path: Path, origin: Origin) -> None:
-    """Add the scene to the file of a graph."""
-    text = json.dumps({"scene": origin.scene, "settings": dict(origin.settings)})
-    with ZipFile(path, "a") as file:
-        file.writestr(MEMBER, text)
-
-
-def read_origin(path: Path) -> Origin | None:
-    """Return the scene that a file of a graph names, None where the file names no scene.
-
-    Raises
-    ------
-    GraphFileError
-        If what the file says is no scene.
-    """
-    with ZipFile(path) as file:
-        if MEMBER not in file.namelist():
-            return None
-        text = file.read(MEMBER)
-    try:
-        said = json.loads(text)
-        settings = {str(name): str(value) for name, value in dict(said["settings"]).items()}
-        return Origin(str(said["scene"]), settings)
-    except (ValueError, KeyError, TypeError) as error:
-        raise GraphFileError(f"{path} names its scene in a damaged way") from error
-
 
 FORMAT = "pwscont branch graph"
 VERSION = 2
