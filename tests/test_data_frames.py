@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from data_parts import Circle, of_another, with_record
+from data_parts import SCENES, Circle, of_another, power, with_record
 from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.elastic import recover
@@ -27,6 +27,21 @@ from pwscont.graph.records import Messages
 from pwscont.scenes.graph_answer import GraphAnswer
 
 # -- pandas --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return fig7().run()
+
+
+@pytest.fixture(scope="module")
+def recorded(plain):
+    return with_record(plain, power=power)
+
+
+@pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
+def graph(request):
+    return request.param().run()
 
 
 def test_pieces_as_a_data_frame(graph):

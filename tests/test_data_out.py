@@ -8,7 +8,7 @@ from dataclasses import replace
 import networkx as nx
 import numpy as np
 import pytest
-from data_parts import Circle, of_another, power, with_record
+from data_parts import SCENES, Circle, of_another, power, with_record
 from pwscont_coulomb.scenes import fig7
 
 from pwscont import (
@@ -22,6 +22,21 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.quantities import Quantities
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return fig7().run()
+
+
+@pytest.fixture(scope="module")
+def recorded(plain):
+    return with_record(plain, power=power)
+
+
+@pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
+def graph(request):
+    return request.param().run()
 
 
 def test_node_attributes(graph):

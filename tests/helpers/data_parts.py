@@ -1,7 +1,6 @@
 """Graphs that tests of exported data share."""
 
 import numpy as np
-import pytest
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
 
 from pwscont import (
@@ -23,16 +22,6 @@ def with_record(graph, **record):
     return BranchGraph(points, graph.pieces, graph.interval, **more)
 
 
-@pytest.fixture(scope="module")
-def plain():
-    return fig7().run()
-
-
-@pytest.fixture(scope="module")
-def recorded(plain):
-    return with_record(plain, power=power)
-
-
 class Circle(PiecewiseSystem):
     """z^2 + alpha^2 = 1: a closed loop of two smooth pieces of length pi each."""
 
@@ -43,14 +32,6 @@ class Circle(PiecewiseSystem):
 
     def residual(self, z, alpha, character):
         return z**2 + alpha**2 - 1.0
-
-
-# -- networkx ------------------------------------------------------------------------------------
-
-
-@pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
-def graph(request):
-    return request.param().run()
 
 
 def of_another(graph, system):
