@@ -37,12 +37,12 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from pwscont.basics.arrays import Array, Indices, Matrix, dense
+from pwscont.basics.arrays import Array, Indices, Matrix
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.newton import Root
-from pwscont.enumeration.options import affine, bounding, most_modes
+from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
@@ -124,41 +124,10 @@ MOST_LISTED = 4**6
 MOST_CELLS = 4**6
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Table:
-    """A slice of a system in numbers: rows of H for every mode, and the tests.
-
-    Attributes
-    ----------
-    rows : list of (ndarray, ndarray)
-        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
-    tests : tuple of ndarray
-        Gradients by z, shape (m, n), and values at z = 0, shape (m,).
-    blocks : tuple of Block
-    bounding : list of list of list of int
-        For every mode of every block, the tests that bound the mode.
-    """
-
-    rows: list[tuple[Array, Array]]
-    tests: tuple[Array, Array]
-    blocks: tuple[Block, ...]
-    bounding: list[list[list[int]]]
-
-    @classmethod
-    def of(cls, system: SlicewiseLinearSystem, alpha: float, dx: Array) -> Table:
-        """Evaluate a system at z = 0, and check at ``dx`` that the system is affine."""
-        zero, blocks = np.zeros(system.size), system.blocks()
-        tests = np.array(system.test_functions(zero, alpha), dtype=float)
-        gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
-        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
-        bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
-        return cls(rows, (gradients, tests), blocks, bounds)
-
-    def parts(self) -> list[Part]:
-        """Return the parts of the slice, each part after the parts on which the part depends."""
-        pattern = np.any([matrix != 0.0 for matrix, _ in self.rows], axis=0)
-        return parts_of(pattern, self.tests[0] != 0.0, self.blocks)
+def parts_of_table(table: Table) -> list[Part]:
+    """Return the parts of a slice, each part after the parts on which the part depends."""
+    pattern = np.any([matrix != 0.0 for matrix, _ in table.rows], axis=0)
+    return parts_of(pattern, table.tests[0] != 0.0, table.blocks)
 
 
 @final

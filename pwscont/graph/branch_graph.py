@@ -11,7 +11,6 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
 from pwscont.graph import balance, exports, queries, storage
-from pwscont.graph.adopted import adopted
 from pwscont.graph.balance import WORDS, verdict
 from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import Structure
@@ -257,7 +256,7 @@ class BranchGraph(Structure):
             solutions, or names and functions of ``record`` do not fit.
         """
         file = storage.read(path)
-        own = system and adopted(path, file.pieces, file.points, file.interval, system)
+        own = system and storage.adopted(path, file.pieces, file.points, file.interval, system)
         return cls(
             file.points,
             file.pieces,
