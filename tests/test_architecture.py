@@ -59,7 +59,7 @@ BUDGET = {
     "linear": (12, 1830),
     "notation": (13, 2910),
     "curve": (17, 3400),
-    "enumeration": (11, 2910),
+    "enumeration": (11, 2980),
     "transitions": (17, 4210),
     "graph": (9, 2790),
     "search": (11, 2190),

@@ -6,7 +6,9 @@ only. A search over all modes is then exponential in the largest part only. The 
 block belong to a single part, except tests that depend on earlier parts alone.
 
 For each solution of the parts before, a part is a small slice, which is solved like any slice. The
-error of the solution before enters the slice as an uncertainty of the constants.
+error of the solution before enters the slice as an uncertainty of the constants. A part with a
+single unknown is solved mode by mode, by a division: in a chain of such parts magnitudes may fall
+from part to part until no typical magnitude can be told, and a division needs none.
 
 Failure modes and answers
 -------------------------
@@ -26,7 +28,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from itertools import product
 from math import prod
@@ -37,10 +39,10 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from pwscont.basics.arrays import Array, Indices, Matrix
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.newton import Root
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
@@ -239,6 +241,17 @@ class PartSlice(SlicewiseLinearSystem):
         matrices, values = zip(*self._rows, strict=True)
         return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
+    def scalar_row(self, character: Character) -> tuple[float, float, Array]:
+        """Return slope and value at zero of the only row of a cell, and samples of the error."""
+        matrix, values = self._in_cell(character)
+        errors = np.append(self._before.error @ matrix[0], EPS * self._terms[0])
+        return float(matrix[0, self.unknowns[0]]), float(values[0]), errors
+
+    def scalar_tests(self) -> tuple[Array, Array, Array]:
+        """Return slopes and values at zero of all tests, and :meth:`inherited_slack`."""
+        gradients: Array = self._all_gradients[:, self.unknowns[0]]
+        return gradients, self._values, self.inherited_slack()
+
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
         residual = self._before.error @ self._in_cell(character)[0].T
@@ -262,6 +275,72 @@ class PartSlice(SlicewiseLinearSystem):
         usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
         return scale * part if TINY < part < 1.0 else scale
+
+
+def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
+    """Return all solutions of a part with a single unknown; None if a mode leaves the unknown free.
+
+    Parameters
+    ----------
+    part : PartSlice
+    scale : float
+        The typical magnitude of the unknown.
+    """
+    modes = part.blocks()[0].modes if part.blocks() else ((),)
+    found: list[_Root] = []
+    for character in map(Character, modes):
+        tests = np.array(part.bounding_tests(character), dtype=np.intp)
+        side = character.array[tests]
+        known = next((root for root in found if root.lies_in(tests, side)), None)
+        if known is None:
+            known = _Root.of(part, character, scale)
+            if known is None:
+                return None
+            if not known.lies_in(tests, side):
+                continue
+            found.append(known)
+        known.cells.append(character)
+        known.in_doubt |= not known.lies_in(tests, side, inside=True)
+    return Slice(tuple(root.point() for root in found), ())
+
+
+@final
+@dataclass(slots=True, eq=False)
+class _Root:
+    """The solution of a mode, the values of all tests there, and the errors of the values."""
+
+    x: float
+    error: Array
+    sign: int
+    tests: Array
+    slack: Array
+    cells: list[Character] = field(default_factory=list)
+    in_doubt: bool = False
+
+    @classmethod
+    def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
+        """Solve a mode; None if the equation of the mode does not depend on the unknown."""
+        slope, value, errors = part.scalar_row(character)
+        if slope == 0.0:
+            return None
+        x = -value / slope
+        error = np.append(errors / slope, EPS * abs(x))
+        gradients, values, inherited = part.scalar_tests()
+        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
+        slack = CONFIDENCE * (off + inherited) + EPS * scale * np.abs(gradients)
+        return cls(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
+
+    def lies_in(self, tests: Indices, side: Signs, inside: bool = False) -> bool:
+        """Tell whether the solution lies in a closed cell, or certainly inside."""
+        values = np.where(side, self.tests[tests], -self.tests[tests])
+        slack = self.slack[tests]
+        return bool((values > slack).all() if inside else (values >= -slack).all())
+
+    def point(self) -> Point:
+        """Return the solution with an idle parameter of zero."""
+        error = np.column_stack([self.error, np.zeros(len(self.error))])
+        in_doubt = self.in_doubt and len(self.cells) == 1
+        return Point(np.array([self.x, 0.0]), error, tuple(self.cells), self.sign, (), in_doubt)
 
 
 @final

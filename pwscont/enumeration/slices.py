@@ -35,6 +35,7 @@ from pwscont.enumeration.by_parts import (
     cells_of,
     parts_of_table,
     solve_parts,
+    solve_scalar,
 )
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, Table, reduce
@@ -128,6 +129,8 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
 
     def solve(part: PartSlice) -> Slice:
         scale = part.magnitudes(metric.scale[part.unknowns])
+        if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
+            return scalar
         around = Metric(np.append(scale, 1.0))
         found = _at_once(part, around, 0.0)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
