@@ -15,7 +15,7 @@ from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 
 from pwscont import LoadHistory, evolve
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 from evolution_truth import TooManyError, evolutions, random_problem
 
 PLACES, BESIDE, SAME = 25, 1e-6, 1e-9

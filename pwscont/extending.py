@@ -15,12 +15,16 @@ A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A 
 solutions are states of a body draws the states on the body by a :class:`BodyPicture`.
 """
 
-from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.looks import card, counted, named
+from pwscont.basics.looks import card, counted, named, short
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
-from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.continuation.plan import Report, uninterrupted
+from pwscont.basics.quantities import Function
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.continuation.plan import Report, silent, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -32,14 +36,12 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.evolution.states import EvolutionState
 from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.graph.branch_graph import Proof
-from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.exports import DUST, number
+from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
-from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
-from pwscont.scenes.graph_answer import GraphAnswer
-from pwscont.scenes.panels import BodyPicture, Shapes, Shown
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
     BringsSearches,
@@ -53,20 +55,29 @@ from pwscont.system.abilities import (
     Reducible,
     Reduction,
 )
-from pwscont.system.contract import checked_magnitudes
+from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray
 
+if TYPE_CHECKING:
+    from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
+    from pwscont.scenes.graph_answer import GraphAnswer
+    from pwscont.scenes.panels import BodyPicture, Shapes, Shown
+
 #: Other names of two classes, for whoever factorises a part of a matrix.
 Core, ScaledCore = Factor, ScaledFactor
 
 __all__ = [
+    "CONFIDENCE",
     "CONVERGED",
     "DEFAULT_LOOK",
+    "DUST",
     "EPS",
+    "FEW_DIGITS",
     "GUARD",
+    "SAME_ALPHA",
     "Answer",
     "Array",
     "BodyPicture",
@@ -88,6 +99,7 @@ __all__ = [
     "Factor",
     "Failure",
     "FailureReason",
+    "Function",
     "GraphAnswer",
     "Guarantee",
     "HidesUnknowns",
@@ -120,6 +132,7 @@ __all__ = [
     "Selection",
     "Shapes",
     "Shown",
+    "Signs",
     "Solution",
     "SpecialPoint",
     "SpecialPointFound",
@@ -132,6 +145,7 @@ __all__ = [
     "Way",
     "WaysOn",
     "accepted",
+    "attempted",
     "card",
     "check_budget",
     "checked_magnitudes",
@@ -139,6 +153,8 @@ __all__ = [
     "dense",
     "drifted",
     "finite_array",
+    "generic",
+    "jacobian_at",
     "land_on",
     "land_on_end",
     "land_on_zero",
@@ -147,9 +163,33 @@ __all__ = [
     "locate_zero",
     "named",
     "newton",
+    "number",
     "power_of_two",
+    "residual_at",
     "row_scale",
     "semismooth_newton",
+    "short",
+    "silent",
     "uninterrupted",
     "values_within",
 ]
+
+
+#: Names of scenes, whose modules are imported at first use: the core needs no scene.
+LATER = {
+    "Answer": "pwscont.scenes.answer",
+    "BodyPicture": "pwscont.scenes.panels",
+    "DEFAULT_LOOK": "pwscont.scenes.answer",
+    "GraphAnswer": "pwscont.scenes.graph_answer",
+    "Look": "pwscont.scenes.answer",
+    "Runnable": "pwscont.scenes.answer",
+    "Shapes": "pwscont.scenes.panels",
+    "Shown": "pwscont.scenes.panels",
+    "values_within": "pwscont.scenes.answer",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in LATER:
+        return getattr(import_module(LATER[name]), name)
+    raise AttributeError(f"module 'pwscont.extending' has no attribute {name!r}")

@@ -24,8 +24,7 @@ from pwscont.bench.truth.rational import solve
 from pwscont.bench.truth.refinement import KNOWN_BITS, refined
 from pwscont.commands.cli import main
 from pwscont.curve.metric import Metric
-from pwscont.graph.place import Track
-from pwscont.graph.records import Piece
+from pwscont.graph.records import Piece, Track
 
 pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 

@@ -16,8 +16,7 @@ from reference_enumeration import solve_modes
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Kind
-from pwscont.graph.place import Place, Track
-from pwscont.graph.records import Messages, Piece, SpecialPoint
+from pwscont.graph.records import Messages, Piece, Place, SpecialPoint, Track
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 

@@ -18,12 +18,11 @@ import scipy.sparse as sp
 from sweeps import swept
 
 from pwscont import BranchGraph, PiecewiseLinearSystem, trace
-from pwscont.basics.errors import BrokenSceneError
 from pwscont.commands.cli import main
 from pwscont.commands.options import spread
 from pwscont.linear.threads import VARIABLES
 from pwscont.scenes import registry
-from pwscont.scenes.registry import load_scene
+from pwscont.scenes.registry import BrokenSceneError, load_scene
 
 pytestmark = pytest.mark.slow  # the others take too long for the README's command
 

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from readings import At
 
 from pwscont import (
     EndPoints,
@@ -265,25 +266,6 @@ def test_classes_instead_of_objects_are_refused():
     for check, part in [(check_stepper, PseudoArclength), (check_search, MultiStart)]:
         with pytest.raises(InvalidInputError, match="call it to make one"):
             check(part)
-
-
-class At(TransitionDetector):
-    """Marks where the first unknown passes -1/2, with slopes or without."""
-
-    def __init__(self, locate=locate_sign_change, slopes=1.0):
-        self.located, self.slopes = locate, slopes
-
-    def read(self, curve, state):
-        g, t = state.x[0] + 0.5, self.slopes * state.tangent[0]
-        g = 0.0 if abs(g) < 1e-12 else g
-        return Reading(np.array([g, -g]), np.array([t, -t]))
-
-    def locate(self, segment, index, bracket):
-        return self.located(segment, lambda state: state.x[0] + 0.5, bracket)
-
-    def arrive(self, curve, state, index):
-        forth = Ray(curve, state)
-        return SpecialPointFound("at", state.x, "z is -1/2", (forth.reversed(), forth))
 
 
 class Kink(PiecewiseLinearSystem):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import skfem
 from elastic_bodies import pressed, square, strip
+from gmsh_files import GMSH_22, GMSH_41
 from pwscont_coulomb.elastic import (
     BodyForce,
     ContactBoundary,
@@ -22,7 +23,6 @@ from pwscont_coulomb.elastic import (
 )
 from pwscont_coulomb.elastic.mesh_files import read_mesh
 from scipy.optimize import nnls
-from test_elastic_body import GMSH_22, GMSH_41
 
 from pwscont import explore, trace
 from pwscont.basics.errors import InvalidInputError, MissingPackageError

@@ -22,7 +22,7 @@ from scipy import sparse
 from pwscont import MissingPackageError
 from pwscont.basics.errors import InvalidInputError
 
-CASES = str(Path(__file__).with_name("mumps_cases.py"))
+CASES = str(Path(__file__).parent / "helpers" / "mumps_cases.py")
 INSTALLED = pytest.mark.skipif(not find_spec("mumps"), reason="pymumps is not installed")
 MPIEXEC = pytest.mark.skipif(not shutil.which("mpiexec"), reason="there is no mpiexec")
 TWO = ["mpiexec", "-n", "2", sys.executable]

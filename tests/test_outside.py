@@ -12,7 +12,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
-from pwscont.transitions.bounds import Bounds
+from pwscont.transitions.ends import Bounds
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.watch import Watch
 

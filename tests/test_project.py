@@ -160,3 +160,36 @@ def test_every_method_that_the_manual_names_exists():
 def test_contributing_lists_the_rooms_top_floor_first():
     rooms = re.findall(r"^\| `(\w+)` \|", text("CONTRIBUTING.md"), re.MULTILINE)
     assert rooms[::-1] == import_module("test_architecture").ROOMS
+
+
+# -- the tests themselves --------------------------------------------------------------------------
+
+TESTS = ROOT / "tests"
+LONGEST_FILE_OF_TESTS = 500
+
+
+def test_a_table_says_where_the_tests_of_every_module_stand():
+    rows = re.findall(r"(?m)^\| (`?)([\w.]+)\1 \| (.+) \|$", text("tests/README.md"))
+    named = {word for tick, _, words in rows if tick for word in words.split(", ")}
+    named |= {name for tick, name, _ in rows if not tick}
+    assert named == {path.stem[5:] for path in TESTS.glob("test_*.py")}
+    modules = {
+        ".".join(path.relative_to(ROOT / "pwscont").with_suffix("").parts)
+        for path in (ROOT / "pwscont").glob("*/**/*.py")
+        if path.name != "__init__.py"
+    }
+    packages = {path.name for path in (ROOT / "problems").glob("pwscont_*")}
+    assert {name for tick, name, _ in rows if tick} == modules | packages
+
+
+def test_files_of_tests_are_short_and_import_no_other_file_of_tests():
+    for path in TESTS.rglob("*.py"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert len(lines) <= LONGEST_FILE_OF_TESTS, path.name
+        assert not [line for line in lines if re.match(r"(from|import) test_", line)], path.name
+
+
+def test_what_files_of_tests_share_stands_in_one_place():
+    assert {path.name for path in TESTS.glob("*.py") if not path.name.startswith("test_")} == {
+        "conftest.py"
+    }

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from circle import Circle
-from test_contracts import At
+from readings import At
 
 from pwscont import explore
 from pwscont.extending import Reading

@@ -2,7 +2,7 @@
 
 import pytest
 from studycases import scene_of_one_node
-from test_cli import Clock, Terminal
+from terminals import Clock, Terminal
 
 from pwscont.commands.cli import main
 from pwscont.commands.progress import CaseProgress

@@ -19,20 +19,19 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from matplotlib.path import Path
-from paper_systems import TWO_NODES, contact_body
+from paper_systems import TWO_NODES
+from plane_parts import ALPHAS, BODY, CLOSE, PATH, family, plane_family
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, load_plane
 from reference_enumeration import enumerate_solutions, modes_of
 
-from pwscont import FoldLocus, PiecewiseSystem, TransitionLocus, check_system, explore, trace
-from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont import TransitionLocus, check_system, explore, trace
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.loci_plane import LociPlane
-from pwscont.two_parameters.plane import area_and_centre, regions
+from pwscont.two_parameters.plane import area_and_centre
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
-CLOSE = {"rtol": 0.0, "atol": 1e-9}
 
 # -- one node: the sectors of the load plane ---------------------------------------------------
 
@@ -48,11 +47,6 @@ def sectors_at(a, b, friction, f_nu, f_t):
         "slip-": slip_det and slip_det * (f_t + bound) <= 0.0 and slip_det * lifted >= 0.0,
     }
     return {mode for mode, inside in holds.items() if inside}
-
-
-def plane_family(a, b, friction):
-    body = ContactBody([[a, -b], [-b, a]], [[1.0, 0.0]], [[0.0, 1.0]])
-    return lambda f_t: CoulombLoad(body, AffineLoad([0.0, f_t], [1.0, 0.0]), friction)
 
 
 BODIES = [(2.0, 1.0, 0.7), (2.0, 1.0, 4.0), (2.0, 1.0, 2.0), (3.0, 0.4, 1.5), (5.0, 4.0, 1.3)]
@@ -198,15 +192,7 @@ def test_infinitely_many_solutions_on_the_ray_of_fig6(how):
     assert graph.count(f_nu) == np.inf
 
 
-# -- two nodes: the critical friction ----------------------------------------------------------
-
-ALPHAS, PATH = (-8.0, 2.0), AffineLoad([0.4, 0.0, 1.8, 0.0], [0.0, 1.0, 0.2, 1.0])
-BODY = contact_body(TWO_NODES)
 NODE = ([0, 1], [2, 3])
-
-
-def family(friction):
-    return CoulombLoad(BODY, PATH, friction)
 
 
 def critical_ratio(node, other):
@@ -231,6 +217,8 @@ def curve(plane, label):
 
 
 LIFTED_1, STUCK_2 = "node 1 no contact, node 2 {}", "node 1 {}, node 2 stick"
+
+
 #: Each locus, alpha as a function of F, and where it is a fold. Node 1 beside the stuck node 2 has
 #: S = [[1, -1], [-1, 2]] and the load (0.4, alpha); node 2 beside the free node 1 has the same S
 #: and the load (2.2 + 1.2 alpha, alpha).
@@ -414,112 +402,3 @@ def test_sparse_bodies_have_the_same_loci():
     for dense, sparse in zip(*(graph.pieces for graph in graphs), strict=True):
         assert dense.label == sparse.label
         np.testing.assert_allclose(dense.points, sparse.points, rtol=1e-8, atol=1e-10)
-
-
-# -- smooth folds ------------------------------------------------------------------------------
-
-
-class Cusp(PiecewiseSystem):
-    """z^3 - mu z - alpha, with a stop below z = -0.8: folds at z^2 = mu / 3, a cusp at mu = 0."""
-
-    size = 1
-
-    def __init__(self, mu):
-        self.mu = mu
-
-    def test_functions(self, z, alpha):
-        return z + 0.8
-
-    def residual(self, z, alpha, character):
-        stop = 0.0 if character.signs[0] else 2.0 * (z + 0.8)
-        return z**3 - self.mu * z - alpha + stop
-
-
-@pytest.fixture(scope="module")
-def cusp():
-    _, fold = trace(Cusp(1.0), ([2.0], 3.0), (-3.0, 3.0)).special_points("fold")
-    locus = FoldLocus(Cusp, 1.0, (-3.0, 3.0))
-    return locus, trace(locus, locus.start(fold.z, fold.alpha, 1.0), (-1.0, 3.0), parameter="mu")
-
-
-def test_smooth_folds_follow_the_cusp(cusp):
-    _, graph = cusp
-    points = np.vstack([piece.points for piece in graph.pieces])
-    z, _, alpha, mu = points.T
-    np.testing.assert_allclose(3.0 * z**2, mu, **CLOSE)
-    np.testing.assert_allclose(alpha, -2.0 * z**3, **CLOSE)
-    (tip,) = graph.special_points("fold")
-    np.testing.assert_allclose([*tip.z[[0, 2]], tip.alpha], 0.0, rtol=0.0, atol=1e-8)
-
-
-def test_a_smooth_fold_ends_at_an_interface_and_says_so(cusp):
-    _, graph = cusp
-    (end,) = [p for p in graph.special_points("end") if "interface" in p.message]
-    assert end.message == "the smooth fold reaches the interface of test function 0"
-    np.testing.assert_allclose([end.z[0], end.alpha], [-0.8, 1.92], **CLOSE)
-
-
-def test_jacobian_of_the_fold_locus(cusp):
-    locus, graph = cusp
-    points = [(x[:-1], x[-1]) for piece in graph.pieces for x in piece.points[1:-1:3]]
-    report = check_system(locus, [*points, (np.array([0.3, 0.4, 0.2]), 0.7)])
-    assert report, str(report)
-
-
-def test_loci_of_transitions_refuse_smooth_folds():
-    with pytest.raises(InvalidInputError, match=r"smooth fold at alpha = .* trace a FoldLocus"):
-        follow_transitions(Cusp, (-3.0, 3.0), (0.5, 2.0), (1.0,))
-
-
-# -- wrong input ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("test", [-1, 3, 99])
-def test_no_such_test(test):
-    with pytest.raises(InvalidInputError, match="test must be one of 0 to 2"):
-        TransitionLocus(plane_family(2.0, 1.0, 1.0), test)
-
-
-@pytest.mark.parametrize("alphas", [(1.0, 1.0), (2.0, -2.0), (0.0,), None])
-@pytest.mark.parametrize("kind", [FoldLocus, lambda f, **more: TransitionLocus(f, 0, **more)])
-def test_no_such_range(kind, alphas):
-    with pytest.raises(InvalidInputError, match="alphas"):
-        kind(plane_family(2.0, 1.0, 1.0), alphas=alphas)
-
-
-def test_a_family_must_return_systems():
-    with pytest.raises(InvalidSystemError, match=r"the family returned float at mu = 1\.0"):
-        TransitionLocus(lambda mu: mu, 0)
-
-
-def test_a_level_through_the_apex_is_refused():
-    family = plane_family(2.0, 1.0, 4.0)
-    with pytest.raises(InvalidInputError, match="choose another level"):
-        follow_transitions(family, (-1.0, 1.0), (-1.0, 1.0), (0.0,))
-
-
-# -- regions -------------------------------------------------------------------------------------
-
-
-def test_regions_fill_the_window():
-    """A cross of two lines and a curve that ends within: areas add up, and none overlap."""
-    curves = [
-        np.array([[-1.0, -1.0], [1.0, 1.0]]),
-        np.array([[1.0, -1.0], [-1.0, 1.0]]),
-        np.array([[0.5, -0.25], [0.6, 0.1], [0.5, 0.25]]),
-    ]
-    found = regions(curves, (-1.0, 1.0), (-1.0, 1.0))
-    assert sum(area_and_centre(r.polygon)[0] for r in found) == pytest.approx(4.0, rel=1e-12)
-    assert all(np.abs(r.inside).max() < 1.0 for r in found)
-
-
-def test_coincident_curves_enclose_nothing():
-    line = np.array([[0.0, -1.0], [0.5, 1.0]])
-    found = regions([line, line.copy()], (-1.0, 1.0), (-1.0, 1.0))
-    assert len(found) == 2
-
-
-def test_area_and_centre_of_a_triangle():
-    area, centre = area_and_centre(np.array([[10.0, 5.0], [13.0, 5.0], [10.0, 11.0]]))
-    assert area == pytest.approx(9.0)
-    np.testing.assert_allclose(centre, [11.0, 7.0])

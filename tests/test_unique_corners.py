@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from integer_problems import integer_problem
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from sweeps import swept
-from test_quasi_static import integer_problem
 
 from pwscont import explore, trace
 from pwscont.curve.metric import Metric

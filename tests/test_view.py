@@ -23,8 +23,8 @@ from pwscont import (
     explore,
 )
 from pwscont.commands.cli import main
+from pwscont.commands.origin import Origin, read_origin, write_origin
 from pwscont.extending import BodyPicture, Shapes
-from pwscont.graph.storage import Origin, read_origin, write_origin
 from pwscont.scenes.registry import load_scene
 from pwscont.view.body import MOST_NUMBERS, outline_of
 from pwscont.view.records import dash_of

@@ -115,10 +115,6 @@ class SystemNeededError(PwscontError, RuntimeError):
     """
 
 
-class BrokenSceneError(PwscontError, RuntimeError):
-    """A package offers a scene that cannot be made, or whose name is taken."""
-
-
 class SceneNotFoundError(PwscontError, LookupError):
     """No installed package registers a scene of that name.
 

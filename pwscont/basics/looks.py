@@ -36,16 +36,6 @@ def short(words: str) -> str:
     return words if len(words) <= MOST_LETTERS else f"{words[: MOST_LETTERS - 4]} ..."
 
 
-def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
-    """Return words cut to ``most`` letters; an ellipsis stands for the middle."""
-    if len(words) <= most:
-        return words
-    half = (most - 7) // 2
-    head, tail = words[:half], words[-half:]
-    gap = next((gap for gap in (", ", " ") if gap in head and gap in tail), "")
-    return f"{head[: head.rfind(gap)]}{gap}...{gap}{tail[tail.find(gap) + len(gap) :]}"
-
-
 def apart(lo: float, hi: float) -> tuple[str, str]:
     """Return the ends of an interval in at least eight digits, in more where eight are equal."""
     part = (hi - lo) / max(abs(lo), abs(hi), 1e-300)

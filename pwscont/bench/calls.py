@@ -13,10 +13,9 @@ from contextlib import ExitStack, contextmanager
 from functools import wraps
 from typing import Any
 
-from pwscont.linear.bordered import BorderedFactor
-from pwscont.linear.factor import Factor
+from pwscont import PiecewiseSystem
+from pwscont.extending import BorderedFactor, Factor
 from pwscont.linear.factorise import DenseFactor, SparseFactor
-from pwscont.system.system import PiecewiseSystem
 
 #: Methods of a system that are counted, by name.
 EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")

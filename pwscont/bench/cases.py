@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont import (
+    ExactLinear,
+    PiecewiseLinearSystem,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    enumerate_solutions,
+    explore,
+)
 from pwscont.bench.truth.exact_path import verified_path
 from pwscont.bench.truth.known_answer import TruePiece, Truth, UnknownAnswerError
 from pwscont.bench.truth.problems import (
@@ -21,21 +29,11 @@ from pwscont.bench.truth.problems import (
 )
 from pwscont.bench.truth.rational import straight_pieces
 from pwscont.bench.truth.slicewise import cellwise_pieces
-from pwscont.continuation import explore
-from pwscont.continuation.plan import uninterrupted
-from pwscont.curve.metric import Metric
-from pwscont.curve.steppers import ExactLinear
+from pwscont.extending import Array, Metric, uninterrupted
 from pwscont.scenes.answer import Runnable
 from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
-from pwscont.search import enumerate_solutions
 from pwscont.system.abilities import reduction_of
-from pwscont.system.system import (
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-    number_of_cells,
-)
 
 #: Number of values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
@@ -91,7 +89,7 @@ def case_of(runnable: Runnable) -> Case:
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
     if reduction_of(system, interval):
         raise UnknownAnswerError("parts of its system are left out while it is followed")
-    cells = number_of_cells(system.blocks())
+    cells = prod(len(block.modes) for block in system.blocks())
     if cells <= MOST_CELLS:
         return _few_cells(scene.name, system, interval)
     if not isinstance(system, PiecewiseLinearSystem):

@@ -6,12 +6,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.curve.corrector import MoorePenrose
-from pwscont.curve.predictor import Secant, Tangent
-from pwscont.curve.pseudo_arclength import PseudoArclength
-from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import Stepper
-from pwscont.curve.steppers import ExactLinear, NaturalParameter
+from pwscont import (
+    ExactLinear,
+    MoorePenrose,
+    NaturalParameter,
+    PseudoArclength,
+    Secant,
+    Stepper,
+    StepSize,
+    Tangent,
+)
 
 #: Longest steps, in the metric in which the interval of alpha has length one.
 LONGEST = (0.3, 0.1, 0.03, 0.01)

@@ -15,11 +15,9 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.outcome import Kind
+from pwscont import BranchGraph, PiecewiseSystem
 from pwscont.bench.truth.known_answer import Cell, TruePiece, Truth
-from pwscont.graph import BranchGraph, Piece
-from pwscont.system.system import PiecewiseSystem
+from pwscont.extending import Array, Kind, Piece
 
 #: Most stored points of a graph that are compared, evenly spread.
 MOST_POINTS = 200

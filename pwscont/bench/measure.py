@@ -10,18 +10,13 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont import BranchGraph, PiecewiseSystem, Search, explore
 from pwscont.bench.calls import counted
 from pwscont.bench.cases import Case
 from pwscont.bench.contestants import Contestant
 from pwscont.bench.errors import Errors, errors, verdict
 from pwscont.bench.truth.known_answer import Truth
-from pwscont.continuation import explore
-from pwscont.continuation.plan import uninterrupted
-from pwscont.curve.metric import Metric
-from pwscont.graph import BranchGraph
-from pwscont.search import Search
-from pwscont.system.system import PiecewiseSystem
+from pwscont.extending import Array, Metric, uninterrupted
 
 #: Number of runs that are timed, usually and with ``quick``, and seconds after which no further run
 #: is begun.

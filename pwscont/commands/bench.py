@@ -7,13 +7,14 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pwscont.basics.errors import BrokenSceneError, InvalidInputError
+from pwscont import InvalidInputError
 from pwscont.bench.cases import Case, case_names, load_case
 from pwscont.bench.contestants import contestants
 from pwscont.bench.measure import Row, measure
 from pwscont.bench.report import as_dict, as_text, machine
 from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.commands.run import make_directory
+from pwscont.scenes.registry import BrokenSceneError
 
 #: Problems that ``--quick`` measures: straight pieces, curved pieces, a smooth fold.
 QUICK = ("fig7", "fig13", "two-curves")

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
 
-from pwscont.basics.errors import PwscontError
+from pwscont import PwscontError
 from pwscont.commands import bench_arguments, sweep_arguments, view_arguments
 from pwscont.commands.options import add_looks, add_scene, complete, spread, with_examples
 from pwscont.commands.run import run_scene

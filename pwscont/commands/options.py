@@ -16,7 +16,7 @@ from importlib import import_module
 from math import inf
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 from pwscont.scenes.answer import FORMATS, Look, Runnable
 from pwscont.scenes.registry import scene_names
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from math import ceil
 from typing import TextIO, final
 
-from pwscont.basics.looks import counted
+from pwscont.extending import counted
 
 FIRST = 1.0  # seconds before anything is shown
 EVERY = 0.2  # seconds between two updates

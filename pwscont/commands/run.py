@@ -12,13 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pwscont.basics.errors import GraphFileError, InvalidInputError, PwscontError
-from pwscont.basics.looks import counted
+from pwscont import GraphFileError, InvalidInputError, Journal, PwscontError
 from pwscont.commands.options import look_of, with_panels
+from pwscont.commands.origin import Origin, write_origin
 from pwscont.commands.progress import Progress
 from pwscont.commands.view import check_viewable, write_page
-from pwscont.continuation.journal import Journal
-from pwscont.graph.storage import Origin, write_origin
+from pwscont.extending import counted
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
 from pwscont.scenes.registry import load_scene
 

@@ -10,10 +10,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
+from pwscont import InvalidInputError
 from pwscont.commands.progress import CaseProgress
 from pwscont.commands.run import make_directory
+from pwscont.extending import counted
 from pwscont.studies.problem import RegisteredScene
 from pwscont.studies.result import StudyResult
 from pwscont.studies.study import Study

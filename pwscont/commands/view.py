@@ -7,9 +7,8 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from pwscont.basics.errors import InvalidInputError, PwscontError
-from pwscont.graph import BranchGraph
-from pwscont.graph.storage import Origin, read_origin
+from pwscont import BranchGraph, InvalidInputError, PwscontError
+from pwscont.commands.origin import Origin, read_origin
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Scene

@@ -34,8 +34,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.place import Place, Track
-from pwscont.graph.records import Messages, Stretch, significant
+from pwscont.graph.records import Messages, Place, Stretch, Track, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem

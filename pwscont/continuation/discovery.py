@@ -37,13 +37,12 @@ from pwscont.continuation.known import (
     starts_on,
 )
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.place import Place, Track
+from pwscont.graph.records import Place, Track
 from pwscont.system.abilities import Ending
-from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
-from pwscont.transitions.interval import points_inside
+from pwscont.transitions.ends import Bounds, points_inside
 from pwscont.transitions.rays import Ray
 
 

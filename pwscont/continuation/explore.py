@@ -40,11 +40,15 @@ from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
 from pwscont.system.abilities import completed, shown_size
-from pwscont.system.contract import check_contract, check_declaration, check_parameter
-from pwscont.system.promises import check_promises, refuse_undefined
-from pwscont.system.slopes import refuse_wrong_gradients, refuse_wrong_jacobian
+from pwscont.system.contract import (
+    check_contract,
+    check_declaration,
+    check_parameter,
+    refuse_wrong_gradients,
+    refuse_wrong_jacobian,
+)
+from pwscont.system.promises import check_promises, refuse_extreme_rows, refuse_undefined
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.system.units import refuse_extreme_rows
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.departures import settled
 from pwscont.transitions.events import Events

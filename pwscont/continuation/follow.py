@@ -27,16 +27,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.curve.steppers import ExactLinear
+from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT
-from pwscont.system.slopes import refuse_wrong_jacobian
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.bounds import Bounds
-from pwscont.transitions.branch_point import SmoothBranchPoints
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
+from pwscont.transitions.ends import Bounds, IntervalEnds, ended
 from pwscont.transitions.events import Events, EventsAlong
-from pwscont.transitions.fold import SmoothFolds, leaning
-from pwscont.transitions.interval import IntervalEnds, ended
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds, leaning
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, first_on_ray
 

@@ -36,8 +36,8 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.graph.place import Place, Track
 from pwscont.graph.queries import solve_between
+from pwscont.graph.records import Place, Track
 from pwscont.search.search import KnownBranches
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem

@@ -52,12 +52,11 @@ from pwscont.system.system import (
     PiecewiseSystem,
 )
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.bounds import NO_BOUNDS, Bounds
 from pwscont.transitions.continuum import filled_parts
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import NO_BOUNDS, Bounds, ended
 from pwscont.transitions.events import Events, checked_events
-from pwscont.transitions.interval import ended
 from pwscont.transitions.watch import Watch
 
 

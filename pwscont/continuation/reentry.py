@@ -31,8 +31,8 @@ from pwscont.curve.stepper import Stepper
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.bounds import Bounds
 from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import Bounds
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.watch import Watch
 

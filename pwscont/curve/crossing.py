@@ -29,8 +29,13 @@ from pwscont.basics.arrays import Array, generic_angles
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve
-from pwscont.linear.augmented import augmented
-from pwscont.linear.factorise import columns_scaled, largest_in_rows, power_of_two, rows_divided
+from pwscont.linear.factorise import (
+    augmented,
+    columns_scaled,
+    largest_in_rows,
+    power_of_two,
+    rows_divided,
+)
 
 #: Most Newton iterations to a branch point.
 MOST_ITERATIONS = 12

@@ -1,9 +1,9 @@
 """All solutions of systems that are affine in z, by a search over all cells."""
 
-from pwscont.enumeration.by_parts import Cells, Table, is_regular, most_cells
+from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
 from pwscont.enumeration.exact import solve_exactly
 from pwscont.enumeration.filled import Filled, filled
-from pwscont.enumeration.options import aside
+from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Face, Point, Slice
 from pwscont.enumeration.slices import (
     ALONE,
@@ -24,7 +24,6 @@ __all__ = [
     "Point",
     "Slice",
     "Table",
-    "aside",
     "cells_to_try",
     "det_sign",
     "filled",
@@ -32,6 +31,7 @@ __all__ = [
     "is_regular",
     "lone_point",
     "most_cells",
+    "parts_of_table",
     "solve_exactly",
     "solve_slice",
 ]

@@ -6,7 +6,9 @@ only. A search over all modes is then exponential in the largest part only. The 
 block belong to a single part, except tests that depend on earlier parts alone.
 
 For each solution of the parts before, a part is a small slice, which is solved like any slice. The
-error of the solution before enters the slice as an uncertainty of the constants.
+error of the solution before enters the slice as an uncertainty of the constants. A part with a
+single unknown is solved mode by mode, by a division: in a chain of such parts magnitudes may fall
+from part to part until no typical magnitude can be told, and a division needs none.
 
 Failure modes and answers
 -------------------------
@@ -26,7 +28,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from itertools import product
 from math import prod
@@ -37,12 +39,12 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from pwscont.basics.arrays import Array, Indices, Matrix, dense
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.newton import Root
-from pwscont.enumeration.options import affine, bounding, most_modes
+from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
@@ -124,41 +126,10 @@ MOST_LISTED = 4**6
 MOST_CELLS = 4**6
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Table:
-    """A slice of a system in numbers: rows of H for every mode, and the tests.
-
-    Attributes
-    ----------
-    rows : list of (ndarray, ndarray)
-        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
-    tests : tuple of ndarray
-        Gradients by z, shape (m, n), and values at z = 0, shape (m,).
-    blocks : tuple of Block
-    bounding : list of list of list of int
-        For every mode of every block, the tests that bound the mode.
-    """
-
-    rows: list[tuple[Array, Array]]
-    tests: tuple[Array, Array]
-    blocks: tuple[Block, ...]
-    bounding: list[list[list[int]]]
-
-    @classmethod
-    def of(cls, system: SlicewiseLinearSystem, alpha: float, dx: Array) -> Table:
-        """Evaluate a system at z = 0, and check at ``dx`` that the system is affine."""
-        zero, blocks = np.zeros(system.size), system.blocks()
-        tests = np.array(system.test_functions(zero, alpha), dtype=float)
-        gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
-        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
-        bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
-        return cls(rows, (gradients, tests), blocks, bounds)
-
-    def parts(self) -> list[Part]:
-        """Return the parts of the slice, each part after the parts on which the part depends."""
-        pattern = np.any([matrix != 0.0 for matrix, _ in self.rows], axis=0)
-        return parts_of(pattern, self.tests[0] != 0.0, self.blocks)
+def parts_of_table(table: Table) -> list[Part]:
+    """Return the parts of a slice, each part after the parts on which the part depends."""
+    pattern = np.any([matrix != 0.0 for matrix, _ in table.rows], axis=0)
+    return parts_of(pattern, table.tests[0] != 0.0, table.blocks)
 
 
 @final
@@ -304,6 +275,72 @@ class PartSlice(SlicewiseLinearSystem):
         usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
         return scale * part if TINY < part < 1.0 else scale
+
+
+def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
+    """Return all solutions of a part with a single unknown; None if a mode leaves the unknown free.
+
+    Parameters
+    ----------
+    part : PartSlice
+    scale : float
+        The typical magnitude of the unknown.
+    """
+    modes = part.blocks()[0].modes if part.blocks() else ((),)
+    found: list[_Root] = []
+    for character in map(Character, modes):
+        tests = np.array(part.bounding_tests(character), dtype=np.intp)
+        side = character.array[tests]
+        known = next((root for root in found if root.lies_in(tests, side)), None)
+        if known is None:
+            known = _Root.of(part, character, scale)
+            if known is None:
+                return None
+            if not known.lies_in(tests, side):
+                continue
+            found.append(known)
+        known.cells.append(character)
+        known.in_doubt |= not known.lies_in(tests, side, inside=True)
+    return Slice(tuple(root.point() for root in found), ())
+
+
+@final
+@dataclass(slots=True, eq=False)
+class _Root:
+    """The solution of a mode, the values of all tests there, and the errors of the values."""
+
+    x: float
+    error: Array
+    sign: int
+    tests: Array
+    slack: Array
+    cells: list[Character] = field(default_factory=list)
+    in_doubt: bool = False
+
+    @classmethod
+    def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
+        """Solve a mode; None if the equation of the mode does not depend on the unknown."""
+        slope, value, errors = part.scalar_row(character)
+        if slope == 0.0:
+            return None
+        x = -value / slope
+        error = np.append(errors / slope, EPS * abs(x))
+        gradients, values, inherited = part.scalar_tests()
+        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
+        slack = CONFIDENCE * (off + inherited) + EPS * scale * np.abs(gradients)
+        return cls(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
+
+    def lies_in(self, tests: Indices, side: Signs, inside: bool = False) -> bool:
+        """Tell whether the solution lies in a closed cell, or certainly inside."""
+        values = np.where(side, self.tests[tests], -self.tests[tests])
+        slack = self.slack[tests]
+        return bool((values > slack).all() if inside else (values >= -slack).all())
+
+    def point(self) -> Point:
+        """Return the solution with an idle parameter of zero."""
+        error = np.column_stack([self.error, np.zeros(len(self.error))])
+        in_doubt = self.in_doubt and len(self.cells) == 1
+        return Point(np.array([self.x, 0.0]), error, tuple(self.cells), self.sign, (), in_doubt)
 
 
 @final

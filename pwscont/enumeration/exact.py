@@ -36,14 +36,14 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, dense
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import is_same
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
-from pwscont.enumeration.options import affine, aside, bounding, most_modes
+from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
 from pwscont.system.selection import Selection
@@ -175,17 +175,13 @@ class ExactSlice:
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
         self._n, self._scale = system.size, scale
-        self._blocks = sorted(system.blocks(), key=lambda block: len(block.modes))
-        zero = np.zeros(system.size)
-        dx, modes = aside(scale), range(most_modes(self._blocks))
-        slices = [affine(system, self._blocks, k, alpha, dx) for k in modes]
-        self._rows = [np.column_stack([jacobian, value]) for jacobian, value in slices]
-        gradients = dense(system.test_jacobian(zero, alpha))[:, :-1]
-        self._tests = np.column_stack([gradients, system.test_functions(zero, alpha)])
-        self._bounding = [
-            [bounding(system, block, mode, len(self._tests)) for mode in block.modes]
-            for block in self._blocks
-        ]
+        table = Table.of(system, alpha, scale)
+        self._rows = [np.column_stack(rows) for rows in table.rows]
+        self._tests = np.column_stack(table.tests)
+        pairs = zip(table.blocks, table.bounding, strict=True)
+        few_first = sorted(pairs, key=lambda pair: len(pair[0].modes))
+        self._blocks = [block for block, _ in few_first]
+        self._bounding = [bounding for _, bounding in few_first]
         taken = [row for block in self._blocks for row in block.rows]
         self._common = np.setdiff1d(np.arange(system.size), taken).tolist()
         self._order = [*self._common, *taken]

@@ -115,6 +115,39 @@ class Problem:
         return Character(tuple(signs))
 
 
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A slice of a system in numbers: rows of H for every mode, and the tests.
+
+    Attributes
+    ----------
+    rows : list of (ndarray, ndarray)
+        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
+    tests : tuple of ndarray
+        Gradients by z, shape (m, n), and values at z = 0, shape (m,).
+    blocks : tuple of Block
+    bounding : list of list of list of int
+        For every mode of every block, the tests that bound the mode.
+    """
+
+    rows: list[tuple[Array, Array]]
+    tests: tuple[Array, Array]
+    blocks: tuple[Block, ...]
+    bounding: list[list[list[int]]]
+
+    @classmethod
+    def of(cls, system: SlicewiseLinearSystem, alpha: float, scale: Array) -> Table:
+        """Evaluate a system at z = 0, and check at typical magnitudes that the system is affine."""
+        zero, dx, blocks = np.zeros(system.size), aside(scale), system.blocks()
+        tests = np.array(system.test_functions(zero, alpha), dtype=float)
+        gradients = own_dense(system.test_jacobian(zero, alpha))
+        refuse_bent_tests(system, np.append(zero, alpha), dx, tests, gradients)
+        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
+        bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
+        return cls(rows, (gradients[:, :-1], tests), blocks, bounds)
+
+
 def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
     """Return the slice of a system at ``alpha`` as a reduced problem, None if without solution.
 
@@ -125,14 +158,8 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
         Typical magnitudes of z; the reduced unknowns are of the order of 1.
     alpha : float
     """
-    zero, dx = np.zeros(system.size), aside(scale)
-    kappa = np.array(system.test_functions(zero, alpha), dtype=float)
-    K = own_dense(system.test_jacobian(zero, alpha))
-    refuse_bent_tests(system, np.append(zero, alpha), dx, kappa, K)
-    blocks = system.blocks()
-    slices = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
-    necessary = checked_necessary(system, alpha)
-    return problem_of(system, slices, (K[:, :-1], kappa), necessary, scale)
+    table = Table.of(system, alpha, scale)
+    return problem_of(system, table.rows, table.tests, checked_necessary(system, alpha), scale)
 
 
 def problem_of(

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import comb
 from typing import Any, final
 
 import numpy as np
@@ -200,12 +199,6 @@ MAGNIFIED = (1.0, 2.0**16)
 UNBOUNDED = 3
 #: Least multiplier that is not zero; the sum of all multipliers is 1.
 LEAST_MULTIPLIER = 1e-6
-#: Most points at which the vanishing of inequalities is tried.
-MOST_CORNERS = 2000
-#: Least determinant of unit rows that are not taken for parallel.
-PARALLEL = 1e-10
-#: Least value of all inequalities at a point well inside, as a part of the size of the point.
-WELL_INSIDE = 1e-5
 #: Least length by which a direction is divided.
 TINY = float(np.finfo(float).tiny)
 
@@ -264,13 +257,6 @@ class Polyhedron:
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)
-        corners = self._nearly_corners(rounding)
-        if corners is not None and not len(corners):
-            return None  # a polyhedron without a line and without a corner is empty
-        if corners is not None:
-            middle = corners.mean(axis=0)
-            if self._is_well_inside(middle, rounding):
-                return middle, np.eye(len(middle))
         (k, q), last = self.matrix.shape, np.eye(self.matrix.shape[1] + 1)[-1]
         rows = np.vstack([np.column_stack([self.matrix, -np.ones(k)]), -last])
         found = Polyhedron(rows, np.append(self.vector, 1.0))._largest(last)
@@ -282,28 +268,6 @@ class Polyhedron:
         if least > off:
             return point, np.eye(q)
         return None if least < -off else self._flat(point, multipliers > LEAST_MULTIPLIER, rounding)
-
-    def _nearly_corners(self, rounding: float) -> Array | None:
-        """Return points where some inequalities vanish and all hold to rounding.
-
-        None if the candidates are too many, or the polyhedron may hold a whole line.
-        """
-        k, q = self.matrix.shape
-        if comb(k, q) > MOST_CORNERS or np.linalg.matrix_rank(self.matrix) < q:
-            return None
-        rows = np.array([*combinations(range(k), q)])
-        sizes = np.abs(np.linalg.det(self.matrix[rows]))
-        rows, sizes = rows[sizes > PARALLEL], sizes[sizes > PARALLEL]
-        if not len(rows):
-            return None
-        points = np.linalg.solve(self.matrix[rows], -self.vector[rows][..., np.newaxis])[..., 0]
-        slack = rounding * (1.0 + np.abs(points).max(axis=1)) / sizes
-        holds = points @ self.matrix.T + self.vector >= -slack[:, np.newaxis]
-        return np.asarray(points[holds.all(axis=1)])
-
-    def _is_well_inside(self, point: Array, rounding: float) -> bool:
-        off = WELL_INSIDE * (1.0 + np.abs(point).max()) + rounding
-        return bool((self.matrix @ point + self.vector > off).all())
 
     def ends(self) -> tuple[float, float]:
         """Return the least and the largest w of a polyhedron of dimension 1."""

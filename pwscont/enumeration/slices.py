@@ -28,10 +28,17 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
-from pwscont.enumeration.batch import solve_scalar
-from pwscont.enumeration.by_parts import Cells, Partial, PartSlice, Table, cells_of, solve_parts
+from pwscont.enumeration.by_parts import (
+    Cells,
+    Partial,
+    PartSlice,
+    cells_of,
+    parts_of_table,
+    solve_parts,
+    solve_scalar,
+)
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.options import Problem, aside, reduce
+from pwscont.enumeration.options import Problem, Table, reduce
 from pwscont.enumeration.polyhedron import Face, Point, Slice, face_of
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
@@ -107,7 +114,7 @@ def lone_point(face: Face, x: Array, metric: Metric) -> Point:
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
     """Return how many cells of a slice are solved: the sum over parts, not the product."""
     blocks = system.blocks()
-    parts = Table.of(system, alpha, aside(metric.scale[:-1])).parts()
+    parts = parts_of_table(Table.of(system, alpha, metric.scale[:-1]))
     return sum(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
 
 
@@ -115,8 +122,8 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
     """Return all solutions part by part; None for a system of a single part, or of few cells."""
     if number_of_cells(system.blocks()) <= FEW_CELLS:
         return None
-    table = Table.of(system, alpha, aside(metric.scale[:-1]))
-    parts = table.parts()
+    table = Table.of(system, alpha, metric.scale[:-1])
+    parts = parts_of_table(table)
     if len(parts) == 1:
         return None
 

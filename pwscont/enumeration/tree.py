@@ -9,7 +9,7 @@ Failure modes and answers
 -------------------------
 - Nothing can be cut off, because a vertex lies in the cells of all options that are left (an
   unloaded body), or because the inequalities are too weak: all choices that are left are decided
-  together (:mod:`pwscont.enumeration.batch`). If the search has cost as much as a decision about
+  together (:mod:`pwscont.enumeration.choices`). If the search has cost as much as a decision about
   all choices together, the search is given up for that decision.
 - Many blocks have a single option: the equations of such blocks are eliminated first.
 - A cell has no unique point: the cell is handed on as a subspace, with or without a look at the
@@ -30,8 +30,7 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
-from pwscont.enumeration.batch import together
-from pwscont.enumeration.choices import Choices, Subspace
+from pwscont.enumeration.choices import Choices, Subspace, together
 from pwscont.enumeration.options import Problem
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,

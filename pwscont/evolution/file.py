@@ -21,8 +21,14 @@ from pwscont.evolution.exports import ends_of
 from pwscont.evolution.states import KINDS, EvolutionNode, EvolutionPiece
 from pwscont.evolution.structure import EvolutionStructure
 from pwscont.evolution.ways import StateReader
-from pwscont.graph.archive import damaged, read_archive, stacked, write_archive
-from pwscont.graph.exports import DamagedError, Fields
+from pwscont.graph.archive import (
+    DamagedError,
+    Fields,
+    damaged,
+    read_archive,
+    stacked,
+    write_archive,
+)
 
 FORMAT = "pwscont evolution"
 VERSION = 1

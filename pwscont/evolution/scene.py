@@ -20,7 +20,7 @@ from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.states import EvolutionState
-from pwscont.graph.presentation import DUST
+from pwscont.graph.exports import DUST
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 
 #: Largest number of evolutions that a table tells singly.

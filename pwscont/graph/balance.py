@@ -26,7 +26,7 @@ from pwscont.basics.errors import PwscontError
 from pwscont.basics.looks import apart
 from pwscont.basics.outcome import ACCUMULATE, FILL, ON_BOUND, FailureReason, Guarantee, Kind
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
-from pwscont.graph.exports import DamagedError
+from pwscont.graph.archive import DamagedError
 from pwscont.graph.queries import (
     check_inside,
     index_at,

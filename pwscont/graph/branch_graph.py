@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
-from pwscont.graph import balance, presentation, queries, storage
-from pwscont.graph.adopted import adopted
+from pwscont.graph import balance, exports, queries, storage
 from pwscont.graph.balance import WORDS, verdict
-from pwscont.graph.exports import data_frame, networkx_graph
 from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import Structure
 from pwscont.system.system import PiecewiseSystem
@@ -175,7 +173,7 @@ class BranchGraph(Structure):
         the sum of the chords between stored points in (z, alpha), where alpha is measured by the
         interval and each unknown by the largest magnitude in the graph.
         """
-        return networkx_graph(self)
+        return exports.networkx_graph(self)
 
     @cached_property
     def guarantee(self) -> str:
@@ -258,7 +256,7 @@ class BranchGraph(Structure):
             solutions, or names and functions of ``record`` do not fit.
         """
         file = storage.read(path)
-        own = system and adopted(path, file.pieces, file.points, file.interval, system)
+        own = system and storage.adopted(path, file.pieces, file.points, file.interval, system)
         return cls(
             file.points,
             file.pieces,
@@ -300,14 +298,14 @@ class BranchGraph(Structure):
         MissingPackageError
             If pandas is not installed.
         """
-        return data_frame(self, rows)
+        return exports.data_frame(self, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
-        return presentation.as_dict(self)
+        return exports.as_dict(self)
 
     def __repr__(self) -> str:
-        return presentation.as_text(self)
+        return exports.as_text(self)
 
     def _repr_html_(self) -> str:
-        return presentation.as_html(self)
+        return exports.as_html(self)

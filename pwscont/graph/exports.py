@@ -1,4 +1,4 @@
-"""What a graph hands to other programs.
+"""What a graph hands to readers and to other programs: text, HTML, plain data, tables, networkx.
 
 Failure modes and answers
 -------------------------
@@ -11,128 +11,21 @@ Failure modes and answers
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
 from importlib import import_module
-from math import isfinite, isnan
-from typing import TYPE_CHECKING, Any, final
+from math import isinf
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.graph.records import Piece, SpecialPoint, attempted
+from pwscont.basics.looks import apart, counted
+from pwscont.graph.balance import balance_values, verdict
+from pwscont.graph.queries import count_at, multiplicity
+from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
 from pwscont.graph.structure import Structure
-
-
-class DamagedError(Exception):
-    """An entry of a file is missing or of the wrong type; the message names it."""
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Fields:
-    """A JSON object, and the name of the object in messages.
-
-    All methods raise :class:`DamagedError` where an entry is missing or of another type.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``"node 3"``.
-    data : object
-        The value read from the file; a value that is no JSON object is refused.
-    """
-
-    name: str
-    data: Any
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.data, dict):
-            raise DamagedError(f"{self.name} is no JSON object")
-
-    def has(self, key: str) -> bool:
-        """Tell whether there is an entry, for entries that older files lack."""
-        return key in self.data
-
-    def entry(self, key: str) -> Any:
-        """Return an entry of any type."""
-        if key not in self.data:
-            raise DamagedError(f"{self.name} has no {key}")
-        return self.data[key]
-
-    def integer(self, key: str, least: int) -> int:
-        """Return a whole number that is not below ``least``."""
-        value = self.entry(key)
-        if type(value) is not int or value < least:
-            raise self._unfit(key, f"a whole number from {least} on")
-        return value
-
-    def number(self, key: str) -> float:
-        """Return a number, which may be infinite."""
-        value = _number(self.entry(key))
-        if value is None or isnan(value):
-            raise self._unfit(key, "a number")
-        return value
-
-    def finite(self, key: str) -> float:
-        """Return a finite number."""
-        value = self.number(key)
-        if not isfinite(value):
-            raise self._unfit(key, "finite")
-        return value
-
-    def finite_or_text(self, key: str) -> float | str:
-        """Return a finite number, or a text."""
-        return self.text(key) if isinstance(self.entry(key), str) else self.finite(key)
-
-    def text(self, key: str) -> str:
-        """Return a text."""
-        value = self.entry(key)
-        if not isinstance(value, str):
-            raise self._unfit(key, "a text")
-        return value
-
-    def word(self, key: str) -> str:
-        """Return a text that is not empty."""
-        text = self.text(key)
-        if not text:
-            raise DamagedError(f"{key} of {self.name} must not be empty")
-        return text
-
-    def items(self, key: str, length: int | None = None) -> list[Any]:
-        """Return a list."""
-        value = self.entry(key)
-        if not isinstance(value, list) or (length is not None and len(value) != length):
-            raise self._unfit(key, "a list" if length is None else f"a list of {length}")
-        return value
-
-    def numbers(self, key: str) -> Array:
-        """Return a list of numbers."""
-        values = self.items(key)
-        if set(map(type, values)) - {float}:
-            values = [_number(value) for value in values]
-        if None in values:
-            raise self._unfit(key, "a list of numbers")
-        return np.array(values, dtype=float)
-
-    def objects(self, key: str) -> list[Fields]:
-        """Return a list of JSON objects, each named by the place in the list."""
-        return [Fields(f"entry {i} of {key}", item) for i, item in enumerate(self.items(key))]
-
-    def _unfit(self, key: str, what: str) -> DamagedError:
-        return DamagedError(f"{key} of {self.name} must be {what}, got {str(self.data[key])[:40]}")
-
-
-def _number(value: Any) -> float | None:
-    """Return a JSON number as a float, None for another value or a number too large for a float."""
-    if type(value) not in (int, float):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return None
-
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -278,3 +171,133 @@ def columns(names: Sequence[str]) -> list[str]:
         place if name in other or name in names[:i] else name
         for i, (name, place) in enumerate(zip(names, places, strict=True))
     ]
+
+
+#: A value below this part of the largest value of the same kind is rounding, and reads as zero.
+DUST = 1e-12
+#: The recorded quantities of a state by name; a text says why a quantity failed.
+Attempt = Mapping[str, float | str]
+
+
+def number(value: float) -> str:
+    """Return a number as users read it: at most eight digits, no rounding dust."""
+    return f"{value:.8g}"
+
+
+def as_text(graph: Structure) -> str:
+    """Return a short summary."""
+    name = graph.parameter
+    lines = [
+        f"BranchGraph: {name} in [{', '.join(apart(*graph.interval))}], "
+        f"components: {len(graph.components())}, pieces: {len(graph.pieces)}, "
+        f"special points: {len(graph.special_points())}"
+    ]
+    lines += [
+        f"  {counted(stretch[2], 'solution')} for {name} in {stretch.ends}"
+        for stretch in multiplicity(graph)
+    ]
+    lines.append(f"  {verdict(graph)}")
+    return "\n".join(lines)
+
+
+def as_html(graph: Structure) -> str:
+    """Return the summary and the pieces as an HTML table."""
+    rows = "".join(
+        f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
+        f"<td>{number(piece.alpha[0])} → {number(piece.alpha[-1])}</td>"
+        f"<td>{piece.det_sign:+d}</td></tr>"
+        for piece in graph.pieces
+    )
+    head = f"<tr><th>piece</th><th>mode</th><th>{escape(graph.parameter)}</th><th>det</th></tr>"
+    return f"<pre>{escape(as_text(graph))}</pre><table>{head}{rows}</table>"
+
+
+def as_dict(graph: Structure) -> dict[str, Any]:
+    """Return nodes, pieces, multiplicity and balance as lists and numbers.
+
+    ``parameter`` has the name of alpha, and the interval. The ``name`` of a node is that of an
+    event, empty for other kinds.
+    ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
+    single values of alpha with another number of solutions. Infinitely many are None. ``names``
+    are the names of the components of every state. A ``recorded`` quantity that failed is None,
+    and ``not_recorded`` then says why.
+    """
+    sums = balance_values(graph)
+    rows = [row for row in multiplicity(graph) if row[0] < row[1]]
+    component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
+    nodes = [point for point in graph.special_points() if point.id >= 0]
+    attempts = [attempted(point) for point in nodes]
+    lo, hi = graph.interval
+    return {
+        "parameter": {"name": graph.parameter, "lo": lo, "hi": hi},
+        "components": len(graph.components()),
+        "names": list(graph.names),
+        "nodes": [_node(*pair) for pair in zip(nodes, attempts, strict=True)],
+        "pieces": [
+            {
+                "id": piece.id,
+                "component": component[piece.id],
+                "start": piece.start,
+                "end": piece.end,
+                "label": piece.label,
+                "det_sign": piece.det_sign,
+                "alpha": piece.alpha.tolist(),
+                "points": piece.z.tolist(),
+            }
+            for piece in graph.pieces
+        ],
+        "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
+        "stretches": [_stretch(row) for row in rows],
+        "between": list(_between(graph, rows)),
+        "balance": {
+            "value": sums[0] if len(sums) == 1 else None,
+            "constant": len(sums) <= 1,
+        },
+        "searched": graph.searched.what,
+        "unseen": graph.searched.unseen,
+        "guarantee": verdict(graph),
+        **not_recorded(attempts),
+    }
+
+
+def _node(point: SpecialPoint, attempt: Attempt) -> dict[str, Any]:
+    return {
+        "id": point.id,
+        "kind": str(point.kind),
+        "name": point.name,
+        "alpha": point.alpha,
+        "z": point.z.tolist(),
+        "recorded": recorded(attempt),
+        "message": point.message,
+        "error": point.error.tolist(),
+        "digits": point.digits,
+    }
+
+
+def recorded(attempt: Attempt) -> dict[str, float | None]:
+    """Return the recorded quantities of a state, None for a quantity that failed."""
+    return {name: None if isinstance(v, str) else v for name, v in attempt.items()}
+
+
+def not_recorded(attempts: Iterable[Attempt]) -> dict[str, list[str]]:
+    """Return why recorded quantities failed, nothing where none did."""
+    failures = [v for attempt in attempts for v in attempt.values() if isinstance(v, str)]
+    return {"not_recorded": failures} if failures else {}
+
+
+def _stretch(row: Stretch) -> dict[str, Any]:
+    lo, hi, count = row
+    ends = {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
+    return {"lo": lo, "hi": hi, "count": finite(count)} | ends
+
+
+def _between(graph: Structure, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
+    for alpha in graph.breaks():
+        count = count_at(graph, alpha)
+        if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:
+            yield [alpha, finite(count)]
+
+
+def finite(count: int | float) -> int | None:
+    """Return a count, None for infinitely many, which JSON cannot say."""
+    return None if isinf(count) else int(count)

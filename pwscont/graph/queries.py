@@ -21,7 +21,7 @@ from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.filled import Filled
-from pwscont.graph.exports import DamagedError, Fields
+from pwscont.graph.archive import DamagedError, Fields
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
 from pwscont.graph.structure import Structure
 from pwscont.linear.factorise import bordered, last_unit

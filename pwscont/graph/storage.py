@@ -1,6 +1,4 @@
-"""The file of a branch graph: written and read, with the scene that made the graph.
-
-Readers that do not know the member of the scene ignore this member.
+"""The file of a branch graph: written and read, and given a system.
 
 Failure modes and answers
 -------------------------
@@ -12,65 +10,42 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
-from zipfile import ZipFile
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.errors import GraphFileError
+from pwscont.basics.errors import GraphFileError, InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
-from pwscont.graph.archive import damaged, read_archive, stacked, write_archive
+from pwscont.graph.archive import (
+    DamagedError,
+    Fields,
+    damaged,
+    read_archive,
+    stacked,
+    write_archive,
+)
 from pwscont.graph.balance import check_places, check_references
-from pwscont.graph.exports import DamagedError, Fields
-from pwscont.graph.place import Place, Track, first_digits, from_first_digits
 from pwscont.graph.queries import read_stretches, rows_of
-from pwscont.graph.records import Messages, Piece, SpecialPoint, Stretch, attempted
-
-MEMBER = "scene.json"
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """The name of a scene and its settings, as texts."""
-
-    scene: str
-    settings: Mapping[str, str]
-
-
-def write_origin(path: Path, origin: Origin) -> None:
-    """Add the scene to the file of a graph."""
-    text = json.dumps({"scene": origin.scene, "settings": dict(origin.settings)})
-    with ZipFile(path, "a") as file:
-        file.writestr(MEMBER, text)
-
-
-def read_origin(path: Path) -> Origin | None:
-    """Return the scene that a file of a graph names, None where the file names no scene.
-
-    Raises
-    ------
-    GraphFileError
-        If what the file says is no scene.
-    """
-    with ZipFile(path) as file:
-        if MEMBER not in file.namelist():
-            return None
-        text = file.read(MEMBER)
-    try:
-        said = json.loads(text)
-        settings = {str(name): str(value) for name, value in dict(said["settings"]).items()}
-        return Origin(str(said["scene"]), settings)
-    except (ValueError, KeyError, TypeError) as error:
-        raise GraphFileError(f"{path} names its scene in a damaged way") from error
-
+from pwscont.graph.records import (
+    Messages,
+    Piece,
+    Place,
+    SpecialPoint,
+    Stretch,
+    Track,
+    attempted,
+    first_digits,
+    from_first_digits,
+)
+from pwscont.system.abilities import completed, shown_size
+from pwscont.system.selection import unexplained
+from pwscont.system.system import PiecewiseSystem
 
 FORMAT = "pwscont branch graph"
 VERSION = 2
@@ -336,3 +311,74 @@ def _searched(header: Fields) -> SearchScope:
         raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")
     gap = header.number("gap") if header.has("gap") else 0.0  # not in files at first
     return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"), gap)
+
+
+#: Components larger than this, or smaller than 1 / this, are not of the order of 1.
+ORDER_OF_ONE = 8.0
+#: At about this many pieces of a graph the equations are checked.
+MOST_CHECKED = 4
+
+
+def adopted(
+    path: str | Path,
+    pieces: Sequence[Piece],
+    points: Sequence[SpecialPoint],
+    interval: tuple[float, float],
+    system: PiecewiseSystem,
+) -> PiecewiseSystem:
+    """Return the system of a graph, fitted to the interval and solutions of the graph.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system has another number of unknowns or tests, or other solutions.
+    """
+    if pieces:
+        _check_numbers(path, system, points[0], pieces[0])
+    fitted = _fitted(system, interval, points)
+    for piece in pieces[:: max(1, len(pieces) // MOST_CHECKED)]:
+        _check_solution(path, fitted, piece, interval)
+    return fitted
+
+
+def _check_numbers(
+    path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
+) -> None:
+    """Refuse a system that has another number of unknowns or tests than the graph."""
+    unknowns, name = len(point.z), type(system).__name__
+    if unknowns != (size := shown_size(system)):
+        raise InvalidInputError(
+            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
+        )
+    tests = len(bytes(piece.character))
+    z = completed(system, point.z, point.alpha)
+    given = len(bytes(system.character(z, point.alpha)))
+    if tests != given:
+        raise InvalidInputError(
+            f"{path} is of another system: it has {tests} tests, {name} has {given}"
+        )
+
+
+def _fitted(
+    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
+) -> PiecewiseSystem:
+    """Return a system fitted to an interval; a system without a scale, also to the solutions."""
+    states = [completed(system, point.z, point.alpha) for point in points]
+    sizes = np.max(np.abs(states), axis=0, initial=0.0)
+    usual = (sizes == 0.0) | ((sizes > 1.0 / ORDER_OF_ONE) & (sizes < ORDER_OF_ONE))
+    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
+    return system.within(*interval, found)
+
+
+def _check_solution(
+    path: str | Path, system: PiecewiseSystem, piece: Piece, interval: tuple[float, float]
+) -> None:
+    """Refuse a system whose equations do not hold where a piece begins."""
+    alpha = piece.track.start.alpha
+    z = completed(system, piece.track.start.x[:-1], alpha)
+    scale = np.append(system.scale(*interval), np.ptp(interval))
+    if unexplained(system, piece.character, np.append(z, alpha), scale):
+        raise InvalidInputError(
+            f"{path} is of another system: {type(system).__name__} does not have its solution at "
+            f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"
+        )

@@ -26,9 +26,6 @@ from pwscont.basics.looks import named
 from pwscont.linear.factor import LU, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
-#: Least number of rows for which scipy's wrappers of LAPACK's tridiagonal routines work.
-SMALLEST_TRIDIAGONAL = 3
-
 
 @final
 class BandedJacobian(StoredJacobian):
@@ -89,7 +86,7 @@ class BandedJacobian(StoredJacobian):
 
     def split(self) -> tuple[LU, Array]:
         """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
-        return banded_lu(self.bands, self.lower, self.upper), self.column
+        return BandLU(self.bands, self.lower, self.upper), self.column
 
     def scaled(self, columns: Array) -> BandedJacobian:
         """Return the matrix with columns multiplied by ``columns``, shape (n + 1,)."""
@@ -145,35 +142,9 @@ def diagonals(bands: Array, upper: int) -> Iterator[tuple[Array, slice, slice]]:
         yield band[first:end], slice(first + below, end + below), slice(first, end)
 
 
-def banded_lu(bands: Array, lower: int, upper: int) -> LU:
-    """Factorise a square matrix, stored as the bands of :class:`BandedJacobian` are."""
-    if lower == upper == 1 and bands.shape[1] >= SMALLEST_TRIDIAGONAL:
-        return TridiagonalLU(bands)
-    return BandLU(bands, lower, upper)
-
-
-@final
-class TridiagonalLU(LU):
-    """LU of a tridiagonal matrix, in a third of the time of :class:`BandLU`."""
-
-    def __init__(self, bands: Array) -> None:
-        *self._lu, _ = lapack.dgttrf(bands[2, :-1], bands[1], bands[0, 1:])
-        regularise(self._lu[1])
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant."""
-        return sign_of_pivots(self._lu[1], self._lu[4] - 1)  # rows are counted from 1
-
-    def solved(self, rhs: Array, transposed: bool = False) -> Array:
-        """Return the solutions for the columns of an array."""
-        solutions: Array = lapack.dgttrs(*self._lu, rhs, trans="T" if transposed else "N")[0]
-        return solutions
-
-
 @final
 class BandLU(LU):
-    """LU of a banded matrix."""
+    """LU of a square matrix, stored as the bands of :class:`BandedJacobian` are."""
 
     def __init__(self, bands: Array, lower: int, upper: int) -> None:
         self._widths = lower, upper

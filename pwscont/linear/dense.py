@@ -25,10 +25,8 @@ from pwscont.linear.factor import (
     sign_of_pivots,
 )
 
-#: Most rows for which LAPACK finds the largest entry of each row faster than numpy does.
-FEW_ROWS = 32
-#: Most right-hand sides of a small matrix that are solved for in turn, see :func:`_solved`.
-FEW_COLUMNS = 8
+#: Most rows, and most right-hand sides, that are solved for in turn, see :func:`_solved`.
+FEW_ROWS, FEW_COLUMNS = 32, 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
 BLOCK = 64
@@ -92,10 +90,6 @@ class DenseFactor(Factor):
 
 def _row_multipliers(matrix: Array) -> Array:
     """Return powers of two that bring the largest entry of each row to about 1; 1 for zeros."""
-    if len(matrix) <= FEW_ROWS:
-        multipliers, *_, has_zeros = lapack.dgeequb(matrix)
-        if not has_zeros:
-            return np.asarray(multipliers)
     return 1.0 / power_of_two(row_maxima(matrix))
 
 

@@ -6,7 +6,7 @@ for z, and b the column for alpha. :class:`Factor` has these implementations:
 =====================================  ============================================
 dense.py                               :class:`DenseFactor` in any units; :class:`DenseLU`
 sparse.py                              :class:`SparseFactor` in any units; :class:`SparseLU`
-banded.py                              :class:`BandLU`, :class:`TridiagonalLU`
+banded.py                              :class:`BandLU`
 bordered.py                            :class:`BorderedFactor`, around a factor of B
 updates.py                             :class:`ProductForm`, a factor and changes
 this file                              :class:`ScaledFactor`, a factor in other units
@@ -25,18 +25,13 @@ Failure modes and answers
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from operator import ne
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-
-#: Most pivots for which Python finds the sign of the product faster than numpy does.
-FEW_PIVOTS = 32
 
 
 class Factor(ABC):
@@ -152,10 +147,6 @@ def regularise(pivots: Array) -> None:
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     """Return the sign of a determinant from the pivots and the row exchange of each pivot."""
-    if len(pivots) > FEW_PIVOTS:
-        negative = np.count_nonzero(pivots < 0.0)
-        odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
-        return -1 if (negative + odd) % 2 else 1
-    sign = math.copysign(1.0, math.prod(pivots.tolist()))  # a product of 0.0 has a sign, too
-    odd = sum(map(ne, exchanges.tolist(), range(len(exchanges))))
-    return -1 if (odd + (sign < 0.0)) % 2 else 1
+    negative = np.count_nonzero(np.signbit(pivots))
+    odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
+    return -1 if (negative + odd) % 2 else 1

@@ -1,14 +1,14 @@
 """Factorisations of a matrix that changes by a few rows or by terms of rank 1.
 
 With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 + g.w)) B^-1
-(Sherman and Morrison); 1 + g.w is the *pivot* of the change. :class:`Changes` keeps the vectors of
-all changes, multiplied out, as the product form of the inverse does in the simplex method (Dantzig
-and Orchard-Hays 1954): a solve costs a solve with the first matrix and two products with the
-vectors. The sign of the determinant is multiplied by the sign of each pivot (docs/theory, F10).
+(Sherman and Morrison); 1 + g.w is the *pivot* of the change. The sign of the determinant is
+multiplied by the sign of each pivot (docs/theory, F10).
 
-- :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and changes.
+- :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
+  vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
+  A solve costs a solve with the first matrix and two products with the vectors.
 - :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
-  solver keeps an explicit inverse, and subtracts many changes at once by products of matrices.
+  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury).
 
 Failure modes and answers
 -------------------------
@@ -42,9 +42,8 @@ from pwscont.linear.vectors import add_multiples
 #: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
 #: multiplies rounding errors by the inverse of the part: ten of sixteen digits are left.
 SMALL_PIVOT = 1e-6
-#: Number of changes that are kept as vectors before all are subtracted from the inverse at once, or
-#: a fresh factorisation is due: two products with 48 vectors cost as much as a solve with a matrix
-#: of about a hundred rows, and a product of matrices has full speed from 48 columns on.
+#: Number of changes that are kept as vectors before a fresh factorisation is due: two products with
+#: 48 vectors cost as much as a solve with a matrix of about a hundred rows.
 TOGETHER = 48
 #: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
 #: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
@@ -56,96 +55,24 @@ INVERTIBLE = EPS**0.75
 #: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
 #: rows: two thirds of the 2 m^3 operations that a new inverse takes.
 FEW_ROWS = 1.0 / 3.0
-#: Number of solves after which an LU is inverted: a solve with the inverse costs a third of a solve
-#: with the LU, so that the inverse, 4/3 m^3 operations, is paid for after as many solves again.
-INVERTED_AFTER = 24
 #: Number of changes, as a multiple of the number of rows, after which the matrix is factorised
 #: afresh: the factorisation then costs a tenth of the changes before.
 MANY_UPDATES = 2.0
 #: Least number of changes before such a factorisation, for matrices of a few rows.
 LEAST_UPDATES = 8
-#: Largest number of rows that are replaced in turn; more rows are replaced together, which takes as
-#: long as a product of matrices. An LU is inverted, in 4/3 m^3 operations, for at most SINGLY rows.
-SINGLY = 8
+#: Most changed rows for which an LU is inverted, in 4/3 m^3 operations.
+MOST_BEFORE_INVERSE = 8
 #: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
 #: the inverse, instead of the whole inverse.
 FEW_ENTRIES = 4
 
 
 @final
-class Changes:
-    """Changes of rank 1 since an inverse was formed: M^-1 = (I - V D) M_0^-1.
+class ProductForm(Factor):
+    """A factorisation of M_0, and the changes of the matrix since: M^-1 = (I - V D) M_0^-1.
 
     The rows of D are the vectors g. With every change the columns of V are multiplied by
     I - w g^T / (1 + g.w), so that no system has to be solved for V.
-
-    Parameters
-    ----------
-    size : int
-        m, the number of rows of M.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.count = 0
-        self._v = np.empty((TOGETHER if size else 0, size))  # the columns of V
-        self._d = np.empty_like(self._v)
-
-    def forget(self) -> None:
-        """Begin anew, in the same arrays: making arrays would cost as much as filling arrays."""
-        self.count = 0
-
-    def add(self, w: Array, g: Array) -> float:
-        """Add a change by c g^T, with w = M^-1 c.
-
-        Returns
-        -------
-        float
-            The pivot 1 + g.w; zero if the change loses too many digits and is not added.
-        """
-        k, pivot = self.count, 1.0 + float(g.dot(w))
-        if not abs(pivot) > SMALL_PIVOT * (1.0 + _sum_of_terms(g, w)):
-            return 0.0
-        self._v[k], self._d[k] = w / pivot, g
-        if k:
-            add_multiples(self._v[:k], -self._v[:k].dot(g), self._v[k])
-        self.count += 1
-        return pivot
-
-    def applied(self, solution: Array) -> Array:
-        """Return solutions, shape (m,) or (l, m), from the solutions before the changes."""
-        return self._changed(solution, self._d, self._v)
-
-    def transposed(self, rhs: Array) -> Array:
-        """Return right-hand sides for the transposed matrix before the changes."""
-        return self._changed(rhs, self._v, self._d)
-
-    def _changed(self, vectors: Array, rows: Array, columns: Array) -> Array:
-        """Return x - C (R x) for vectors x, with the rows R and columns C of all changes."""
-        k = self.count
-        if not k:
-            return vectors
-        changed: Array = vectors - vectors.dot(rows[:k].T).dot(columns[:k])
-        return changed
-
-    def subtracted(self, inverse: Array) -> Array:
-        """Return the inverse after the changes, in the place of the inverse before; begin anew."""
-        k = self.count
-        if not k:
-            return inverse
-        parts = self._d[:k] @ inverse
-        result: Array = blas.dgemm(-1.0, self._v[:k].T, parts, 1.0, inverse, overwrite_c=1)
-        self.forget()
-        return result
-
-
-def _sum_of_terms(a: Array, b: Array) -> float:
-    """Return the sum of the magnitudes of the terms of a scalar product."""
-    return float(blas.dasum(a * b))
-
-
-@final
-class ProductForm(Factor):
-    """A factorisation, and the changes of the matrix since.
 
     Parameters
     ----------
@@ -156,42 +83,57 @@ class ProductForm(Factor):
     """
 
     def __init__(self, factor: Factor, size: int) -> None:
-        self._factor, self._changes = factor, Changes(size)
+        self._v = np.empty((TOGETHER, size))  # the columns of V
+        self._d = np.empty_like(self._v)
+        self.renew(factor)
+
+    def renew(self, factor: Factor) -> None:
+        """Take a factorisation of the matrix with all changes."""
+        self._factor, self.count = factor, 0
         self._turn = 1  # the sign of the product of all pivots
 
     @property
     def is_full(self) -> bool:
         """Whether a fresh factorisation is due before the next change."""
-        return self._changes.count == TOGETHER
+        return self.count == TOGETHER
 
     @property
     def sign(self) -> int:
         """Sign of the determinant."""
         return self._turn * self._factor.sign
 
-    def renew(self, factor: Factor) -> None:
-        """Take a factorisation of the matrix with all changes."""
-        self._factor, self._turn = factor, 1
-        self._changes.forget()
-
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side."""
-        return self._changes.applied(self._factor.solve(rhs))
+        return self._changed(self._factor.solve(rhs), self._d, self._v)
 
     def solve_all(self, rhs: Array) -> Array:
         """Return the solutions for several right-hand sides, shape (l, k)."""
-        return self._changes.applied(self._factor.solve_all(rhs))
+        return self._changed(self._factor.solve_all(rhs), self._d, self._v)
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
-        return self._factor.solve_transposed(self._changes.transposed(rhs))
+        return self._factor.solve_transposed(self._changed(rhs, self._v, self._d))
+
+    def _changed(self, vectors: Array, rows: Array, columns: Array) -> Array:
+        """Return x - C (R x) for vectors x, with the rows R and columns C of all changes."""
+        k = self.count
+        if not k:
+            return vectors
+        changed: Array = vectors - vectors.dot(rows[:k].T).dot(columns[:k])
+        return changed
 
     def change(self, w: Array, g: Array) -> float:
-        """Change the matrix by c g^T, with the known w = B^-1 c, and return the pivot 1 + g.w.
+        """Change the matrix by c g^T, with the known w = M^-1 c, and return the pivot 1 + g.w.
 
         The pivot is zero, and the matrix not changed, where the change loses too many digits.
         """
-        pivot = self._changes.add(w, g)
+        k, pivot = self.count, 1.0 + float(g.dot(w))
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + blas.dasum(g * w)):
+            return 0.0
+        self._v[k], self._d[k] = w / pivot, g
+        if k:
+            add_multiples(self._v[:k], -self._v[:k].dot(g), self._v[k])
+        self.count += 1
         self._turn *= -1 if pivot < 0.0 else 1
         return pivot
 
@@ -269,8 +211,8 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 class Updating(RowSolver):
     """A solver that keeps the inverse or the LU of the last matrix, in an array of m^2 numbers.
 
-    A fresh matrix is factorised. The LU is inverted when a change or many solves ask for an
-    inverse; rows of the inverse are then replaced until a fresh factorisation is due.
+    A fresh matrix is factorised. The LU is inverted when a change asks for an inverse; rows of the
+    inverse are then replaced until a fresh factorisation is due.
 
     Attributes
     ----------
@@ -282,31 +224,21 @@ class Updating(RowSolver):
         self.updates = self.factorisations = 0
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
-        self._inverse: Array = np.empty((0, 0))  # before the changes
-        self._changes = Changes(0)
+        self._inverse: Array = np.empty((0, 0))
         self._norm = 0.0  # the 1-norm of the factorised matrix
         self._sign = 0
         self._is_invertible = True  # as far as is known
         self._replaced = 0  # rows, since the last factorisation
-        self._solves = 0  # since the last factorisation
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         self._take(matrix)
-        self._solves += 1
-        if self._lu is not None and self._solves >= INVERTED_AFTER:
-            self._invert()
-        if self._lu is not None:
-            return self._lu.solve(rhs)
-        return self._changes.applied(_product(self._inverse, rhs))
+        return _product(self._inverse, rhs) if self._lu is None else self._lu.solve(rhs)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
         self._take(matrix)
-        if self._lu is not None:
-            return self._lu.solve_transposed(rhs)
-        product: Array = self._changes.transposed(rhs) @ self._inverse
-        return product
+        return rhs @ self._inverse if self._lu is None else self._lu.solve_transposed(rhs)
 
     def sign(self, matrix: RowMatrix) -> int:
         """Return the sign of the determinant, by the signs of all changes."""
@@ -340,9 +272,22 @@ class Updating(RowSolver):
         self._norm = lapack.dlange("1", dense)
         self._lu = DenseLU.of(dense, overwrite=True)
         self._sign = self._lu.sign
-        self._last, self._changes = matrix, Changes(len(matrix.keys))
-        self._replaced, self._solves, self._is_invertible = 0, 0, True
+        self._last, self._replaced, self._is_invertible = matrix, 0, True
         self.factorisations += 1
+
+    def _update(self, matrix: RowMatrix, last: RowMatrix) -> bool:
+        """Replace rows of the last matrix; False where a factorisation serves better."""
+        m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
+        if not len(changed):
+            return True
+        few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, FEW_ROWS * m)
+        if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
+            return False
+        if not self._invert() or not self._replace(matrix, last, changed):
+            return False
+        self._replaced += len(changed)
+        self.updates += 1
+        return True
 
     def _invert(self) -> bool:
         """Turn the LU into the inverse; False where the matrix is conditioned too badly."""
@@ -352,43 +297,12 @@ class Updating(RowSolver):
                 self._inverse, self._lu = self._lu.turned_into_inverse(), None
         return self._lu is None
 
-    def _update(self, matrix: RowMatrix, last: RowMatrix) -> bool:
-        """Replace rows of the last matrix; False where a factorisation serves better."""
-        m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
-        if not len(changed):
-            return True
-        few = SINGLY if self._lu is not None else max(2.0, FEW_ROWS * m)  # a node changes two rows
-        if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
-            return False
-        if not self._invert():
-            return False
-        replace = self._replace_together if len(changed) > SINGLY else self._replace_singly
-        if not replace(matrix, last, changed):
-            return False
-        self._replaced += len(changed)
-        self.updates += 1
-        return True
-
-    def _replace_singly(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
-        """Change some rows in turn; False if a change loses too many digits."""
-        differences = matrix.rows(rows) - last.rows(rows)
-        pairs = zip(rows, differences, strict=True)
-        return all(self._replace(int(row), difference) for row, difference in pairs)
-
-    def _replace(self, row: int, difference: Array) -> bool:
-        """Change a row; False if the change loses too many digits."""
-        if self._changes.count == TOGETHER:
-            self._inverse = self._changes.subtracted(self._inverse)
-        pivot = self._changes.add(self._changes.applied(self._inverse[:, row]), difference)
-        self._sign *= int(np.sign(pivot))
-        return pivot != 0.0
-
-    def _replace_together(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
+    def _replace(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
         """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
 
-        This is Woodbury's formula, as E^T M times M^-1 E is the identity.
+        This is Woodbury's formula, as E^T M times M^-1 E is the identity. False where the change
+        loses too many digits.
         """
-        self._inverse = self._changes.subtracted(self._inverse)
         parts, largest = matrix.divided(rows, last, self._inverse)
         pivots = DenseLU.of(parts[:, rows])
         smallest = np.abs(pivots.lu.diagonal()).min()

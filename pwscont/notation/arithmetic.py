@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pwscont.basics.arrays import Array, Matrix, dense
-from pwscont.basics.errors import InvalidSystemError
+from pwscont import InvalidSystemError
+from pwscont.extending import Array, Matrix, dense
 
 #: Smooth functions of one argument: the derivative from the argument and the value.
 SMOOTH: dict[str, Callable[[Any, Any], Any]] = {

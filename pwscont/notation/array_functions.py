@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Indices
+from pwscont.extending import Indices
 from pwscont.notation.arithmetic import UntraceableError, refuse_kink
 from pwscont.notation.dual import (
     FUNCTIONS,

@@ -13,8 +13,8 @@ from typing import final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix
-from pwscont.basics.character import Character
+from pwscont import Character
+from pwscont.extending import Array, Indices, Matrix
 from pwscont.notation.derivatives import Derivatives
 from pwscont.notation.function import Function, LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated

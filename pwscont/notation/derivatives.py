@@ -26,9 +26,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, generic
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont import InvalidSystemError
+from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, Signs, dense, generic
 from pwscont.notation.dual import Dual, as_dual, value_of
 from pwscont.notation.function import LiftedFunction, Pick, UserFunction
 from pwscont.notation.layout import Layout

@@ -21,7 +21,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix, dense
+from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont.notation.arithmetic import (
     KINKED,
     OF_TWO,

@@ -25,9 +25,8 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, generic
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.rounding import EPS
+from pwscont import InvalidSystemError
+from pwscont.extending import EPS, Array, Indices, generic
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import ABS, RELU, Call, Layout, Operation

@@ -14,8 +14,8 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.basics.character import Character
+from pwscont import Character
+from pwscont.extending import Array, Indices, Signs
 
 
 @final

@@ -10,13 +10,9 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, generic
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
+from pwscont import Character, InvalidInputError, PiecewiseSystem
+from pwscont.extending import Array, HidesUnknowns, Indices, counted, generic
 from pwscont.notation.layout import Layout
-from pwscont.system.abilities import HidesUnknowns
-from pwscont.system.system import PiecewiseSystem
 
 #: Number of points, for each alpha, at which the magnitudes of switches are measured.
 SEEN = 4

@@ -9,8 +9,8 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, finite_array
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array, Matrix, finite_array
 from pwscont.linear.balance import balanced
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated

@@ -10,14 +10,10 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.linear.banded import BandedJacobian
+from pwscont import BandedJacobian, Block, Character, InvalidSystemError, PiecewiseLinearSystem
+from pwscont.extending import Array, ExactData, ExactMode, Indices, Matrix, Signs
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
-from pwscont.system.abilities import ExactData, ExactMode
-from pwscont.system.system import Block, PiecewiseLinearSystem
 
 #: Matrices of at most this number of entries, zeros included, are stored dense.
 SMALL = 10_000

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices, Signs, generic
-from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont import InvalidInputError, InvalidSystemError
+from pwscont.extending import Array, Indices, Signs, checked_magnitudes, generic
 from pwscont.notation.curved import SwitchedSystem
 from pwscont.notation.derivatives import coefficients, derivatives_of
 from pwscont.notation.dual import Dual, as_dual
@@ -18,7 +18,7 @@ from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
-from pwscont.system.contract import MOST_UNKNOWNS, checked_magnitudes
+from pwscont.system.contract import MOST_UNKNOWNS
 
 #: Number of points of ``TRIED`` whose finite outcomes show the switches of a function.
 SURVEYED = 3

@@ -7,7 +7,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.errors import InvalidSystemError
+from pwscont import InvalidSystemError
 from pwscont.notation.array_functions import chosen
 from pwscont.notation.dual import as_operand, joined, spread, value_of
 from pwscont.notation.layout import (

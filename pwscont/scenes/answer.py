@@ -10,12 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
-from pwscont.basics.arrays import finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, named, short
-from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Report
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidInputError, Journal
+from pwscont.extending import Report, card, finite_array, named, short
 from pwscont.scenes.panels import Shown
 
 if TYPE_CHECKING:

@@ -11,10 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.character import Character
-from pwscont.basics.outcome import Kind
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, Character
+from pwscont.extending import Array, Kind
 from pwscont.scenes.labels import LETTERS, Room, label_marks
 from pwscont.scenes.marks import RADIUS, Mark, Window, draw_marks, marks_of
 from pwscont.scenes.panels import Drawn, Panel, What

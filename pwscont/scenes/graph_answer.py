@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
-from pwscont.basics.looks import counted, named
-from pwscont.graph import BranchGraph, Solution
-from pwscont.graph.presentation import Attempt, not_recorded, recorded
-from pwscont.graph.records import attempted
+from pwscont import BranchGraph
+from pwscont.extending import Solution, attempted, counted, named
+from pwscont.graph.exports import Attempt, not_recorded, recorded
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look
 from pwscont.scenes.panels import Shown
 from pwscont.scenes.table import report

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from pwscont.basics.arrays import Array
+from pwscont.extending import Array
 from pwscont.scenes.marks import RADIUS, Mark
 
 #: Number of cells of a picture, across and up.

@@ -10,10 +10,8 @@ from typing import Any, TypeAlias, final
 import numpy as np
 from matplotlib.axes import Axes
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.character import Character
-from pwscont.basics.outcome import Kind
-from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont import BranchGraph, Character
+from pwscont.extending import Array, Kind, Piece, SpecialPoint
 from pwscont.scenes.panels import DUST
 from pwscont.scenes.styles import color_of, number_of
 

@@ -11,12 +11,9 @@ from typing import Any, Protocol, TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.quantities import Function, Quantities, as_written, spelled
-from pwscont.graph import BranchGraph
-from pwscont.system.system import PiecewiseSystem
+from pwscont import BranchGraph, Character, InvalidInputError, PiecewiseSystem
+from pwscont.basics.quantities import Quantities, as_written, spelled
+from pwscont.extending import Array, Function, Indices
 
 #: The states of a contact node.
 CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")

@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from pwscont.basics.arrays import Array
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph
+from pwscont.extending import Array
 from pwscont.scenes.labels import LETTERS
 from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.styles import number_of, symbol

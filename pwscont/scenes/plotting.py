@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
-from pwscont.basics.outcome import Kind
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph
+from pwscont.extending import Kind
 from pwscont.scenes.diagram import Diagram, draw_inset, mode_of
 from pwscont.scenes.labels import label_marks
 from pwscont.scenes.marks import UNLABELLED, marked, markers_of

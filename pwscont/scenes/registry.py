@@ -17,15 +17,14 @@ from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from typing import Any, get_type_hints
 
-from pwscont.basics.errors import (
-    BrokenSceneError,
-    InvalidInputError,
-    PwscontError,
-    SceneNotFoundError,
-)
+from pwscont import InvalidInputError, PwscontError, SceneNotFoundError
 from pwscont.scenes.answer import Runnable
 
 TRUTH = {"true": True, "false": False}
+
+
+class BrokenSceneError(PwscontError, RuntimeError):
+    """A package offers a scene that cannot be made, or whose name is taken."""
 
 
 def add_settings(command: argparse.ArgumentParser) -> None:

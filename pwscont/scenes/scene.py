@@ -6,29 +6,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.given import checked_kind
-from pwscont.basics.quantities import Function
-from pwscont.continuation import explore
-from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import (
-    Plan,
-    Report,
-    checked_detectors,
-    checked_interval,
-    silent,
-    uninterrupted,
+from pwscont import (
+    BranchGraph,
+    InvalidInputError,
+    Journal,
+    PiecewiseSystem,
+    Search,
+    Stepper,
+    Stop,
+    TransitionDetector,
+    explore,
 )
-from pwscont.curve.stepper import Stepper
-from pwscont.graph import BranchGraph
+from pwscont.basics.given import checked_kind
+from pwscont.continuation.plan import Plan, checked_detectors, checked_interval
+from pwscont.extending import Function, Report, silent, uninterrupted
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import BodyPicture, Panel, ParameterPath, check_drawn, quantity_named
-from pwscont.search import Search
 from pwscont.search.default_search import default_search
-from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions import TransitionDetector
-from pwscont.transitions.user_event import Stop
 
 
 @final

@@ -20,9 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.character import Character
-from pwscont.graph import BranchGraph, Piece
+from pwscont import BranchGraph, Character
+from pwscont.extending import Array, Piece
 
 #: Least points of a piece that is drawn as a smooth curve, and parts into which each step of the
 #: piece is divided.

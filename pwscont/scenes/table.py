@@ -13,14 +13,21 @@ from math import isinf
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.looks import apart, counted, middle_cut
-from pwscont.basics.outcome import Kind
-from pwscont.basics.rounding import CONFIDENCE
-from pwscont.graph import BranchGraph, Piece, Solution
+from pwscont import BranchGraph
+from pwscont.basics.looks import apart
+from pwscont.extending import (
+    CONFIDENCE,
+    DUST,
+    FEW_DIGITS,
+    Array,
+    Kind,
+    Piece,
+    Solution,
+    SpecialPoint,
+    counted,
+    number,
+)
 from pwscont.graph.exports import magnitudes
-from pwscont.graph.presentation import DUST, number
-from pwscont.graph.records import FEW_DIGITS, SpecialPoint
 from pwscont.scenes.panels import Shown
 
 #: Kinds of points whose solutions are like the solutions around them, and need no remark.
@@ -62,7 +69,7 @@ def report(scene: Shown, graph: BranchGraph, at: Iterable[float], full: bool = F
 
 
 def _shortened(label: str) -> str:
-    return middle_cut(label, MOST_LETTERS)
+    return middle_cut(label)
 
 
 def _named(graph: BranchGraph, words: str) -> str:
@@ -187,3 +194,13 @@ def _values(scene: Shown, solution: Solution, largest: Array | float) -> list[st
 
 def _sign(sign: int) -> str:
     return f"{sign:+d}" if sign else "0"
+
+
+def middle_cut(words: str, most: int = MOST_LETTERS) -> str:
+    """Return words cut to ``most`` letters; an ellipsis stands for the middle."""
+    if len(words) <= most:
+        return words
+    half = (most - 7) // 2
+    head, tail = words[:half], words[-half:]
+    gap = next((gap for gap in (", ", " ") if gap in head and gap in tail), "")
+    return f"{head[: head.rfind(gap)]}{gap}...{gap}{tail[tail.find(gap) + len(gap) :]}"

@@ -36,7 +36,7 @@ from pwscont.linear.factorise import last_unit
 from pwscont.search.linear_batch import LinearBatch
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, refuse_bent_tests
-from pwscont.system.shapes import expect
+from pwscont.system.returned import expect
 from pwscont.system.system import PiecewiseLinearSystem, characters, number_of_cells
 
 #: Most unknowns of a system that is solved in a batch; larger systems gain nothing.

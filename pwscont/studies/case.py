@@ -20,7 +20,7 @@ from pathlib import Path
 from platform import python_version
 from typing import final
 
-from pwscont.basics.errors import PwscontError
+from pwscont import PwscontError
 from pwscont.linear.threads import one_thread
 from pwscont.studies.measures import ExploredCase, Measure, Measured
 from pwscont.studies.problem import Grid, Problem, Setting

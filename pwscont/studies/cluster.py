@@ -16,7 +16,7 @@ from importlib import import_module
 from itertools import islice
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont import InvalidInputError, MissingPackageError
 from pwscont.linear.threads import one_thread
 from pwscont.studies.case import CaseRunner, StudyRow, versions
 

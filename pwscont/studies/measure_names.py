@@ -7,8 +7,8 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-from pwscont.basics.errors import InvalidInputError, UnknownNameError
-from pwscont.basics.looks import short
+from pwscont import InvalidInputError, UnknownNameError
+from pwscont.extending import short
 from pwscont.studies.measures import (
     CountAt,
     CriticalValue,

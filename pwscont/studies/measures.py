@@ -16,10 +16,8 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import short
-from pwscont.basics.outcome import Kind
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidInputError
+from pwscont.extending import Kind, short
 from pwscont.scenes.panels import quantity_named
 from pwscont.studies.problem import Problem, Setting, described, explored
 

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 from pwscont.scenes.styles import COLORS, number_of, symbol
 from pwscont.studies.problem import Setting
 

@@ -12,15 +12,11 @@ from inspect import Parameter, signature
 from math import isfinite, prod
 from typing import Any, TypeAlias, final
 
-from pwscont.basics.errors import InvalidInputError, UnknownNameError
-from pwscont.basics.looks import short
-from pwscont.continuation import explore
-from pwscont.continuation.plan import uninterrupted
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidInputError, PiecewiseSystem, UnknownNameError, explore
+from pwscont.extending import short, uninterrupted
 from pwscont.scenes.answer import Runnable
 from pwscont.scenes.registry import load_scene, scene_settings
 from pwscont.scenes.scene import Scene
-from pwscont.system.system import PiecewiseSystem
 
 #: The value of a setting.
 Setting: TypeAlias = bool | int | float | str

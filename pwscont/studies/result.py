@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 import numpy.typing as npt
 
-from pwscont.basics.errors import InvalidInputError, MissingPackageError, UnknownNameError
-from pwscont.basics.looks import card, named
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidInputError, MissingPackageError, UnknownNameError
+from pwscont.extending import card, named
 from pwscont.studies.case import StudyRow, graph_file
 from pwscont.studies.problem import FIXED, Grid, Setting
 from pwscont.studies.store import Store

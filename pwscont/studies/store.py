@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, final
 from weakref import finalize
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, named, short
+from pwscont import InvalidInputError
+from pwscont.extending import counted, named, short
 from pwscont.studies.case import StudyRow
 
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"

@@ -15,8 +15,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeAlias, final
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, counted, named
+from pwscont import InvalidInputError
+from pwscont.extending import card, counted, named
 from pwscont.studies.case import CaseRunner, StudyRow, in_process, versions
 from pwscont.studies.cluster import on_cluster
 from pwscont.studies.measure_names import checked_measures

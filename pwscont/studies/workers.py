@@ -24,7 +24,7 @@ from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, final
 
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
 from pwscont.linear.threads import one_thread_in_children
 from pwscont.studies.case import CaseRunner, StudyRow
 

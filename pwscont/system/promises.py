@@ -1,5 +1,7 @@
 """The promises of a system, and the errors of a run about broken promises.
 
+Units of tests and equations that cannot be computed with are refused as well.
+
 Failure modes and answers
 -------------------------
 - A residual or test function that is promised to be affine and is curved: the function is compared
@@ -22,21 +24,88 @@ from itertools import chain
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, dense, generic, is_everywhere, product
+from pwscont.basics.arrays import (
+    Array,
+    Matrix,
+    are_finite,
+    dense,
+    generic,
+    is_everywhere,
+    largest,
+    product,
+    smallest,
+)
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.system.contract import Sample, residual_at
+from pwscont.system.returned import expect, refuse_infinite
 from pwscont.system.selection import Selection
-from pwscont.system.shapes import expect, refuse_infinite
 from pwscont.system.system import (
     Block,
     PiecewiseLinearSystem,
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
-from pwscont.system.units import refuse_extreme_tests
+
+#: Largest magnitude whose square, and whose inverse's square, are normal numbers.
+LARGEST_TO_SQUARE = 1e150
+#: Smallest terms of H whose sum loses no digits to underflow.
+LEAST_TERMS = float(np.finfo(float).tiny) / EPS
+
+
+def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
+    """Refuse tests whose typical changes have squares that overflow or underflow.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    changes : ndarray, shape (m,)
+        By how much each test changes over typical magnitudes of (z, alpha).
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    if (
+        len(changes)
+        and largest(changes) <= LARGEST_TO_SQUARE
+        and smallest(changes) >= 1.0 / LARGEST_TO_SQUARE
+    ):
+        return  # nearly always
+    bad = np.flatnonzero(
+        (changes > LARGEST_TO_SQUARE) | ((changes < 1.0 / LARGEST_TO_SQUARE) & (changes > 0.0))
+    )
+    if len(bad):
+        raise InvalidSystemError(
+            f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
+            f"{changes[bad[0]]:.3g}, outside the range [{1.0 / LARGEST_TO_SQUARE:g}, "
+            f"{LARGEST_TO_SQUARE:g}] in which squares can be computed: multiply the test function "
+            "by a constant"
+        )
+
+
+def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
+    """Refuse equations whose terms are so small that the values lose digits to underflow.
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    terms : ndarray, shape (n,)
+        How large the terms of each row are.
+
+    Raises
+    ------
+    InvalidSystemError
+    """
+    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
+    if len(bad):
+        raise InvalidSystemError(
+            f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
+            f"less than {LEAST_TERMS:.3g}, where numbers lose digits: multiply it by a constant"
+        )
+
 
 #: Largest difference of a function promised to be affine from an affine model, as a part of the
 #: function's terms: far more than rounding, far less than a curved function does over typical

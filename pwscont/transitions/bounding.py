@@ -27,7 +27,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, largest, smallest
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.corrector import BorderedNewton
@@ -132,9 +132,7 @@ def _at(curve: Curve, state: State, s: float) -> State | None:
     return None if isinstance(found, Failure) else found.state
 
 
-#: Tests smaller than this part of their own terms are looked at more closely; on straight pieces,
-#: tests smaller than this part of the largest test, or of the largest slope times the length of the
-#: interval.
+#: Tests smaller than this part of their own terms are looked at more closely.
 NEXT_TO_ZERO = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG_STEP = 0.05
@@ -221,15 +219,6 @@ class BoundingTests(TransitionDetector):
             if forth is None:
                 return met
         return crossed(x, back, forth)
-
-
-def next_to_zero(values: Array, slopes: Array) -> Indices:
-    """Return the tests small enough that each may be zero all along a straight piece."""
-    sizes = np.abs(values)
-    near = NEXT_TO_ZERO * max(largest(sizes), largest(np.abs(slopes)))
-    if smallest(sizes) > near:
-        return NONE  # nearly always
-    return np.flatnonzero(sizes <= near)
 
 
 def _next_to_zero(values: Array, terms: Array) -> Indices:

@@ -28,11 +28,10 @@ from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
-from pwscont.transitions.branch_point import at_branch_point
 from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.fold import fold_at_end
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
+from pwscont.transitions.smooth import at_branch_point, fold_at_end
 
 MOST_NEWTON = 8
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs, are_finite, is_everywhere, joined, product
+from pwscont.basics.arrays import Array, Indices, are_finite, is_everywhere, joined, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -22,9 +22,9 @@ from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.vectors import Rows
 from pwscont.system.abilities import Ending
+from pwscont.system.returned import own_array
 from pwscont.system.selection import Selection
-from pwscont.system.shapes import own_array
-from pwscont.transitions.bounding import BoundingTests, crossed, is_zero_along, next_to_zero
+from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import (
     Reading,
@@ -32,11 +32,9 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     soonest,
 )
-from pwscont.transitions.interval import at_end
+from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
-#: Tests that change by more than this part of typical terms are not looked at more closely.
-FLAT_SLOPE = 1e-4
 #: A piece keeps the direction in which it began up to this part of the direction.
 ALIGNED = EPS**0.5
 
@@ -90,19 +88,7 @@ class StraightTests(TransitionDetector):
 
         A piece may run along an interface: a test that is zero, and stays so, is no event.
         """
-        selection, scale = curve.selection, curve.metric.scale
-        if not len(selection.bounding):
-            return Reading(np.zeros(0), np.zeros(0))
-        gradients = self._gradients_of(curve, state.x)
-        values = selection.tests(state.x)
-        slopes = selection.side * gradients.rows.dot(state.tangent)[selection.bounding]
-        idle = next_to_zero(values, slopes)
-        idle = idle[gradients.are_flat(selection.bounding[idle], slopes[idle])]
-        if len(idle):
-            rows = gradients.rows.some(selection.bounding[idle])
-            idle = idle[is_zero_along(rows, values[idle], slopes[idle], state, scale)]
-            values[idle], slopes[idle] = 1.0, 0.0
-        return Reading(values, slopes)
+        return self._slowly.read(curve, state)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
@@ -229,11 +215,6 @@ class Gradients:
     def are_of(self, curve: Curve) -> bool:
         """Tell whether these gradients belong to the tests of a curve's system."""
         return self._system is curve.selection.system and self._scale is curve.metric.scale
-
-    def are_flat(self, which: Indices, slopes: Array) -> Signs:
-        """Tell which of some tests hardly change along a piece: most that are zero clearly do."""
-        flat: Signs = np.abs(slopes) <= FLAT_SLOPE * self._typical[which]
-        return flat
 
     def changes(self, found: Settled, rates: Array) -> Array:
         """Return by how much the correction of a point changed all tests, shape (m,)."""

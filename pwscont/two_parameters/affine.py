@@ -23,13 +23,11 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense, finite_array, own_dense
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.rounding import EPS
+from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.basics.arrays import own_dense
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
+from pwscont.extending import EPS, Array, dense, finite_array, jacobian_at, residual_at
 from pwscont.system.box import Box
-from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import (
     AFFINE_DEFECT,
     check_blocks,
@@ -37,7 +35,6 @@ from pwscont.system.promises import (
     refuse_bent,
     refuse_bent_tests,
 )
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.two_parameters.family import AlphaRange, Family, MakeSystem
 
 

@@ -24,8 +24,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import MissingPackageError
+from pwscont import MissingPackageError
+from pwscont.extending import Array, Indices
 from pwscont.two_parameters.half_planes import SQUARE
 
 #: Distance of a corner from a side of the square, in tolerances, up to which the corner is put onto

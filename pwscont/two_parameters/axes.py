@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, final
 
-from pwscont.system.system import SlicewiseLinearSystem
+from pwscont import SlicewiseLinearSystem
 from pwscont.two_parameters.plane import Sector
 
 

@@ -25,17 +25,13 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.basics.budget import check_budget
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.metric import Metric
+from pwscont import Character, InvalidSystemError
 from pwscont.enumeration import det_sign
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Option, Problem
 from pwscont.enumeration.polyhedron import Polyhedron, satisfies
 from pwscont.enumeration.tree import Prices, leaves
+from pwscont.extending import EPS, GUARD, Array, Indices, Metric, Signs, check_budget
 from pwscont.two_parameters.affine import AffineFamily
 from pwscont.two_parameters.half_planes import clipped
 

@@ -15,10 +15,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont import InvalidInputError
+from pwscont.extending import EPS, GUARD, Array, counted, finite_array
 from pwscont.system.abilities import shown_size
 from pwscont.two_parameters.affine import AffineFamily, Window
 from pwscont.two_parameters.arrangement import Arrangement, Patch, arrange, shapely

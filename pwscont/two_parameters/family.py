@@ -8,9 +8,8 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
-from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.system.system import PiecewiseSystem
+from pwscont import InvalidInputError, InvalidSystemError, PiecewiseSystem
+from pwscont.extending import Array, finite_array
 
 #: The range of alpha without limits.
 ALL = (-np.inf, np.inf)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.extending import Array
 
 #: The square, its corners counter-clockwise.
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -17,8 +17,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.extending import EPS, GUARD, Array
 from pwscont.two_parameters.affine import Window
 from pwscont.two_parameters.arrangement import Arrangement, Side
 from pwscont.two_parameters.cells import Cell, Strip

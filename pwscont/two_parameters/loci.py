@@ -16,23 +16,38 @@ from typing import final
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, named, short, with_article
-from pwscont.basics.outcome import Kind
-from pwscont.basics.rounding import CONVERGED, EPS
-from pwscont.continuation.explore import explore, trace
-from pwscont.continuation.plan import Report, silent, uninterrupted
-from pwscont.curve.curve import Curve
-from pwscont.curve.metric import Metric
-from pwscont.curve.pseudo_arclength import PseudoArclength
-from pwscont.curve.step_size import StepSize
-from pwscont.graph import BranchGraph, Piece, SpecialPoint
+from pwscont import (
+    BranchGraph,
+    Character,
+    InvalidInputError,
+    PiecewiseSystem,
+    PseudoArclength,
+    StepSize,
+    explore,
+    trace,
+)
+from pwscont.basics.looks import with_article
+from pwscont.extending import (
+    CONVERGED,
+    EPS,
+    Array,
+    Curve,
+    Indices,
+    Kind,
+    Metric,
+    Piece,
+    Ray,
+    Report,
+    Selection,
+    SpecialPoint,
+    counted,
+    named,
+    short,
+    silent,
+    uninterrupted,
+)
 from pwscont.system.abilities import completed
-from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.rays import Ray, inward_ray
+from pwscont.transitions.rays import inward_ray
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.locus import TransitionLocus
 

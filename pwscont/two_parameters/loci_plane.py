@@ -9,13 +9,9 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.outcome import Kind
-from pwscont.continuation.plan import Report, silent
-from pwscont.curve.metric import Metric
-from pwscont.graph.presentation import number
+from pwscont import SlicewiseLinearSystem
+from pwscont.extending import Array, Kind, Metric, Report, number, silent
 from pwscont.search.enumeration import solve_surely
-from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of
 from pwscont.two_parameters.plane import (
     Found,

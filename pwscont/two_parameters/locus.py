@@ -31,12 +31,9 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense, finite_array
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError
-from pwscont.system.abilities import Ending, all_names
-from pwscont.system.contract import jacobian_at
-from pwscont.system.system import PiecewiseSystem
+from pwscont import Character, InvalidInputError, PiecewiseSystem
+from pwscont.extending import Array, Ending, Matrix, dense, finite_array, jacobian_at
+from pwscont.system.abilities import all_names
 from pwscont.two_parameters.family import ALL, AlphaRange, Family, MakeSystem
 
 #: The side of kappa_i = 0 whose selection is solved.

@@ -18,9 +18,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.looks import UNNAMED, counted, named, short, state
-from pwscont.basics.rounding import EPS
+from pwscont.basics.looks import UNNAMED, state
+from pwscont.extending import EPS, Array, counted, named, short
 from pwscont.two_parameters.loci import SAME_LOCUS, Locus, LocusPart, Passing
 
 #: Slabs and trapezoids thinner than this part of the window are left out: half of the digits.

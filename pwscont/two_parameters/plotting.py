@@ -16,8 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
-from pwscont.basics.arrays import Array
-from pwscont.graph.presentation import number
+from pwscont.extending import Array, number
 from pwscont.scenes.styles import in_letters, symbol
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing

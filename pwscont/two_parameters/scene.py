@@ -9,12 +9,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, final
 
-from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.basics.looks import counted, named
-from pwscont.continuation.plan import Report, silent
-from pwscont.graph.presentation import finite
+from pwscont import InvalidInputError, MissingPackageError, SlicewiseLinearSystem
+from pwscont.extending import Report, counted, named, silent
+from pwscont.graph.exports import finite
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
-from pwscont.system.system import SlicewiseLinearSystem
 from pwscont.two_parameters.affine import Window, is_affine
 from pwscont.two_parameters.axes import Axes, PlaneShown
 from pwscont.two_parameters.exact_plane import plane

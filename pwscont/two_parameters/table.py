@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pwscont.graph.presentation import DUST, number
+from pwscont.extending import DUST, number
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import LocusPart, Passing
 from pwscont.two_parameters.plane import Plane, Sector

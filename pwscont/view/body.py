@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidSystemError
+from pwscont.extending import Array, Indices
 from pwscont.scenes.panels import CONTACT_STATES, BodyPicture, Shapes
 from pwscont.view.numbers import Numbers
 from pwscont.view.records import packed

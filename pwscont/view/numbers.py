@@ -8,10 +8,8 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
-from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.presentation import DUST
+from pwscont import BranchGraph
+from pwscont.extending import CONFIDENCE, DUST, SAME_ALPHA, Array, Indices, Piece, SpecialPoint
 from pwscont.graph.queries import fine_points
 from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
 

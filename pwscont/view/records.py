@@ -10,13 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.character import Character
-from pwscont.basics.looks import counted
-from pwscont.basics.outcome import Kind
-from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.graph import BranchGraph, SpecialPoint
-from pwscont.graph.presentation import as_dict, number
-from pwscont.graph.records import FEW_DIGITS, attempted
+from pwscont import BranchGraph, Character
+from pwscont.extending import FEW_DIGITS, SAME_ALPHA, Kind, SpecialPoint, attempted, counted, number
 from pwscont.graph.structure import connected
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, in_letters, styles_of
@@ -69,7 +64,7 @@ def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -
     wanted : sequence of str
         Names of quantities that are never left out.
     """
-    kept, plain = numbers.fitting(wanted), as_dict(graph)
+    kept, plain = numbers.fitting(wanted), graph.to_dict()
     digits, rough = CORRECTED if graph.system is not None else UNCORRECTED
     return {
         "parameter": graph.parameter,

@@ -11,9 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, final
 
-from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.basics.looks import counted, named
-from pwscont.graph import BranchGraph
+from pwscont import BranchGraph, InvalidInputError, MissingPackageError
+from pwscont.extending import counted, named
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers

@@ -28,12 +28,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont import PiecewiseLinearSystem
 from pwscont.bench.truth.known_answer import TruePiece, Truth, UnknownAnswerError
 from pwscont.bench.truth.rational import line_of, piece_on, solve, tests_along
 from pwscont.bench.truth.refinement import refined
-from pwscont.graph.records import Piece
-from pwscont.system.system import PiecewiseLinearSystem
+from pwscont.extending import Array, Piece
 
 KNOWN_BY = "the exact path, each piece verified"
 #: Most unknowns for rational elimination, which then takes milliseconds; for 20 unknowns

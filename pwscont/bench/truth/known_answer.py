@@ -15,8 +15,8 @@ from typing import final
 import networkx as nx
 import numpy as np
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
+from pwscont import InvalidInputError
+from pwscont.extending import Array
 
 #: Ends of true pieces closer than this, in the metric of the problem, are the same point.
 SAME_PLACE = 1e-8

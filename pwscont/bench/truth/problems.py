@@ -8,12 +8,9 @@ from typing import final
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.basics.arrays import Array
-from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS
+from pwscont import BandedJacobian, Character, PiecewiseSystem
 from pwscont.bench.truth.known_answer import TruePiece
-from pwscont.linear.banded import BandedJacobian
-from pwscont.system.system import PiecewiseSystem
+from pwscont.extending import EPS, Array
 
 SMOOTH = Character(())
 

@@ -11,10 +11,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense
-from pwscont.basics.character import Character
+from pwscont import Character, PiecewiseLinearSystem
 from pwscont.bench.truth.known_answer import TruePiece
-from pwscont.system.system import PiecewiseLinearSystem
+from pwscont.extending import Array, dense
 
 Row = list[Fraction]
 #: (matrix, right sides) -> the solution, a row per unknown, and the sign of the determinant.

@@ -19,8 +19,8 @@ from math import lcm
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.bench.truth.rational import Row
+from pwscont.extending import Array
 
 #: Solutions, in scaled unknowns, are multiples of two to the power of minus this.
 BITS = 320

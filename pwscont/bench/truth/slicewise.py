@@ -20,12 +20,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
-from pwscont.basics.arrays import Array, dense
-from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS
+from pwscont import Character, SlicewiseLinearSystem
 from pwscont.bench.truth.known_answer import TruePiece, UnknownAnswerError
-from pwscont.system.selection import Selection
-from pwscont.system.system import SlicewiseLinearSystem
+from pwscont.extending import EPS, Array, Selection, dense
 
 #: Number of values of alpha at which every cell is tried.
 GRID = 401

@@ -55,16 +55,16 @@ from pwscont.enumeration import (
     Cells,
     Slice,
     Table,
-    aside,
     is_regular,
     most_cells,
+    parts_of_table,
     solve_slice,
 )
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.contract import jacobian_at
+from pwscont.system.returned import refuse_infinite
 from pwscont.system.selection import Selection
-from pwscont.system.shapes import refuse_infinite
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells, with_modes
 from pwscont.transitions.rays import Ray
@@ -149,7 +149,7 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
     problem = ConeProblem(corner, last_unit(len(corner.x)))
     if number_of_cells(problem.blocks()) <= FEW_CELLS:
         return None
-    parts = problem.table.parts()
+    parts = parts_of_table(problem.table)
     regular = len(parts) > 1 and is_regular(problem.table, parts, corner.metric.scale)
     return problem if regular else None
 
@@ -286,12 +286,12 @@ class ConeProblem(SlicewiseLinearSystem):
         blocks = self.blocks()
         if number_of_cells(blocks) <= MOST_CELLS:
             return True
-        return most_cells(self.table.parts(), blocks) <= MOST_CELLS
+        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS
 
     @cached_property
     def table(self) -> Table:
         """The problem as matrices, whose pattern shows its independent parts."""
-        return Table.of(self, 0.0, aside(self._scale))
+        return Table.of(self, 0.0, self._scale)
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the system's blocks, with only the modes of the cells that meet at the corner.

@@ -10,7 +10,7 @@ import numpy as np
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
 from reference_enumeration import Body
 
-REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_cases.json").read_text())
+REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "paper_cases.json").read_text())
 
 ONE_NODE = Body(
     np.array([[2.0, -1.0], [-1.0, 2.0]]),

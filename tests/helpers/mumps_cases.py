@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from condensations import check_refusal, check_schur_complement, grid
 from elastic_bodies import pressed, strip
 from pwscont_coulomb.elastic import Multifrontal, Mumps, recover
 from pwscont_coulomb.elastic.mumps import factorised
@@ -18,11 +19,6 @@ from pwscont_coulomb.elastic.ranks import ranks
 from pwscont_coulomb.elastic.scenes import block_body, wedge_body
 from skfem import Basis, ElementQuad1, ElementVector, MeshQuad
 from skfem.models.elasticity import linear_elasticity
-from test_condensation import (
-    grid,
-    test_schur_complement_load_and_recovery,
-    test_what_is_not_positive_definite_is_refused,
-)
 
 from pwscont import explore
 from pwscont.basics.errors import InvalidInputError
@@ -31,7 +27,7 @@ from pwscont.basics.errors import InvalidInputError
 def schur_complements_are_those_of_dense_linear_algebra():
     for case in ("bottom", "one", "scattered", "all"):
         for size in [(4, 3), (21, 13)]:
-            test_schur_complement_load_and_recovery(Mumps(), case, size)
+            check_schur_complement(Mumps(), case, size)
 
 
 def matrices_are_those_of_multifrontal(bodies):
@@ -91,7 +87,7 @@ def the_factor_is_spread_and_freed():
 
 def everything():
     schur_complements_are_those_of_dense_linear_algebra()
-    test_what_is_not_positive_definite_is_refused(Mumps())
+    check_refusal(Mumps())
     quadratic = pressed(strip("tri", 6, 3), order=2)
     matrices_are_those_of_multifrontal([block_body(2), block_body(100), wedge_body(17), quadratic])
     fields_are_those_of_multifrontal()
