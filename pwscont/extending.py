@@ -15,6 +15,9 @@ A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A 
 solutions are states of a body draws the states on the body by a :class:`BodyPicture`.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from pwscont.basics.arrays import Array, Indices, Matrix, dense, finite_array
 from pwscont.basics.budget import check_budget
 from pwscont.basics.looks import card, counted, named
@@ -29,8 +32,6 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
-from pwscont.evolution.states import EvolutionState
-from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.graph.branch_graph import Proof
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
@@ -59,6 +60,11 @@ from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionD
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
 from pwscont.transitions.rays import Ray
 
+if TYPE_CHECKING:
+    from pwscont.evolution.paths import EvolutionPath
+    from pwscont.evolution.states import EvolutionState
+    from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
+
 #: Other names of two classes, for whoever factorises a part of a matrix.
 Core, ScaledCore = Factor, ScaledFactor
 
@@ -81,6 +87,7 @@ __all__ = [
     "CurvedSegment",
     "DecidesCorners",
     "Ending",
+    "EvolutionPath",
     "EvolutionState",
     "Evolver",
     "ExactData",
@@ -153,3 +160,16 @@ __all__ = [
     "uninterrupted",
     "values_within",
 ]
+
+#: Names whose modules are imported at first use: static problems have no evolutions.
+LATER = {
+    "EvolutionPath": "pwscont.evolution.paths",
+    "EvolutionState": "pwscont.evolution.states",
+    **dict.fromkeys(("Evolver", "Moment", "Moments", "Way", "WaysOn"), "pwscont.evolution.ways"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in LATER:
+        return getattr(import_module(LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

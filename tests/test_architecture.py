@@ -65,7 +65,7 @@ BUDGET = {
     "proof": (15, 2420),
     "scenes": (15, 2700),
     "view": (7, 950),
-    "evolution": (20, 2700),
+    "evolution": (21, 3000),
     "two_parameters": (16, 3750),
     "studies": (12, 2350),
     "bench": (16, 1900),
@@ -319,6 +319,15 @@ def test_straight_pieces_need_no_optimizer():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["2", "False"]
+
+
+def test_static_problems_load_no_evolutions():
+    code = (
+        "import sys, pwscont_coulomb\n"
+        "print(*[m for m in sys.modules if 'evolution' in m or 'quasi_static' in m])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not run.stdout.split()
 
 
 @pytest.mark.parametrize("module", [*PACKAGES, "pwscont.extending"])

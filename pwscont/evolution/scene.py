@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,10 +19,14 @@ from pwscont.continuation.plan import Report, silent
 from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
+from pwscont.evolution.rays import ByRays
 from pwscont.evolution.states import EvolutionState
 from pwscont.graph.presentation import DUST
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
+from pwscont.scenes.panels import quantity_named
 
+#: (graph, times, directory, look) -> files
+Pictures = Callable[[EvolutionGraph, Sequence[float], Path, Look], Sequence[Path]]
 #: Largest number of evolutions that a table tells singly.
 MOST_TOLD = 8
 
@@ -112,13 +116,17 @@ class EvolutionAnswer(Answer):
         }
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
-        """Write the picture and the graph."""
+        """Write the pictures and the graph, and a moving picture if asked for."""
         from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
 
-        name = self.scene.name
-        picture = look.save(draw(self.graph, self.scene.panels), directory, name)
-        self.graph.save(directory / f"{name}.npz")
-        return [picture, directory / f"{name}.npz"]
+        name, graph = self.scene.name, self.graph
+        files = [look.save(draw(graph, self.scene.panels), directory, name)]
+        graph.save(directory / f"{name}.npz")
+        files.append(directory / f"{name}.npz")
+        if look.animate:
+            files.append(graph.animate(directory / f"{name}.gif", *self.scene.panels[0]))
+        draw_more = self.scene.pictures
+        return files + (list(draw_more(graph, self.at, directory, look)) if draw_more else [])
 
 
 @final
@@ -141,6 +149,9 @@ class EvolutionScene(Runnable):
         Pairs of quantities (y, x) to draw, by name or place; "t" is the time.
     period : float, optional
         The period of the load, to tell shakedown from cyclic slip.
+    pictures : callable, optional
+        Writes more pictures, such as those of a body: called with the graph, the times whose states
+        are listed, the directory and the :class:`~pwscont.extending.Look`; returns the files.
     journal : Journal, optional
 
     Examples
@@ -162,10 +173,18 @@ class EvolutionScene(Runnable):
     at: tuple[float, ...] = ()
     panels: tuple[tuple[str | int, str | int], ...] = ((0, "t"),)
     period: float | None = None
+    pictures: Pictures | None = None
     journal: Journal | None = None
 
     parameter: str = field(init=False, default="t")
     resumable: ClassVar[bool] = True
+    has_body: ClassVar[bool] = True
+
+    def with_panels(self, names: Sequence[str]) -> EvolutionScene:
+        """Return the scene with pictures of the named quantities over t instead."""
+        known = self.system.evolver(self.interval) or ByRays(self.system, self.interval)
+        found = [quantity_named(name, known.names(), self.record) for name in names]
+        return replace(self, panels=tuple((name, "t") for name in found))
 
     def with_journal(self, journal: Journal) -> EvolutionScene:
         """Return the same scene with a journal."""

@@ -39,7 +39,7 @@ class EvolutionStructure:
     ) -> None:
         self.nodes, self.pieces, self.interval = tuple(nodes), tuple(pieces), interval
         self.guarantee, self.system = guarantee, system
-        self._reader, self._quantities = reader, quantities
+        self._reader, self.quantities = reader, quantities
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -101,7 +101,7 @@ class EvolutionStructure:
             self._reader.memory(z, t),
             piece.label,
             history=self._history(piece.start),
-            quantities=self._quantities,
+            quantities=self.quantities,
         )
 
     def node(self, number: int) -> EvolutionState:
@@ -117,7 +117,7 @@ class EvolutionStructure:
             node.remark,
             number,
             self._history(number),
-            self._quantities,
+            self.quantities,
         )
 
     def _label(self, number: int) -> str:
@@ -167,6 +167,15 @@ class EvolutionStructure:
         found = [i for i, node in enumerate(self.nodes) if kind in (None, node.kind)]
         return [self.node(i) for i in found]
 
+    def branchings(self) -> list[EvolutionState]:
+        """Return the states with several ways on, those of kind "start" included."""
+        several = (i for i, pieces in enumerate(self.out_of) if len(_smooth(pieces)) > 1)
+        return [self.node(i) for i in several]
+
+    def losses(self) -> list[EvolutionState]:
+        """Return the states with no way on."""
+        return self.events("loss")
+
     def shown(self, z: Array, t: float) -> Array:
         """Return a state as users see the state."""
         return self._reader.shown(z, t)
@@ -187,3 +196,7 @@ class EvolutionStructure:
         if known is None:
             raise SystemNeededError("only a system that knows its dissipation can tell this")
         return float(known)
+
+
+def _smooth(pieces: Sequence[EvolutionPiece]) -> list[EvolutionPiece]:
+    return [piece for piece in pieces if not piece.is_jump]
