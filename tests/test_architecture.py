@@ -64,7 +64,7 @@ BUDGET = {
     "continuation": (11, 3850),
     "proof": (15, 2420),
     "scenes": (15, 2700),
-    "view": (7, 950),
+    "view": (7, 960),
     "evolution": (21, 3000),
     "two_parameters": (16, 3750),
     "studies": (12, 2350),

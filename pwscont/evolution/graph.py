@@ -131,6 +131,12 @@ class EvolutionGraph(EvolutionStructure):
         """
         return exports.data_frame(self, rows)
 
+    def page_records(self, wanted: str) -> dict[str, Any]:
+        """Return what the page of :class:`~pwscont.View` shows, ``wanted`` at first."""
+        from pwscont.evolution.browser import page_records  # noqa: PLC0415  only where asked for
+
+        return page_records(self, wanted)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
         return exports.as_dict(self)

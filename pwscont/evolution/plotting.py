@@ -55,7 +55,7 @@ class Curves:
     def __init__(self, graph: EvolutionStructure, x: Quantity, y: Quantity) -> None:
         self._graph, self.shown = graph, (checked(graph, x), checked(graph, y))
         straight = {"t", *graph.names}
-        self._parts = np.linspace(0.0, 1.0, 2 if {*self.shown} <= straight else SAMPLES)
+        self._count = 2 if {*self.shown} <= straight else SAMPLES
         self._known: dict[int, Array] = {}
 
     def point(self, state: EvolutionState) -> list[float]:
@@ -65,11 +65,7 @@ class Curves:
     def piece(self, piece: EvolutionPiece) -> Array:
         """Return the points of a piece, shape (k, 2)."""
         if id(piece) not in self._known:
-            begin, end = (self._graph.nodes[i].t for i in (piece.start, piece.end))
-            times = (1.0 - self._parts) * begin + self._parts * end
-            states = [self._graph.on(piece, t) for t in times]
-            if piece.is_jump:
-                states = [self._graph.node(piece.start), self._graph.node(piece.end)]
+            states = self._graph.along(piece, self._count)
             self._known[id(piece)] = np.array([self.point(state) for state in states])
         return self._known[id(piece)]
 
@@ -105,22 +101,32 @@ def draw(graph: EvolutionStructure, panels: Sequence[tuple[Quantity, Quantity]])
 
 def draw_curves(axes: Axes, graph: EvolutionStructure, curves: Curves) -> None:
     """Draw all evolutions, and the nodes at which evolutions begin, branch, jump or are lost."""
-    paths = EvolutionPaths(graph)
-    chosen = [path.pieces for path in islice(paths, MOST_COLORED)]
-    if paths.number > len(chosen):
-        _draw_others(
-            axes, graph, curves, f"{counted(paths.number - len(chosen), 'evolution')} more"
-        )
-    owners: dict[int, list[int]] = {}
-    for number, pieces in enumerate(chosen):
-        for piece in pieces:
-            owners.setdefault(id(piece), []).append(number)
+    chosen, more = colored(graph)
+    if more:
+        _draw_others(axes, graph, curves, f"{counted(more, 'evolution')} more")
+    owners = owners_of(chosen)
     for number, pieces in enumerate(chosen):
         _draw_evolution(axes, curves, pieces, (number, len(chosen)), owners)
     _draw_nodes(axes, graph, curves)
     for axis, name in zip((axes.xaxis, axes.yaxis), curves.shown, strict=True):
         axis.set_label_text(symbol(name))
     axes.grid(alpha=0.25)
+
+
+def colored(graph: EvolutionStructure) -> tuple[list[tuple[EvolutionPiece, ...]], int]:
+    """Return the pieces of each evolution that has a colour, and how many more there are."""
+    paths = EvolutionPaths(graph)
+    chosen = [path.pieces for path in islice(paths, MOST_COLORED)]
+    return chosen, paths.number - len(chosen)
+
+
+def owners_of(chosen: Sequence[Sequence[EvolutionPiece]]) -> dict[int, list[int]]:
+    """Return the numbers of the evolutions that share a piece, by the id of the piece."""
+    owners: dict[int, list[int]] = {}
+    for number, pieces in enumerate(chosen):
+        for piece in pieces:
+            owners.setdefault(id(piece), []).append(number)
+    return owners
 
 
 def _draw_others(axes: Axes, graph: EvolutionStructure, curves: Curves, words: str) -> None:

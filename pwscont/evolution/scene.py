@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -53,7 +52,7 @@ class EvolutionAnswer(Answer):
         for i in range(min(number, MOST_TOLD)):
             lines += ["", f"Evolution {i + 1}", *self._told(i)]
         lines += ["", "Number of solutions by t, on all evolutions together"]
-        lines += [f"  [{lo:g}, {hi:g}]: {count}" for lo, hi, count in self._multiplicity()]
+        lines += [f"  [{lo:g}, {hi:g}]: {count}" for lo, hi, count in self.graph.multiplicity()]
         for t in self.at:
             lines += ["", f"States at t = {t:g}", *map(self._line, graph.states(t))]
         return "\n".join([*lines, *self._cycles()])
@@ -84,18 +83,6 @@ class EvolutionAnswer(Answer):
             return [""] * MOST_TOLD
         return [f", {energy:.6g} dissipated in the last period" for energy in found]
 
-    def _multiplicity(self) -> list[tuple[float, float, int]]:
-        """Return stretches of time with the same number of states."""
-        times = sorted({*self.graph.interval, *(node.t for node in self.graph.nodes)})
-        rows: list[tuple[float, float, int]] = []
-        for lo, hi in pairwise(times):
-            count = self.graph.count(0.5 * (lo + hi))
-            if rows and rows[-1][2] == count:
-                rows[-1] = (rows[-1][0], hi, count)
-            else:
-                rows.append((lo, hi, count))
-        return rows
-
     def as_dict(self) -> dict[str, Any]:
         """Return graph and states as plain lists and numbers; the parameter is t."""
         graph, whole = self.graph, self.graph.to_dict()
@@ -108,12 +95,17 @@ class EvolutionAnswer(Answer):
             "scene": self.scene.name,
             **whole,
             "components": len(components),
-            "multiplicity": [list(row) for row in self._multiplicity()],
+            "multiplicity": [list(row) for row in self.graph.multiplicity()],
             "balance": {"value": None, "constant": True},
             "solutions": [
                 {"alpha": s.t, "z": s.z.tolist(), "label": s.label, "det_sign": 0} for s in states
             ],
         }
+
+    def viewed(self) -> tuple[EvolutionGraph, str | int, str]:
+        """Return the graph, the quantity that is drawn, and the title, for a view."""
+        what = self.scene.panels[0][0] if self.scene.panels else 0
+        return self.graph, what, f"{self.scene.name}: {self.scene.title}"
 
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
         """Write the pictures and the graph, and a moving picture if asked for."""
@@ -179,6 +171,7 @@ class EvolutionScene(Runnable):
     parameter: str = field(init=False, default="t")
     resumable: ClassVar[bool] = True
     has_body: ClassVar[bool] = True
+    has_view: ClassVar[bool] = True
 
     def with_panels(self, names: Sequence[str]) -> EvolutionScene:
         """Return the scene with pictures of the named quantities over t instead."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,6 +93,13 @@ class EvolutionStructure:
         """Return the state on a piece at a time."""
         return self._within(piece, t)
 
+    def along(self, piece: EvolutionPiece, count: int) -> list[EvolutionState]:
+        """Return states at equal steps in time on a piece; of a jump the states at both ends."""
+        if piece.is_jump:
+            return [self.node(piece.start), self.node(piece.end)]
+        begin, end = self.nodes[piece.start].t, self.nodes[piece.end].t
+        return [self._within(piece, t) for t in np.linspace(begin, end, count).tolist()]
+
     def _within(self, piece: EvolutionPiece, t: float) -> EvolutionState:
         begin, end = self.nodes[piece.start], self.nodes[piece.end]
         z = piece.between((t - begin.t) / (end.t - begin.t) if end.t > begin.t else 1.0)
@@ -146,6 +154,18 @@ class EvolutionStructure:
         for piece in self.pieces:
             found[getattr(piece, side)].append(piece)
         return found
+
+    def multiplicity(self) -> list[tuple[float, float, int]]:
+        """Return stretches (lo, hi, number of states) of time with the same number of states."""
+        times = sorted({*self.interval, *(node.t for node in self.nodes)})
+        rows: list[tuple[float, float, int]] = []
+        for lo, hi in pairwise(times):
+            count = self.count(0.5 * (lo + hi))
+            if rows and rows[-1][2] == count:
+                rows[-1] = (rows[-1][0], hi, count)
+            else:
+                rows.append((lo, hi, count))
+        return rows
 
     # -- events --------------------------------------------------------------------------
 
