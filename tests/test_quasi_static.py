@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from evolution_truth import Problem, TooManyError, evolutions, random_problem
+from increments import increments
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.quasi_static.active import ActiveInverse
 from pwscont_coulomb.quasi_static.rates import RateProblem
@@ -210,8 +211,8 @@ def test_units_change_nothing(seed, length, force):
         assert np.abs(a.z - b.z / unit).max() < 1e-8 * max(1.0, np.abs(a.z).max())
 
 
-def rate_problem(seed):
-    """Return a random rate problem of nodes without force and nodes at the bound."""
+def rate_problem(seed, most=5.0):
+    """Return a random rate problem of nodes without force and nodes at the bound, F up to most."""
     rng = np.random.default_rng(seed)
     free, bound = int(rng.integers(0, 3)), int(rng.integers(1, 4))
     p = free + bound
@@ -223,7 +224,7 @@ def rate_problem(seed):
     sign = np.concatenate([np.zeros(free), rng.choice([-1, 1], bound)]).astype(int)
     places = [np.array([row[int(i)] for i in some]) for some in (node, p + node)]
     h = rng.normal(size=len(rows))
-    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, 5.0, p), sign, *places)
+    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, most, p), sign, *places)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -235,6 +236,28 @@ def test_the_two_searches_for_rates_agree(seed):
     assert len(one.found) == len(other.found)
     for rates in one.found:
         assert min(np.abs(rates.x - o.x).max() for o in other.found) < 1e-9
+
+
+@pytest.mark.parametrize("seed", swept(range(60), range(60, 600)))
+def test_rates_that_are_called_unique_are_unique(seed):
+    """All modes are tried under four loads: never two solutions (docs/theory, F17)."""
+    rng = np.random.default_rng([17, seed])
+    problem = rate_problem(seed, most=float(rng.choice([0.5, 1.0, 2.0, 5.0])))
+    if problem.doubt({}) is not None:
+        return
+    for _ in range(4):
+        problem.h = rng.normal(size=len(problem.h))
+        assert len(problem.listed().found) == 1
+
+
+def test_a_weight_makes_more_rates_certain():
+    certain = dict.fromkeys(((1.0,), (4.0,), (1.0, 4.0)), 0)
+    for seed in range(60):
+        for weights in certain:
+            problem = rate_problem(seed, most=1.0)
+            problem._weights = weights
+            certain[weights] += problem.doubt({}) is None
+    assert certain[1.0, 4.0] > certain[(1.0,)] > 0
 
 
 @pytest.mark.parametrize("nodes", swept([60], [200]))
@@ -273,6 +296,17 @@ def test_a_block_is_certain_at_every_event(nodes):
         check_equilibrium(problem.body, history, 0.3, state)
 
 
+@pytest.mark.parametrize("nodes", [20, 50])
+def test_an_unloaded_and_a_pressed_block_are_certain(nodes):
+    """All nodes touch without force at first; of a block that is pressed all states are known."""
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(nodes).condensed()
+    press, side = problem.load.f0, problem.load.f1
+    for loads in ([0.0 * press, press, press + side], [press, press + side, press - side]):
+        history = LoadHistory(loads)
+        evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.3), history.interval)
+        assert evolution.guarantee == "all evolutions with finitely many events"
+
+
 def check_equilibrium(body, history, friction, state):
     n, p = body.n, body.p
     u, normal, tangential = state.z[:n], state.z[n : n + p], state.z[n + p :]
@@ -291,6 +325,38 @@ def test_the_unloaded_wedge_has_all_its_ways_on():
     evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.5), (0.0, 1.0))
     assert evolution.is_complete
     assert evolution.guarantee.endswith("from the state without contact forces")
+
+
+# -- increments ------------------------------------------------------------------------------------
+
+
+def against_increments(nodes, loads, steps):
+    """Return the largest difference of contact forces at the corners of the load."""
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(nodes).condensed()
+    body, friction = problem.body, np.full(nodes, 0.3)
+    history = LoadHistory([a * problem.load.f0 + b * problem.load.f1 for a, b in loads])
+    path = evolve(QuasiStaticCoulomb(body, history, friction), history.interval).paths()[0]
+    exact = np.array([path.state(t).z[-2 * nodes :] for t in history.times])
+    arguments = body.A, body.N, body.T, body.gap, friction, history.loads
+    found = np.array([forces for forces, _ in increments(*arguments, steps)])
+    return np.abs(found - exact).max() / np.abs(exact).max()
+
+
+TO_AND_FRO = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+MIXED = [(0.0, 0.0), (1.0, 0.5), (0.6, 1.0), (1.5, -1.0), (0.5, -0.2)]
+
+
+def test_increments_come_closer_to_the_evolution():
+    """The scheme of increments shares no line with pwscont."""
+    errors = [against_increments(50, MIXED, steps) for steps in (5, 50, 100)]
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[2] < 1e-6
+    assert against_increments(12, MIXED, 20) < 1e-12  # slip goes one way on each line
+
+
+@pytest.mark.slow
+def test_increments_refined_until_they_agree():
+    assert against_increments(50, TO_AND_FRO, 4000) < 1e-5
 
 
 # -- shakedown -------------------------------------------------------------------------------------

@@ -35,7 +35,8 @@ from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static import nodes as node
 from pwscont_coulomb.quasi_static.active import ActiveInverse, Flags
 from pwscont_coulomb.quasi_static.problem import FrictionProblem
-from pwscont_coulomb.quasi_static.rates import ZERO, RateProblem, Rates
+from pwscont_coulomb.quasi_static.rates import RateProblem, Rates
+from pwscont_coulomb.quasi_static.uniqueness import ZERO
 
 #: Of bodies with so many contact nodes all states at one time are enumerated.
 MOST_ENUMERATED = 6
