@@ -147,6 +147,19 @@ def test_slip_of_undetermined_speed_is_no_certain_answer():
     assert "infinitely many" in evolution.guarantee
 
 
+@pytest.mark.parametrize(("length", "force"), [(1.0, 1.0), (1.8e-5, 2.8e-9), (3e7, 4e8)])
+def test_a_singular_slip_that_the_load_contradicts_is_a_loss_in_every_unit(length, force):
+    """At F = a / b slip has no stiffness: where the load asks for slip there is no rate."""
+    body = ContactBody(
+        np.array([[3.0, -1.0], [-1.0, 2.0]]) * force / length, N=[[1.0, 0.0]], T=[[0.0, 1.0]]
+    )
+    loads = force * np.array([[1.0, 2.0], [2.0, -1.0], [-2.0, 0.0], [1.0, -2.0]])
+    evolution = evolve(QuasiStaticCoulomb(body, LoadHistory(loads), 2.0), (0.0, 3.0))
+    assert evolution.is_complete
+    (loss,) = evolution.losses()
+    assert loss.t == pytest.approx(10.0 / 7.0, rel=1e-14)
+
+
 def test_a_loss_is_an_answer_and_jumps_are_marked():
     start, f0 = np.array([0.0, 0.0, -1.0, 4.0]), np.array([1.0, -4.0])
     history = LoadHistory([f0, [0.5, -4.0]])
@@ -440,6 +453,7 @@ def test_the_active_inverse_follows_changes():
         (lambda: LoadHistory([[1.0, 0.0]]), "at least two loads"),
         (lambda: LoadHistory([[1.0, 0.0]] * 3, times=[0.0, 2.0, 1.0]), "times must grow"),
         (lambda: LoadHistory([[1.0, 0.0]] * 2, times=[0.0]), "times has shape"),
+        (lambda: QuasiStaticCoulomb(None, LoadHistory(np.ones((2, 2))), 0.5), "be a ContactBody"),
         (lambda: QuasiStaticCoulomb(one_node(), [[0.0, 1.0]] * 2, 0.5), "must be a LoadHistory"),
         (lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 3))), 0.5), "3 components"),
         (
@@ -475,6 +489,20 @@ def test_a_start_that_is_no_state_is_refused(start, words):
     system = QuasiStaticCoulomb(one_node(), LoadHistory([load, [1.0, 1.0]]), 0.5)
     with pytest.raises(InvalidInputError, match=words):
         evolve(system, (0.0, 1.0), given)
+
+
+@pytest.mark.parametrize(("begin", "length"), [(1e9, 1.0), (-1e6, 1e-3), (0.0, 1e-200), (3.0, 1e9)])
+def test_clocks_change_nothing(begin, length):
+    """Times far from zero have fewer digits, and no other events."""
+    loads = [[1.0, 0.0], [1.0, 3.0], [1.0, -3.0]]
+    times = [begin, begin + length, begin + 2.0 * length]
+    system = QuasiStaticCoulomb(one_node(), LoadHistory(loads, times), 0.5)
+    plain = evolve(QuasiStaticCoulomb(one_node(), LoadHistory(loads), 0.5), (0.0, 2.0))
+    evolution = evolve(system, (times[0], times[-1]))
+    assert evolution.is_complete
+    for one, other in zip(evolution.events(), plain.events(), strict=True):
+        assert (one.t - begin) / length == pytest.approx(other.t, abs=1e-5)
+        assert one.z == pytest.approx(other.z, abs=1e-5)
 
 
 @pytest.mark.parametrize("interval", [(0.0, 2.0), (1.0, 0.0), (-1.0, 1.0), (0.0, np.nan), 3.0])

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, short
+from pwscont.basics.looks import counted
 from pwscont.evolution.plotting import Curves, Quantity, draw
 
 if TYPE_CHECKING:
     from pwscont.evolution.structure import EvolutionStructure
 
 DPI, STATE_SIZE = 90, 90
-#: Most states whose modes stand in the title.
-MOST_TOLD = 2
 
 
 def animate(
@@ -37,9 +35,7 @@ def animate(
                 states = graph.states(t)
                 points = np.array([curves.point(state) for state in states]).reshape(-1, 2)
                 dots.set_offsets(points)
-                words = [short(state.label) for state in states]
-                told = ", or ".join(words) if len(words) <= MOST_TOLD else ""
-                axes.set_title(f"t = {t:.4g}: {told or counted(len(states), 'state')}")
+                axes.set_title(f"t = {t:.4g}: {counted(len(states), 'state')}")
                 writer.grab_frame()
                 figure.set_layout_engine("none")  # the layout of the first frame: nothing jumps
     except OSError as error:

@@ -17,10 +17,10 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.evolution.plotting import MOST_COLORED, SAMPLES, colored, owners_of
-from pwscont.evolution.states import SAME_TIME, EvolutionState
+from pwscont.evolution.states import SAME_TIME
 from pwscont.graph.presentation import DUST, number
 from pwscont.scenes.styles import COLORS
-from pwscont.view.numbers import MOST_NUMBERS
+from pwscont.view.numbers import MOST_NUMBERS, row_of
 from pwscont.view.records import packed, style_record
 
 if TYPE_CHECKING:
@@ -49,8 +49,10 @@ def page_records(graph: EvolutionStructure, wanted: str) -> dict[str, Any]:
     """
     count = SAMPLES if graph.quantities.record else 2
     along = [graph.along(piece, count) for piece in graph.pieces]
-    lines = [np.array([_row(graph, state) for state in states]) for states in along]
-    points = np.array([_row(graph, state) for state in graph.events()])
+    *lines, points = [
+        np.array([row_of(state.quantities, state.z, state.t) for state in states])
+        for states in [*along, graph.events()]
+    ]
     names = ["t", *graph.names, *graph.quantities.record]
     rows = np.vstack([*lines, points])
     kept = _fitting(rows, len(graph.names), names.index(wanted))
@@ -87,12 +89,6 @@ def _fitting(rows: Array, unknowns: int, wanted: int) -> Any:
     columns = range(rows.shape[1])
     order = dict.fromkeys([0, wanted, *columns[1 + unknowns :], *columns])
     return np.sort(np.array(list(order)[: max(2, MOST_NUMBERS // max(len(rows), 1))], dtype=int))
-
-
-def _row(graph: EvolutionStructure, state: EvolutionState) -> list[float]:
-    found = graph.quantities.attempted(state.z, state.t).values()
-    recorded = [np.nan if isinstance(value, str) else value for value in found]
-    return [state.t, *state.z.tolist(), *recorded]
 
 
 def _owners(graph: EvolutionStructure) -> list[list[int]]:
@@ -142,16 +138,13 @@ def _points(graph: EvolutionStructure, first: int) -> list[dict[str, Any]]:
 def _counts(graph: EvolutionStructure) -> dict[str, Any]:
     """Return the number of states by time."""
     rows = graph.multiplicity()
-    ends = {"lo_closed": True, "hi_closed": True}
+    names = ("lo", "hi", "count", "lo_closed", "hi_closed")
     between = [[t, graph.count(t)] for t in sorted({node.t for node in graph.nodes})]
-    stretches = [{"lo": lo, "hi": hi, "count": count, **ends} for lo, hi, count in rows]
+    stretches = [dict(zip(names, (*row, True, True), strict=True)) for row in rows]
     return {"stretches": stretches, "between": between, "breaks": [], "balances": []}
 
 
 def _marks(graph: EvolutionStructure) -> dict[str, dict[str, Any]]:
-    kinds = {node.kind for node in graph.nodes}
-    return {
-        kind: {"marker": marker, "size": size, "hollow": hollow, "lined": True}
-        for kind, (marker, size, hollow) in MARKERS.items()
-        if kind in kinds
-    }
+    names, kinds = ("marker", "size", "hollow", "lined"), {node.kind for node in graph.nodes}
+    looks = {kind: MARKERS[kind] for kind in MARKERS if kind in kinds}
+    return {kind: dict(zip(names, (*look, True), strict=True)) for kind, look in looks.items()}

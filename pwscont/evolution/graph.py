@@ -222,15 +222,8 @@ class EvolutionGraph(EvolutionStructure):
         """
         parts = file.read(path)
         quantities = Quantities(parts.reader.names)
-        return cls(
-            parts.nodes,
-            parts.pieces,
-            parts.interval,
-            parts.reader,
-            quantities,
-            parts.guarantee,
-            system,
-        )
+        found = parts.nodes, parts.pieces, parts.interval, parts.reader
+        return cls(*found, quantities, parts.guarantee, system)
 
     def __iter__(self) -> Iterator[EvolutionPath]:
         return iter(self.paths())

@@ -50,12 +50,17 @@ class Curves:
     graph : EvolutionStructure
     x, y : str or int
         A name, or the place of an unknown; "t" is the time.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such quantity.
     """
 
     def __init__(self, graph: EvolutionStructure, x: Quantity, y: Quantity) -> None:
-        self._graph, self.shown = graph, (checked(graph, x), checked(graph, y))
-        straight = {"t", *graph.names}
-        self._count = 2 if {*self.shown} <= straight else SAMPLES
+        self._graph, known = graph, (graph.names, graph.quantities.record)
+        self.shown = [q if q == "t" else quantity_named(str(q), *known) for q in (x, y)]
+        self._count = 2 if {*self.shown} <= {"t", *graph.names} else SAMPLES
         self._known: dict[int, Array] = {}
 
     def point(self, state: EvolutionState) -> list[float]:
@@ -72,13 +77,6 @@ class Curves:
     def pieces(self, pieces: Sequence[EvolutionPiece]) -> Array:
         """Return the points of pieces that follow each other, shape (2, k)."""
         return np.vstack([self.piece(piece) for piece in pieces]).T
-
-
-def checked(graph: EvolutionStructure, quantity: Quantity) -> str:
-    """Return the name of a quantity; errors as of :func:`~pwscont.scenes.panels.quantity_named`."""
-    if quantity == "t":
-        return "t"
-    return quantity_named(str(quantity), graph.names, graph.quantities.record)
 
 
 def draw(graph: EvolutionStructure, panels: Sequence[tuple[Quantity, Quantity]]) -> Figure:

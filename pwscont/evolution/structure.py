@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +14,10 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.quantities import Quantities
 from pwscont.evolution.states import (
     KINDS,
-    SAME_TIME,
     EvolutionNode,
     EvolutionPiece,
     EvolutionState,
+    same_time,
 )
 from pwscont.evolution.ways import StateReader
 
@@ -69,7 +69,7 @@ class EvolutionStructure:
     def _places(self, t: float) -> list[int | EvolutionPiece]:
         """Return the nodes at a time, and the pieces with the time strictly inside."""
         lo, hi = self.interval
-        same = SAME_TIME * (hi - lo + max(abs(lo), abs(hi)))
+        same = same_time(self.interval)
         if not lo - same <= t <= hi + same:
             raise InvalidInputError(f"t = {t} lies outside the interval [{lo}, {hi}]")
         times = self._times
@@ -158,14 +158,9 @@ class EvolutionStructure:
     def multiplicity(self) -> list[tuple[float, float, int]]:
         """Return stretches (lo, hi, number of states) of time with the same number of states."""
         times = sorted({*self.interval, *(node.t for node in self.nodes)})
-        rows: list[tuple[float, float, int]] = []
-        for lo, hi in pairwise(times):
-            count = self.count(0.5 * (lo + hi))
-            if rows and rows[-1][2] == count:
-                rows[-1] = (rows[-1][0], hi, count)
-            else:
-                rows.append((lo, hi, count))
-        return rows
+        rows = [(lo, hi, self.count(0.5 * (lo + hi))) for lo, hi in pairwise(times)]
+        runs = [list(run) for _, run in groupby(rows, lambda row: row[2])]
+        return [(run[0][0], run[-1][1], run[0][2]) for run in runs]
 
     # -- events --------------------------------------------------------------------------
 

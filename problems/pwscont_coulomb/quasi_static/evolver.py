@@ -21,6 +21,8 @@ import numpy as np
 
 from pwscont import InvalidInputError, enumerate_solutions
 from pwscont.extending import (
+    EPS,
+    GUARD,
     Array,
     Evolver,
     Indices,
@@ -394,7 +396,8 @@ class CoulombEvolver(Evolver):
         y = way.z + (t - moment.t) * way.rate
         values, slopes = self._slacks(y), self._slopes(way.rate)
         sizes = np.array([self._length, self._force, self._force, self._force])
-        slack = ZERO * (sizes[:, np.newaxis] + (t - moment.t) * np.abs(slopes))
+        rounding = ZERO * (t - moment.t) + GUARD * EPS * abs(t)  # of the time of the event
+        slack = ZERO * sizes[:, np.newaxis] + rounding * np.abs(slopes)
         met = self._watched(status) & (values <= slack) & (slopes < 0.0)
         after = status.copy()
         after[met[2]], after[met[3]] = node.BOUND_PLUS, node.BOUND_MINUS

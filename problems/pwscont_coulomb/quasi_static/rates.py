@@ -174,12 +174,19 @@ class RateProblem:
         return solved.reshape(right.shape)
 
     def is_consistent(self, modes: Mapping[int, int]) -> bool:
-        """Tell whether singular equations have solutions."""
+        """Tell whether singular equations have solutions, in natural units.
+
+        Singular values below rounding are zero: the rest of an equation that such a value would
+        have to balance is compared with the largest force that the load asks for.
+        """
         unknowns, E, e = self.equations(modes)
-        square = E[:, unknowns]
-        x = np.linalg.lstsq(square, e, rcond=SINGULAR)[0]
-        terms = np.abs(square) @ np.abs(x) + np.abs(e)
-        return bool((np.abs(square @ x - e) <= EPS**0.5 * terms).all())
+        unit = 1.0 / np.sqrt(self.scale[unknowns])
+        square, right = unit[:, np.newaxis] * E[:, unknowns] * unit, unit * e
+        left, values, _ = np.linalg.svd(square)
+        kept = left[:, values > len(unknowns) * SINGULAR]
+        rest = right - kept @ (kept.T @ right)
+        largest = float((np.abs(self.h[: self.size]) / np.sqrt(self.scale)).max(initial=0.0))
+        return bool((np.abs(rest) <= EPS**0.5 * max(largest, float(np.abs(right).max()))).all())
 
     # -- the inequalities -------------------------------------------------------------------
 
