@@ -6,6 +6,7 @@ from math import inf
 import networkx as nx
 import numpy as np
 import pytest
+from evolution_truth import random_problem
 from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 from pwscont_structures import PlasticTruss
 from sweeps import swept
@@ -304,6 +305,30 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
     other = QuasiStaticCoulomb(one_node(), system.history, 3.0)
     with Journal(file) as journal, pytest.raises(InvalidInputError, match="another run"):
         evolve(other, (0.0, 3.0), journal=journal)
+
+
+@pytest.mark.parametrize("seed", [88, 99, 112, 187])
+def test_a_resumed_run_repeats_every_bit(tmp_path, seed):
+    """Whatever an evolver keeps between events."""
+
+    class KilledError(Exception):
+        pass
+
+    def kill(pieces, t):
+        if pieces > 2:
+            raise KilledError
+
+    problem = random_problem(seed)
+    body = ContactBody(problem.A, problem.N, problem.T, problem.gap)
+    history = LoadHistory(problem.loads)
+    system = QuasiStaticCoulomb(body, history, problem.F, problem.slip)
+    with Journal(tmp_path / "whole") as journal:
+        whole = evolve(system, history.interval, jumps="nearest", journal=journal)
+    with Journal(tmp_path / "killed") as journal, pytest.raises(KilledError):
+        evolve(system, history.interval, jumps="nearest", journal=journal, report=kill)
+    with Journal(tmp_path / "killed") as journal:
+        again = evolve(system, history.interval, jumps="nearest", journal=journal)
+    assert again.to_dict() == whole.to_dict()
 
 
 # -- mistakes --------------------------------------------------------------------------------------

@@ -215,6 +215,10 @@ class CoulombEvolver(Evolver):
             return rest
         return self.problem.one_state(slip, t)
 
+    def forget(self) -> None:
+        """Forget the inverse, whose rounding depends on all events before."""
+        self._inverse = ActiveInverse(self._C)
+
     # -- ways on ----------------------------------------------------------------------------
 
     def ways_on(self, moment: Moment) -> WaysOn:
