@@ -307,7 +307,7 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
         evolve(other, (0.0, 3.0), journal=journal)
 
 
-@pytest.mark.parametrize("seed", [88, 99, 112, 187])
+@pytest.mark.parametrize("seed", [88, 99, 112])
 def test_a_resumed_run_repeats_every_bit(tmp_path, seed):
     """Whatever an evolver keeps between events."""
 
