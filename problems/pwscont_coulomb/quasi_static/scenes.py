@@ -151,7 +151,9 @@ def _draw_body(
     files = [look.save(zones, directory, "block-cycle-zones")]
     if at:
         states = [recover(problem, path.state(t)) for t in at]
-        files.append(look.save(draw_states(elastic, states), directory, "block-cycle-body"))
+        files.append(
+            look.save(draw_states(elastic, states, scale=look.scale), directory, "block-cycle-body")
+        )
     if look.animate:
         states = animation.over_time(problem, path, FRAMES)
         file = directory / "block-cycle-body.gif"
