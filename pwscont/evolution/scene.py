@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -15,6 +16,7 @@ from pwscont.basics.looks import counted, named, short, state
 from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent
+from pwscont.evolution.cycle import cycle_of
 from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
@@ -70,7 +72,8 @@ class EvolutionAnswer(Answer):
     def _cycles(self) -> list[str]:
         if self.scene.period is None:
             return []
-        found, lost = self.graph.cycle(self.scene.period)[:MOST_TOLD], self._dissipated()
+        paths, lost = islice(self.graph.paths(), MOST_TOLD), self._dissipated()
+        found = [cycle_of(path, self.graph.interval[1], self.scene.period) for path in paths]
         words = (f"Evolution {i + 1}: {cycle.kind}" for i, cycle in enumerate(found))
         return ["", *map("".join, zip(words, lost, strict=False))]
 
@@ -78,7 +81,8 @@ class EvolutionAnswer(Answer):
         """Return in words what each evolution dissipates in the last period, if that is known."""
         end, period = self.graph.interval[1], self.scene.period or 0.0
         try:
-            found = self.graph.dissipated(end - period, end)[:MOST_TOLD]
+            paths = islice(self.graph.paths(), MOST_TOLD)
+            found = [path.dissipated(end - period, end) for path in paths]
         except SystemNeededError:
             return [""] * MOST_TOLD
         return [f", {energy:.6g} dissipated in the last period" for energy in found]
