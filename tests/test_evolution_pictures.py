@@ -202,3 +202,16 @@ def test_the_scene_of_a_block_writes_its_pictures(tmp_path):
     names = {file.name for file in answer.write(tmp_path)}
     assert {"block-cycle.png", "block-cycle-zones.png", "block-cycle-body.png"} <= names
     assert all((tmp_path / name).stat().st_size for name in names)
+
+
+def test_the_area_of_the_loop_is_what_friction_takes():
+    """Work at the top against dissipation at the bottom, over the last period of the load."""
+    scenes = pytest.importorskip("pwscont_coulomb.quasi_static.scenes")
+    pytest.importorskip("skfem")
+    path = scenes.block_cycle(12).run().paths()[0]
+    events = [path.state(5.0), *(state for state in path.events if 5.0 < state.t <= 7.0)]
+    force = np.array([state["force"] for state in events])
+    moved = np.array([0.01 * state["shift"] for state in events])  # percent of the height, 1
+    work = 0.5 * (force[1:] + force[:-1]) @ np.diff(moved)
+    assert work == pytest.approx(path.dissipated(5.0, 7.0), rel=1e-8)
+    assert path.dissipated(5.0, 7.0) > 1e-7

@@ -88,9 +88,13 @@ def _force(nodes: int, z: Array, t: float) -> float:
     return float(-z[-nodes:].sum())
 
 
+def _moved(times: Array, shifts: list[float], z: Array, t: float) -> float:
+    return float(np.interp(t, times, shifts))
+
+
 def _shift(nodes: int, times: Array, shifts: list[float], z: Array, t: float) -> float:
     far = FAR / (np.pi * MODULUS) * _force(nodes, z, t)  # the compliance far away is left out
-    return float(np.interp(t, times, shifts)) - far
+    return _moved(times, shifts, z, t) - far
 
 
 def _stick_zone(nodes: int, friction: float, z: Array, t: float) -> float:
@@ -127,7 +131,11 @@ def block_cycle(
         system,
         history.interval,
         at=(1.0, 1.6, 3.0),
-        panels=(("u_t,1", "t"), ("λ_t,1", "u_t,1")),
+        record={
+            "force": partial(_force, nodes),
+            "shift": partial(_moved, history.times, [0.0, 0.0, *[shear, -shear] * 3]),
+        },
+        panels=(("force", "shift"), ("u_t,1", "t")),
         period=2.0,
         pictures=partial(_draw_body, problem, system),
     )
