@@ -116,6 +116,27 @@ def draw_straight(into: Path) -> None:
     figure.savefig(into / "straight.png", dpi=110)
 
 
+def draw_increments(into: Path) -> None:
+    """Draw the errors of increments over their number and over time, beside evolutions."""
+    data = json.loads((DATA / "increments.json").read_text(encoding="utf-8"))
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    by_number, by_time = figure.subplots(1, 2, sharey=True)
+    for case, marker, color in zip(data, "sDo", COLORS[:3], strict=True):
+        rows = case["increments"]
+        errors = [row["error"] for row in rows]
+        line = {"marker": marker, "color": color, "markersize": 4, "label": case["name"]}
+        by_number.loglog([row["steps"] for row in rows], errors, **line)
+        by_time.loglog([row["seconds"] for row in rows], errors, **line)
+        by_time.axvline(case["evolve"], color=color, linestyle="--", linewidth=1.2)
+    by_time.plot([], [], "k--", linewidth=1.2, label="evolve: all events, to rounding")
+    by_number.set(xlabel="increments for each line of the load", ylabel="error of contact forces")
+    by_time.set(xlabel="seconds")
+    for ax in (by_number, by_time):
+        ax.grid(alpha=0.3)
+    figure.legend(*by_time.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.savefig(into / "increments.png", dpi=110)
+
+
 def _series(rows, name: str):
     """Return p and the figures of those rows that have them."""
     pairs = [(row["p"], row[name]) for row in rows if row.get(name)]
@@ -137,5 +158,6 @@ def draw_all(into: Path) -> None:
     draw_arch(into)
     draw_scale(into)
     draw_straight(into)
+    draw_increments(into)
     draw_body(block(), 0.7, into)
     draw_body(wedge(), 0.07, into)

@@ -33,8 +33,6 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
-from pwscont.evolution.states import EvolutionState
-from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.graph.branch_graph import Proof
 from pwscont.graph.exports import DUST, number
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
@@ -62,6 +60,9 @@ from pwscont.transitions.location import locate_point, locate_sign_change, locat
 from pwscont.transitions.rays import Ray
 
 if TYPE_CHECKING:
+    from pwscont.evolution.paths import EvolutionPath
+    from pwscont.evolution.states import EvolutionState
+    from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
     from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
     from pwscont.scenes.graph_answer import GraphAnswer
     from pwscont.scenes.panels import BodyPicture, Shapes, Shown
@@ -92,6 +93,7 @@ __all__ = [
     "CurvedSegment",
     "DecidesCorners",
     "Ending",
+    "EvolutionPath",
     "EvolutionState",
     "Evolver",
     "ExactData",
@@ -175,21 +177,25 @@ __all__ = [
 ]
 
 
-#: Names of scenes, whose modules are imported at first use: the core needs no scene.
+#: Names whose modules are imported at first use: the core needs no scene, and static problems have
+#: no evolutions.
 LATER = {
     "Answer": "pwscont.scenes.answer",
     "BodyPicture": "pwscont.scenes.panels",
     "DEFAULT_LOOK": "pwscont.scenes.answer",
+    "EvolutionPath": "pwscont.evolution.paths",
+    "EvolutionState": "pwscont.evolution.states",
     "GraphAnswer": "pwscont.scenes.graph_answer",
     "Look": "pwscont.scenes.answer",
     "Runnable": "pwscont.scenes.answer",
     "Shapes": "pwscont.scenes.panels",
     "Shown": "pwscont.scenes.panels",
     "values_within": "pwscont.scenes.answer",
+    **dict.fromkeys(("Evolver", "Moment", "Moments", "Way", "WaysOn"), "pwscont.evolution.ways"),
 }
 
 
 def __getattr__(name: str) -> Any:
     if name in LATER:
         return getattr(import_module(LATER[name]), name)
-    raise AttributeError(f"module 'pwscont.extending' has no attribute {name!r}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,6 +6,7 @@ from math import inf
 import networkx as nx
 import numpy as np
 import pytest
+from evolution_truth import random_problem
 from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 from pwscont_structures import PlasticTruss
 from sweeps import swept
@@ -306,6 +307,30 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
         evolve(other, (0.0, 3.0), journal=journal)
 
 
+@pytest.mark.parametrize("seed", [88, 99, 112])
+def test_a_resumed_run_repeats_every_bit(tmp_path, seed):
+    """Whatever an evolver keeps between events."""
+
+    class KilledError(Exception):
+        pass
+
+    def kill(pieces, t):
+        if pieces > 2:
+            raise KilledError
+
+    problem = random_problem(seed)
+    body = ContactBody(problem.A, problem.N, problem.T, problem.gap)
+    history = LoadHistory(problem.loads)
+    system = QuasiStaticCoulomb(body, history, problem.F, problem.slip)
+    with Journal(tmp_path / "whole") as journal:
+        whole = evolve(system, history.interval, jumps="nearest", journal=journal)
+    with Journal(tmp_path / "killed") as journal, pytest.raises(KilledError):
+        evolve(system, history.interval, jumps="nearest", journal=journal, report=kill)
+    with Journal(tmp_path / "killed") as journal:
+        again = evolve(system, history.interval, jumps="nearest", journal=journal)
+    assert again.to_dict() == whole.to_dict()
+
+
 # -- mistakes --------------------------------------------------------------------------------------
 
 
@@ -321,9 +346,27 @@ class Curved(Pulled):
         return Switched(1, lambda z, t, sw: z - t**2)
 
 
+class Nothing(Pulled):
+    def remembering(self, memory):
+        return None
+
+
+class Misnamed(Pulled):
+    def names(self):
+        return ("force",)
+
+
+class WithoutEvolver(Pulled):
+    def evolver(self, interval):
+        return 3
+
+
 @pytest.mark.parametrize(
     ("system", "error", "words"),
     [
+        (Nothing(), InvalidInputError, "PiecewiseLinearSystem, got None"),
+        (Misnamed(), InvalidSystemError, "2 names"),
+        (WithoutEvolver(), InvalidInputError, "must be an Evolver"),
         (Forgetful(), InvalidSystemError, "does not hold"),
         (Curved(), InvalidInputError, "PiecewiseLinearSystem"),
         (None, InvalidInputError, "SystemWithMemory"),
@@ -333,6 +376,31 @@ class Curved(Pulled):
 def test_mistakes_are_named(system, error, words):
     with pytest.raises(error, match=words):
         evolve(system, (0.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"report": 3}, "report"),
+        ({"record": {"t": lambda z, t: 1.0}}, "'t' is taken"),
+        ({"events": {3: lambda z, t: t}}, "texts"),
+        ({"jumps": 3}, "jumps"),
+        ({"limits": 3}, "limits"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        evolve(Pulled(), (0.0, 3.0), **arguments)
+
+
+def test_a_history_has_loads_within_its_times_only():
+    history = LoadHistory([[0.0], [1.0]])
+    assert history(1.0).tolist() == [1.0]
+    for t in (-0.1, 1.1, np.nan):
+        with pytest.raises(InvalidInputError, match="outside the history"):
+            history(t)
+    with pytest.raises(InvalidInputError, match="beyond rounding"):
+        LoadHistory([[0.0], [1.0], [2.0]], [0.0, 1e-12, 1e12])
 
 
 def test_a_start_that_does_not_hold_is_refused():

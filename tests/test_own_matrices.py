@@ -53,6 +53,42 @@ def test_what_was_not_condensed_recovers_nothing():
         body.condensed().recover(np.zeros(3), f0)
 
 
+def eliminations():
+    elastic = pytest.importorskip("pwscont_coulomb.elastic")
+    return elastic.Multifrontal(), elastic.SuperLU()
+
+
+@pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix])
+def test_every_elimination_gives_the_same_body(kind):
+    """With picks of several unknowns, and with fewer nodes of a body that travels."""
+    rng = np.random.default_rng(3)
+    n, p = 60, 3
+    chain = np.diag(3.0 * np.ones(n)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    picks = np.zeros((2 * p, n))
+    picks[:, rng.choice(n, 9, replace=False)] = rng.normal(size=(2 * p, 9))
+    body = ContactBody(kind(chain), kind(picks[:p]), kind(picks[p:]))
+    small, load, forces = body.condensed(), rng.normal(size=n), rng.normal(size=(2, 2 * p))
+    for elimination in eliminations():
+        other = body.condensed(elimination)
+        assert np.abs(other.A - small.A).max() < 1e-12 * np.abs(small.A).max()
+        assert np.abs(other.reduced(load) - small.reduced(load)).max() < 1e-12
+        z = np.append(np.zeros(2 * p), forces[0])
+        assert np.abs(other.recover(z, load) - small.recover(z, load)).max() < 1e-12
+        twin = pickle.loads(pickle.dumps(other))
+        assert np.abs(twin.displacements_by(forces) - small.displacements_by(forces)).max() < 1e-12
+
+
+def test_a_block_condensed_by_fronts_is_the_block():
+    full = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(21).full()
+    small, loads = full.body.condensed(), np.stack([full.load.f0, full.load.f1], axis=1)
+    for elimination in eliminations():
+        other = full.body.condensed(elimination)
+        assert np.abs(other.A - small.A).max() < 1e-11 * np.abs(small.A).max()
+        assert np.abs(other.reduced(loads) - small.reduced(loads)).max() < 1e-12
+    with pytest.raises(InvalidInputError, match="elimination must be"):
+        full.body.condensed("Mumps")
+
+
 def test_condensed_bodies_travel_to_other_processes():
     body, (f0, _) = random_body(1)
     small = body.condensed()

@@ -147,6 +147,19 @@ def test_slip_of_undetermined_speed_is_no_certain_answer():
     assert "infinitely many" in evolution.guarantee
 
 
+@pytest.mark.parametrize(("length", "force"), [(1.0, 1.0), (1.8e-5, 2.8e-9), (3e7, 4e8)])
+def test_a_singular_slip_that_the_load_contradicts_is_a_loss_in_every_unit(length, force):
+    """At F = a / b slip has no stiffness: where the load asks for slip there is no rate."""
+    body = ContactBody(
+        np.array([[3.0, -1.0], [-1.0, 2.0]]) * force / length, N=[[1.0, 0.0]], T=[[0.0, 1.0]]
+    )
+    loads = force * np.array([[1.0, 2.0], [2.0, -1.0], [-2.0, 0.0], [1.0, -2.0]])
+    evolution = evolve(QuasiStaticCoulomb(body, LoadHistory(loads), 2.0), (0.0, 3.0))
+    assert evolution.is_complete
+    (loss,) = evolution.losses()
+    assert loss.t == pytest.approx(10.0 / 7.0, rel=1e-14)
+
+
 def test_a_loss_is_an_answer_and_jumps_are_marked():
     start, f0 = np.array([0.0, 0.0, -1.0, 4.0]), np.array([1.0, -4.0])
     history = LoadHistory([f0, [0.5, -4.0]])
@@ -197,8 +210,8 @@ def test_units_change_nothing(seed, length, force):
         assert np.abs(a.z - b.z / unit).max() < 1e-8 * max(1.0, np.abs(a.z).max())
 
 
-def rate_problem(seed):
-    """Return a random rate problem of nodes without force and nodes at the bound."""
+def rate_problem(seed, most=5.0):
+    """Return a random rate problem of nodes without force and nodes at the bound, F up to most."""
     rng = np.random.default_rng(seed)
     free, bound = int(rng.integers(0, 3)), int(rng.integers(1, 4))
     p = free + bound
@@ -210,7 +223,7 @@ def rate_problem(seed):
     sign = np.concatenate([np.zeros(free), rng.choice([-1, 1], bound)]).astype(int)
     places = [np.array([row[int(i)] for i in some]) for some in (node, p + node)]
     h = rng.normal(size=len(rows))
-    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, 5.0, p), sign, *places)
+    return RateProblem(K[np.ix_(rows, columns)], h, rng.uniform(0.1, most, p), sign, *places)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -222,6 +235,28 @@ def test_the_two_searches_for_rates_agree(seed):
     assert len(one.found) == len(other.found)
     for rates in one.found:
         assert min(np.abs(rates.x - o.x).max() for o in other.found) < 1e-9
+
+
+@pytest.mark.parametrize("seed", swept(range(60), range(60, 600)))
+def test_rates_that_are_called_unique_are_unique(seed):
+    """All modes are tried under four loads: never two solutions (docs/theory, F17)."""
+    rng = np.random.default_rng([17, seed])
+    problem = rate_problem(seed, most=float(rng.choice([0.5, 1.0, 2.0, 5.0])))
+    if problem.doubt({}) is not None:
+        return
+    for _ in range(4):
+        problem.h = rng.normal(size=len(problem.h))
+        assert len(problem.listed().found) == 1
+
+
+def test_a_weight_makes_more_rates_certain():
+    certain = dict.fromkeys(((1.0,), (4.0,), (1.0, 4.0)), 0)
+    for seed in range(60):
+        for weights in certain:
+            problem = rate_problem(seed, most=1.0)
+            problem._weights = weights
+            certain[weights] += problem.doubt({}) is None
+    assert certain[1.0, 4.0] > certain[(1.0,)] > 0
 
 
 @pytest.mark.parametrize("nodes", swept([60], [200]))
@@ -258,6 +293,17 @@ def test_a_block_is_certain_at_every_event(nodes):
     assert len(evolution.nodes) > nodes / 2
     for state in evolution.events():
         check_equilibrium(problem.body, history, 0.3, state)
+
+
+@pytest.mark.parametrize("nodes", [20, 50])
+def test_an_unloaded_and_a_pressed_block_are_certain(nodes):
+    """All nodes touch without force at first; of a block that is pressed all states are known."""
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(nodes).condensed()
+    press, side = problem.load.f0, problem.load.f1
+    for loads in ([0.0 * press, press, press + side], [press, press + side, press - side]):
+        history = LoadHistory(loads)
+        evolution = evolve(QuasiStaticCoulomb(problem.body, history, 0.3), history.interval)
+        assert evolution.guarantee == "all evolutions with finitely many events"
 
 
 def check_equilibrium(body, history, friction, state):
@@ -361,6 +407,7 @@ def test_the_active_inverse_follows_changes():
         (lambda: LoadHistory([[1.0, 0.0]]), "at least two loads"),
         (lambda: LoadHistory([[1.0, 0.0]] * 3, times=[0.0, 2.0, 1.0]), "times must grow"),
         (lambda: LoadHistory([[1.0, 0.0]] * 2, times=[0.0]), "times has shape"),
+        (lambda: QuasiStaticCoulomb(None, LoadHistory(np.ones((2, 2))), 0.5), "be a ContactBody"),
         (lambda: QuasiStaticCoulomb(one_node(), [[0.0, 1.0]] * 2, 0.5), "must be a LoadHistory"),
         (lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 3))), 0.5), "3 components"),
         (
@@ -396,6 +443,20 @@ def test_a_start_that_is_no_state_is_refused(start, words):
     system = QuasiStaticCoulomb(one_node(), LoadHistory([load, [1.0, 1.0]]), 0.5)
     with pytest.raises(InvalidInputError, match=words):
         evolve(system, (0.0, 1.0), given)
+
+
+@pytest.mark.parametrize(("begin", "length"), [(1e9, 1.0), (-1e6, 1e-3), (0.0, 1e-200), (3.0, 1e9)])
+def test_clocks_change_nothing(begin, length):
+    """Times far from zero have fewer digits, and no other events."""
+    loads = [[1.0, 0.0], [1.0, 3.0], [1.0, -3.0]]
+    times = [begin, begin + length, begin + 2.0 * length]
+    system = QuasiStaticCoulomb(one_node(), LoadHistory(loads, times), 0.5)
+    plain = evolve(QuasiStaticCoulomb(one_node(), LoadHistory(loads), 0.5), (0.0, 2.0))
+    evolution = evolve(system, (times[0], times[-1]))
+    assert evolution.is_complete
+    for one, other in zip(evolution.events(), plain.events(), strict=True):
+        assert (one.t - begin) / length == pytest.approx(other.t, abs=1e-5)
+        assert one.z == pytest.approx(other.z, abs=1e-5)
 
 
 @pytest.mark.parametrize("interval", [(0.0, 2.0), (1.0, 0.0), (-1.0, 1.0), (0.0, np.nan), 3.0])

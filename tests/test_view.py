@@ -10,6 +10,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from pwscont_coulomb import CoulombLoad
+from pwscont_coulomb.quasi_static.scenes import hysteresis
 from pwscont_coulomb.scenes import example3, fig7, fig12
 
 from pwscont import (
@@ -378,3 +379,38 @@ def test_marks_tell_parameters_of_a_short_interval_apart():
     system = LCP(np.eye(1), [1e6 + 0.25], [-1.0])
     words = [row["words"][0] for row in View(explore(system, (1e6, 1e6 + 1))).records["points"]]
     assert words == ["α = 1000000", "α = 1000000.25", "α = 1000001"]
+
+
+# -- evolutions ------------------------------------------------------------------------------------
+
+
+def test_rows_of_evolutions_are_their_states():
+    graph = hysteresis().run()
+    records = View(graph, "u_t").records
+    assert records["names"] == ["t", *graph.names]
+    for i, piece in enumerate(graph.pieces):
+        for row in line_of(records, i):
+            assert row[1:] == pytest.approx(graph.on(piece, row[0]).z, abs=1e-13)
+    for told in records["points"]:
+        state = graph.node(told["node"])
+        assert rows_of(records)[told["row"]] == pytest.approx([state.t, *state.z], abs=0)
+        assert told["kind"] == state.kind
+    for number, path in enumerate(graph.paths()):
+        mine = [i for i, owners in enumerate(records["pieces"]["owners"]) if number in owners]
+        assert [graph.pieces[i] for i in mine] == sorted(path.pieces, key=graph.pieces.index)
+    assert [row["count"] for row in records["stretches"]] == [3, 4, 3, 2, 1]
+
+
+def test_evolutions_are_shown_on_no_body():
+    with pytest.raises(InvalidInputError, match="on a body"):
+        View(hysteresis().run(), body=Bar())
+
+
+def test_a_file_of_evolutions_and_its_scene_have_pages(tmp_path, capsys):
+    assert main(["run", "hysteresis", "-o", str(tmp_path), "--html", str(tmp_path / "a.html")]) == 0
+    assert main(["view", str(tmp_path / "hysteresis.npz")]) == 0
+    for page in ("a.html", "hysteresis.html"):
+        assert "evolution" in (tmp_path / page).read_text(encoding="utf-8")
+    (tmp_path / "other.npz").write_bytes(b"nothing")
+    assert main(["view", str(tmp_path / "other.npz")]) != 0
+    assert "other.npz" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from pwscont_coulomb.quasi_static.scenes import hysteresis
 from pwscont_coulomb.scenes import fig7, fig12
 from pwscont_structures.scenes import truss_stop
 from view_pages import browser, complaints, drawn, in_browser, opened
@@ -448,3 +449,19 @@ def test_a_frame_in_a_notebook_shows_the_view(driver, tmp_path):
     assert listed(driver) == 3
     driver.switch_to.default_content()
     assert not complaints(driver)
+
+
+def test_evolutions_have_colours_and_states_over_time(driver, tmp_path):
+    graph = hysteresis().run()
+    opened(driver, View(graph, "u_t").save(tmp_path / "hysteresis.html"))
+    assert not complaints(driver)
+    driver.execute_script("pwscont.move(1.3)")
+    assert text(driver, "count") == "3 solutions at t = 1.3"
+    values = driver.execute_script("return pwscont.solutions(1.3).map((s) => pwscont.at(s, 2))")
+    assert sorted(values) == pytest.approx(sorted(s["u_t"] for s in graph.states(1.3)), abs=1e-12)
+    lines = drawn(driver, "lines")
+    assert len(set(lines["color"])) == 4
+    shared = [piece for piece in graph.pieces if len(graph.into[piece.start]) > 1]
+    assert len(lines["xs"]) == sum(map(len, View(graph).records["pieces"]["owners"])) > len(shared)
+    assert text(driver, "branch-legend") == "Evolutions"
+    assert "det" not in text(driver, "list")

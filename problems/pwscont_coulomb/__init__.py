@@ -3,7 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pwscont import LoadHistory
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
@@ -11,7 +10,9 @@ from pwscont_coulomb.load import CoulombLoad
 from pwscont_coulomb.load_paths import AffineLoad, HarmonicLoad
 
 if TYPE_CHECKING:
+    from pwscont import LoadHistory
     from pwscont_coulomb.matrices import read_matrices
+    from pwscont_coulomb.quasi_static.pictures import draw_contact, draw_zones
     from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 
 __all__ = [
@@ -23,13 +24,18 @@ __all__ = [
     "HarmonicLoad",
     "LoadHistory",
     "QuasiStaticCoulomb",
+    "draw_contact",
+    "draw_zones",
     "read_matrices",
 ]
 
 
 #: Names whose modules are imported at first use: static problems need none of these modules.
 LATER = {
+    "LoadHistory": "pwscont",
     "QuasiStaticCoulomb": "pwscont_coulomb.quasi_static.system",
+    "draw_contact": "pwscont_coulomb.quasi_static.pictures",
+    "draw_zones": "pwscont_coulomb.quasi_static.pictures",
     "read_matrices": "pwscont_coulomb.matrices",
 }
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from copy import copy
 from functools import cached_property
 from itertools import chain
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite_array
 from pwscont_coulomb.condensed import Condensation, checked_load, is_worth_condensing
 from pwscont_coulomb.fixed import Fixed
+
+if TYPE_CHECKING:
+    from pwscont_coulomb.elastic.elimination import Elimination
 
 #: Largest |A - A^T| of a symmetric stiffness matrix, as a part of the largest entry of A: far above
 #: the rounding of assembly.
@@ -103,13 +106,19 @@ class ContactBody(Fixed):
         """Whether A is a sparse matrix; the Jacobians then are, too."""
         return bool(sp.issparse(self.A))
 
-    def condensed(self) -> ContactBody:
+    def condensed(self, elimination: Elimination | None = None) -> ContactBody:
         """Return the body with its contact unknowns alone, dense of size 2 p.
 
         The unknowns are the normal displacements of all contact nodes, then the tangential ones;
         contact forces are those of this body. Solutions are the same, and take far less time where
         n is much larger than 2 p. The condensed body turns loads into its own by :meth:`reduced`,
         and states into displacements of this body by :meth:`recover`.
+
+        Parameters
+        ----------
+        elimination : Elimination, optional
+            How all other unknowns are eliminated, such as ``pwscont_coulomb.elastic.Mumps()``.
+            Default: a Cholesky factorisation of a dense, SuperLU of a sparse matrix.
 
         Examples
         --------
@@ -125,6 +134,12 @@ class ContactBody(Fixed):
         [0.0, 0.375, 0.4375]
         """
         way = self._own_condensation
+        if elimination is not None:
+            if not callable(getattr(elimination, "eliminate", None)):
+                raise InvalidInputError(
+                    f"elimination must be an object such as Mumps(), got {elimination!r}"
+                )
+            way = Condensation(self.A, self.N, self.T, elimination)
         one = np.eye(2 * self.p)
         small = ContactBody(way.stiffness, one[: self.p], one[self.p :], self.gap, self.guided)
         small.numbers, small._whole = self.numbers, way

@@ -14,7 +14,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,6 +22,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices, Matrix, dense, finite_array
+from pwscont_coulomb.eliminated import EliminatedFactor
+
+if TYPE_CHECKING:
+    from pwscont_coulomb.elastic.elimination import Elimination
 
 #: Right-hand sides solved at once.
 BLOCK = 64
@@ -44,19 +48,23 @@ class Condensation:
     ----------
     A : ndarray or scipy.sparse, shape (n, n)
     N, T : ndarray or scipy.sparse, shape (p, n)
+    elimination : Elimination, optional
+        Default a factorisation by SciPy.
     """
 
-    def __init__(self, A: Matrix, N: Matrix, T: Matrix) -> None:
-        self._A, self._N, self._T = A, N, T
+    def __init__(
+        self, A: Matrix, N: Matrix, T: Matrix, elimination: Elimination | None = None
+    ) -> None:
+        self._A, self._N, self._T, self._elimination = A, N, T, elimination
         self.n, self.p = A.shape[0], N.shape[0]
 
     def __reduce__(self) -> tuple[type[Condensation], tuple[Any, ...]]:
         """Leave factorisations behind in copies, also those for other processes."""
-        return Condensation, (self._A, self._N, self._T)
+        return Condensation, (self._A, self._N, self._T, self._elimination)
 
     def with_nodes(self, kept: Indices) -> Condensation:
         """Return the same for some contact nodes, with the same factorisation."""
-        twin = Condensation(self._A, self._N[kept], self._T[kept])
+        twin = Condensation(self._A, self._N[kept], self._T[kept], self._elimination)
         if "_factor" in vars(self):
             vars(twin)["_factor"] = self._factor
         return twin
@@ -70,6 +78,8 @@ class Condensation:
     @cached_property
     def _factor(self) -> Any:
         """A factorisation of A, with a method ``solve``."""
+        if self._elimination is not None:
+            return EliminatedFactor(self._A, self._picks, self._elimination)
         if sp.issparse(self._A):
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
@@ -81,6 +91,8 @@ class Condensation:
     @cached_property
     def flexibility(self) -> Array:
         """The contact displacements by contact forces, shape (2 p, 2 p)."""
+        if isinstance(self._factor, EliminatedFactor):
+            return self._factor.flexibility(self._picks)
         B, columns = self._picks, range(0, 2 * self.p, BLOCK)
         solved = [
             B @ self._factor.solve(np.asfortranarray(dense(B[k : k + BLOCK].T))) for k in columns

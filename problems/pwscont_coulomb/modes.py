@@ -8,6 +8,7 @@ kappa1 the selections agree on the interfaces between the cells.
 
 from __future__ import annotations
 
+import re
 from enum import IntEnum
 from functools import lru_cache
 from itertools import groupby, product
@@ -39,6 +40,8 @@ class Mode(IntEnum):
 
 
 WORDS = ("no contact", "stick", "slip+", "slip-")
+#: A part of a label: first node, last node of several, word.
+LISTED = re.compile(r"nodes? (\d+)(?: to (\d+))? (.*)")
 #: The names in the paper's messages.
 CLASS_NAMES = ("no contact", "contact-stick", "contact-slip", "contact-slip")
 #: Line styles; the paper draws slip+ and slip- alike.
@@ -134,6 +137,18 @@ def listed(words: list[str]) -> str:
         runs += _run(first, last, word)
         first = last + 1
     return ", ".join(runs)
+
+
+def modes_in(label: str, p: int) -> Indices:
+    """Return the mode of each of p nodes from words made by :func:`listed`, shape (p,)."""
+    number = {word: mode for mode, word in enumerate(WORDS)}
+    if p == 1:
+        return np.array([number[label]], dtype=np.intp)
+    found = np.empty(p, dtype=np.intp)
+    for part in label.split(", "):
+        first, last, word = LISTED.fullmatch(part).groups()  # type: ignore[union-attr]
+        found[int(first) - 1 : int(last or first)] = number[word]
+    return found
 
 
 def _run(first: int, last: int, word: str) -> list[str]:

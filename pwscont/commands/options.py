@@ -143,7 +143,7 @@ def add_looks(command: argparse.ArgumentParser) -> None:
         "--animate",
         action="store_true",
         default=None,
-        help="write a moving picture of the body along branch 1, too",
+        help="write a moving picture of the body along branch 1, or of evolutions over t, too",
     )
 
 

@@ -7,7 +7,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from pwscont import BranchGraph, InvalidInputError, PwscontError
+from pwscont import BranchGraph, GraphFileError, InvalidInputError, PwscontError
 from pwscont.commands.origin import Origin, read_origin
 from pwscont.scenes.answer import Answer, Runnable
 from pwscont.scenes.registry import load_scene
@@ -36,7 +36,10 @@ def view_graph(options: argparse.Namespace) -> int:
 
 def _view_of(path: Path) -> View:
     """Return the view of a graph with scene; without scene a plain view, and print the reason."""
-    plain = BranchGraph.load(path)
+    try:
+        plain = BranchGraph.load(path)
+    except GraphFileError as error:
+        return _view_of_evolutions(path, error)
     origin = read_origin(path)
     if origin is None:
         _say(f"{path} names no scene: its numbers are shown, and no body")
@@ -48,6 +51,16 @@ def _view_of(path: Path) -> View:
         _say(f"{error}; only the numbers of {path} are shown")
         return View(plain, title=path.stem)
     return View.of(scene, graph)
+
+
+def _view_of_evolutions(path: Path, error: GraphFileError) -> View:
+    """Return the view of a file of evolutions; raise the error of any other file."""
+    from pwscont import EvolutionGraph  # noqa: PLC0415  for such files only
+
+    try:
+        return View(EvolutionGraph.load(path), title=path.stem)
+    except GraphFileError:
+        raise error from None
 
 
 def _scene_of(origin: Origin) -> Scene:
@@ -91,7 +104,7 @@ def check_named(page: Path) -> None:
 
 def check_viewable(scene: Runnable, page: Path) -> None:
     """Refuse a page of a scene without branches; other errors as of :func:`check_page`."""
-    if type(scene).curve is Runnable.curve:
+    if type(scene).curve is Runnable.curve and not scene.has_view:
         raise InvalidInputError(
             f"--html shows branches over a parameter; scene {scene.name} has none"
         )
@@ -101,7 +114,10 @@ def check_viewable(scene: Runnable, page: Path) -> None:
 
 def write_page(answer: Answer, page: Path) -> Path:
     """Write the page of an answer, and return the path."""
-    explored = answer.explored()
+    explored, viewed = answer.explored(), answer.viewed()
+    if viewed is not None:
+        graph, what, title = viewed
+        return View(graph, what, title=title).save(page)
     if explored is None:
         raise InvalidInputError("--html: this scene's answer has no branch graph to show")
     return View.of(*explored).save(page)

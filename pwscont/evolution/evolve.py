@@ -9,8 +9,8 @@ from typing import Any
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.given import checked_kind, needed_kind
-from pwscont.basics.quantities import Function, Quantities, checked_record
+from pwscont.basics.given import check_callable, checked_kind, needed_kind
+from pwscont.basics.quantities import Function, Quantities, checked_names, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent
 from pwscont.evolution.graph import EvolutionGraph
@@ -21,7 +21,7 @@ from pwscont.evolution.recorded import RecordedWays
 from pwscont.evolution.run import Run
 from pwscont.evolution.states import EvolutionNode, EvolutionPiece
 from pwscont.evolution.user_events import UserEvents
-from pwscont.evolution.ways import Moment, Moments, WaysOn
+from pwscont.evolution.ways import Evolver, Moment, Moments, WaysOn
 from pwscont.transitions.user_event import Stop
 
 #: Largest number of uncertain events that the guarantee names.
@@ -97,11 +97,14 @@ def evolve(
     needed_kind("system", system, SystemWithMemory)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
+    check_callable("report", report, "(number of pieces, t)")
     interval = _checked(interval)
     rule, watched = Jumps(jumps), UserEvents(events)
     with Budget(limits or Limits()) as budget:
-        evolver = system.evolver(interval) or ByRays(system, interval)
-        recorded = checked_record(record, evolver.names() if record else ())
+        own = system.evolver(interval)
+        checked_kind(f"what {type(system).__name__}.evolver returns", own, Evolver)
+        evolver = own or ByRays(system, interval)
+        recorded = checked_record(record, (*evolver.names(), "t", "memory", "remark"))
         ways_on: Callable[[Moment], WaysOn] = evolver.ways_on
         if journal is not None:
             ways_on = RecordedWays(evolver, journal, system, interval)
@@ -118,6 +121,8 @@ def evolve(
     words = _guarantee(nodes, pieces, started, budget, rule)
     if journal is not None and not budget.spent:
         journal.finish()
+    if nodes:
+        checked_names(tuple(evolver.names()), len(evolver.shown(nodes[0].z, nodes[0].t)))
     quantities = Quantities(evolver.names, recorded)
     return EvolutionGraph(nodes, pieces, interval, evolver, quantities, words, system)
 

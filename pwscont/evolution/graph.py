@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -13,7 +13,7 @@ from pwscont.basics.quantities import Quantities
 from pwscont.evolution import exports, file
 from pwscont.evolution.cycle import Cycle, cycle_of
 from pwscont.evolution.paths import EvolutionPath, EvolutionPaths
-from pwscont.evolution.states import SAME_TIME, EvolutionPiece, EvolutionState
+from pwscont.evolution.states import SAME_TIME
 from pwscont.evolution.structure import EvolutionStructure
 
 if TYPE_CHECKING:
@@ -57,15 +57,6 @@ class EvolutionGraph(EvolutionStructure):
     def is_complete(self) -> bool:
         """Whether the ways on from every event were all found."""
         return self.guarantee.startswith("all ")
-
-    def branchings(self) -> list[EvolutionState]:
-        """Return the states with several ways on, those of kind "start" included."""
-        several = (i for i, pieces in enumerate(self.out_of) if _smooth(pieces) > 1)
-        return [self.node(i) for i in several]
-
-    def losses(self) -> list[EvolutionState]:
-        """Return the states with no way on."""
-        return self.events("loss")
 
     def paths(self) -> EvolutionPaths:
         """Return all evolutions, each from a start to an end, a loss or an undecided state.
@@ -140,6 +131,12 @@ class EvolutionGraph(EvolutionStructure):
         """
         return exports.data_frame(self, rows)
 
+    def page_records(self, wanted: str) -> dict[str, Any]:
+        """Return what the page of :class:`~pwscont.View` shows, ``wanted`` at first."""
+        from pwscont.evolution.browser import page_records  # noqa: PLC0415  only where asked for
+
+        return page_records(self, wanted)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
         return exports.as_dict(self)
@@ -147,15 +144,56 @@ class EvolutionGraph(EvolutionStructure):
     def plot(self, y: str | int = 0, x: str | int = "t") -> Figure:
         """Return a picture of a quantity over time, or over another quantity.
 
+        Each evolution has a colour and a line style of its own; a piece that several evolutions
+        share has stripes of all their colours. Starts, branchings, losses and jumps are marked.
+
         Parameters
         ----------
         y, x : str or int
             The name of an unknown or of a recorded quantity, or the place of an unknown; "t" is
             the time.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such quantity; the message lists similar names.
         """
         from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
 
         return draw(self, [(y, x)])
+
+    def animate(
+        self,
+        path: str | Path,
+        y: str | int = 0,
+        x: str | int = "t",
+        *,
+        frames: int = 60,
+        fps: int = 12,
+    ) -> Path:
+        """Write the picture of :meth:`plot` with all states moving over time, as an animated GIF.
+
+        Parameters
+        ----------
+        path : str or Path
+            Ending in ``.gif``.
+        y, x
+            As for :meth:`plot`.
+        frames : int
+            At least 2, at equal steps in time.
+        fps : int
+            Frames per second.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file cannot be written.
+        UnknownNameError
+            If there is no such quantity.
+        """
+        from pwscont.evolution.animation import animate  # noqa: PLC0415  only where asked for
+
+        return animate(self, Path(path), (y, x), frames, fps)
 
     def save(self, path: str | Path) -> None:
         """Write the graph to one portable file (a zip of arrays and JSON; no pickle).
@@ -184,15 +222,8 @@ class EvolutionGraph(EvolutionStructure):
         """
         parts = file.read(path)
         quantities = Quantities(parts.reader.names)
-        return cls(
-            parts.nodes,
-            parts.pieces,
-            parts.interval,
-            parts.reader,
-            quantities,
-            parts.guarantee,
-            system,
-        )
+        found = parts.nodes, parts.pieces, parts.interval, parts.reader
+        return cls(*found, quantities, parts.guarantee, system)
 
     def __iter__(self) -> Iterator[EvolutionPath]:
         return iter(self.paths())
@@ -205,7 +236,3 @@ class EvolutionGraph(EvolutionStructure):
     def _repr_html_(self) -> str:
         rows = [("nodes", len(self.nodes)), ("pieces", len(self.pieces))]
         return card("EvolutionGraph", [*rows, ("guarantee", self.guarantee)])
-
-
-def _smooth(pieces: Sequence[EvolutionPiece]) -> int:
-    return sum(not piece.is_jump for piece in pieces)

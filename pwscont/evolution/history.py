@@ -31,7 +31,7 @@ class LoadHistory:
     Raises
     ------
     InvalidInputError
-        If there are fewer than two loads, or the times do not grow.
+        If there are fewer than two loads, or the times do not grow by more than rounding.
 
     Examples
     --------
@@ -49,8 +49,8 @@ class LoadHistory:
         count = len(self.loads)
         given = np.arange(float(count)) if times is None else times
         self.times = finite_array("times", given, (count,))
-        if (np.diff(self.times) <= 0.0).any():
-            raise InvalidInputError(f"times must grow from load to load, got {self.times}")
+        if (np.diff(self.times) <= 2.0 * abs(self._slack)).any():
+            raise InvalidInputError(f"times must grow beyond rounding, got {self.times}")
         self.loads.flags.writeable = self.times.flags.writeable = False
 
     @property
@@ -58,10 +58,14 @@ class LoadHistory:
         """The first and the last time."""
         return float(self.times[0]), float(self.times[-1])
 
+    @property
+    def _slack(self) -> float:
+        """Times closer than this are one time."""
+        return SAME_STATE * float(self.times[-1] - self.times[0])
+
     def leg(self, t: float) -> int:
         """Return the number of the straight line on which the load goes on from a time."""
-        slack = SAME_STATE * float(self.times[-1] - self.times[0])
-        place = int(np.searchsorted(self.times, t + slack, side="right")) - 1
+        place = int(np.searchsorted(self.times, t + self._slack, side="right")) - 1
         return min(max(place, 0), len(self.times) - 2)
 
     def weights(self, t: float) -> Array:
@@ -90,7 +94,16 @@ class LoadHistory:
         return corners
 
     def __call__(self, t: float) -> Array:
-        """Return the load at a time, shape (n,)."""
+        """Return the load at a time, shape (n,).
+
+        Raises
+        ------
+        InvalidInputError
+            If the time lies outside the history.
+        """
+        if not self.times[0] - self._slack <= t <= self.times[-1] + self._slack:
+            lo, hi = self.interval
+            raise InvalidInputError(f"t = {t} lies outside the history [{lo:g}, {hi:g}]")
         load: Array = self.weights(t) @ self.loads
         return load
 

@@ -1,75 +1,175 @@
-"""Pictures of evolutions: a quantity over time, or a loop of one quantity over another."""
+"""Pictures of evolutions: a quantity over time, or a loop of one quantity over another.
+
+Each evolution has a colour and a line style of its own. A piece that several evolutions share is
+drawn in stripes of all their colours. An evolution that another one hides is still seen: the
+evolutions behind are wider.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from itertools import groupby, islice
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.looks import counted
+from pwscont.evolution.paths import EvolutionPaths
+from pwscont.evolution.states import EvolutionPiece, EvolutionState
+from pwscont.scenes.panels import quantity_named
+from pwscont.scenes.styles import COLORS, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pwscont.evolution.states import EvolutionPiece
     from pwscont.evolution.structure import EvolutionStructure
 
-#: Marks of nodes by kind; other kinds have no mark.
-MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": "?"}
-MARK_SIZE = 36
+#: Look of nodes by kind; other kinds have no mark.
+MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": "$?$"}
+MARK_SIZE = 42
+#: Evolutions that have a colour of their own, and line styles by turns.
+MOST_COLORED = 8
+LINE_STYLES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1, 1, 1)), (0, (1, 1)))
+#: Widths of the last and of the first evolution, and the length of a stripe in points.
+NARROW, WIDE, STRIPE = 1.6, 3.6, 7.0
+OTHERS, JUMP = "0.7", (0, (1, 2))
+#: Places on a piece at which a recorded quantity is read.
+SAMPLES = 17
+
+Quantity = str | int
 
 
-def draw(graph: EvolutionStructure, panels: Sequence[tuple[str | int, str | int]]) -> Figure:
+@final
+class Curves:
+    """The values of two quantities along the pieces of a graph, each read once.
+
+    Parameters
+    ----------
+    graph : EvolutionStructure
+    x, y : str or int
+        A name, or the place of an unknown; "t" is the time.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such quantity.
+    """
+
+    def __init__(self, graph: EvolutionStructure, x: Quantity, y: Quantity) -> None:
+        self._graph, known = graph, (graph.names, graph.quantities.record)
+        self.shown = [q if q == "t" else quantity_named(str(q), *known) for q in (x, y)]
+        self._count = 2 if {*self.shown} <= {"t", *graph.names} else SAMPLES
+        self._known: dict[int, Array] = {}
+
+    def point(self, state: EvolutionState) -> list[float]:
+        """Return both quantities of a state."""
+        return [self._graph.value(state, quantity) for quantity in self.shown]
+
+    def piece(self, piece: EvolutionPiece) -> Array:
+        """Return the points of a piece, shape (k, 2)."""
+        if id(piece) not in self._known:
+            states = self._graph.along(piece, self._count)
+            self._known[id(piece)] = np.array([self.point(state) for state in states])
+        return self._known[id(piece)]
+
+    def pieces(self, pieces: Sequence[EvolutionPiece]) -> Array:
+        """Return the points of pieces that follow each other, shape (2, k)."""
+        return np.vstack([self.piece(piece) for piece in pieces]).T
+
+
+def draw(graph: EvolutionStructure, panels: Sequence[tuple[Quantity, Quantity]]) -> Figure:
     """Return a picture of all evolutions, with a panel for each pair of quantities (y, x)."""
     from matplotlib.figure import Figure  # noqa: PLC0415  only where asked for
 
-    figure = Figure(figsize=(6.4 * len(panels), 4.4), layout="constrained")
-    for axes, (y, x) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-        for piece in graph.pieces:
-            _draw_piece(axes, graph, piece, (x, y))
-        _draw_nodes(axes, graph, (x, y))
-        axes.set_xlabel(_named(graph, x))
-        axes.set_ylabel(_named(graph, y))
+    figure = Figure(figsize=(5.4 * len(panels) + 1.6, 4.2), layout="constrained")
+    curves = [Curves(graph, x, y) for y, x in panels]
+    all_axes = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, some in zip(all_axes, curves, strict=True):
+        draw_curves(axes, graph, some)
+    handles: dict[str, Any] = {}
+    for axes in all_axes:
+        handles |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    figure.legend(
+        handles.values(), handles, loc="outside right upper", fontsize="small", handlelength=3.6
+    )
     return figure
 
 
-def _draw_piece(
-    axes: Axes, graph: EvolutionStructure, piece: EvolutionPiece, shown: tuple[str | int, str | int]
+def draw_curves(axes: Axes, graph: EvolutionStructure, curves: Curves) -> None:
+    """Draw all evolutions, and the nodes at which evolutions begin, branch, jump or are lost."""
+    chosen, more = colored(graph)
+    if more:
+        _draw_others(axes, graph, curves, f"{counted(more, 'evolution')} more")
+    owners = owners_of(chosen)
+    for number, pieces in enumerate(chosen):
+        _draw_evolution(axes, curves, pieces, (number, len(chosen)), owners)
+    _draw_nodes(axes, graph, curves)
+    for axis, name in zip((axes.xaxis, axes.yaxis), curves.shown, strict=True):
+        axis.set_label_text(symbol(name))
+    axes.grid(alpha=0.25)
+
+
+def colored(graph: EvolutionStructure) -> tuple[list[tuple[EvolutionPiece, ...]], int]:
+    """Return the pieces of each evolution that has a colour, and how many more there are."""
+    paths = EvolutionPaths(graph)
+    chosen = [path.pieces for path in islice(paths, MOST_COLORED)]
+    return chosen, paths.number - len(chosen)
+
+
+def owners_of(chosen: Sequence[Sequence[EvolutionPiece]]) -> dict[int, list[int]]:
+    """Return the numbers of the evolutions that share a piece, by the id of the piece."""
+    owners: dict[int, list[int]] = {}
+    for number, pieces in enumerate(chosen):
+        for piece in pieces:
+            owners.setdefault(id(piece), []).append(number)
+    return owners
+
+
+def _draw_others(axes: Axes, graph: EvolutionStructure, curves: Curves, words: str) -> None:
+    for piece in graph.pieces:
+        style = JUMP if piece.is_jump else "-"
+        axes.plot(*curves.piece(piece).T, linestyle=style, color=OTHERS, linewidth=1.0)
+    axes.plot([], [], color=OTHERS, linewidth=1.0, label=words)
+
+
+def _draw_evolution(
+    axes: Axes,
+    curves: Curves,
+    pieces: Sequence[EvolutionPiece],
+    number: tuple[int, int],
+    owners: dict[int, list[int]],
 ) -> None:
-    points = np.array([_point(graph, piece, place, shown) for place in (0, 1)])
-    style = ":" if piece.is_jump else "-"
-    axes.plot(*points.T, style, color="0.5" if piece.is_jump else "C0", linewidth=1.4)
+    """Draw one of so many evolutions: in stripes where others share the pieces."""
+    mine, count = number
+    width = NARROW + (WIDE - NARROW) * (1.0 - (mine + 1) / count)
+    look: dict[str, Any] = {"color": COLORS[mine], "linewidth": width, "dash_capstyle": "butt"}
+    own = LINE_STYLES[mine % len(LINE_STYLES)]
+    axes.plot([], [], linestyle=own, label=f"evolution {mine + 1}", **look)
+    for (jumps, sharing), run in groupby(pieces, lambda p: (p.is_jump, tuple(owners[id(p)]))):
+        if jumps and sharing[0] != mine:
+            continue
+        style = JUMP if jumps else _stripes(sharing, mine, width) if len(sharing) > 1 else own
+        axes.plot(*curves.pieces(list(run)), linestyle=style, **look)
 
 
-def _point(
-    graph: EvolutionStructure, piece: EvolutionPiece, place: int, shown: tuple[str | int, str | int]
-) -> list[float]:
-    node = piece.end if place else piece.start
-    jump = piece.is_jump
-    state = graph.node(node) if jump else graph.on(piece, graph.nodes[node].t)
-    return [graph.value(state, quantity) for quantity in shown]
+def _stripes(sharing: Sequence[int], mine: int, width: float) -> Any:
+    """Return the dashes of one evolution of those that share a piece, in widths of the line."""
+    stripe, others = STRIPE / width, len(sharing) - 1
+    return (-sharing.index(mine) * stripe, (stripe, others * stripe))
 
 
-def _draw_nodes(axes: Axes, graph: EvolutionStructure, shown: tuple[str | int, str | int]) -> None:
+def _draw_nodes(axes: Axes, graph: EvolutionStructure, curves: Curves) -> None:
     for kind, mark in MARKS.items():
-        states = graph.events(kind)
-        points: Array = np.array([[graph.value(s, q) for q in shown] for s in states])
+        states = graph.branchings() if kind == "branching" else graph.events(kind)
+        points: Array = np.array([curves.point(state) for state in states]).reshape(-1, 2)
+        fill = "white" if kind in ("start", "branching") else "black"
+        look: dict[str, Any] = {
+            "facecolor": fill,
+            "edgecolor": "black",
+            "zorder": 5,
+            "s": MARK_SIZE,
+        }
         if len(points):
-            marker = f"${mark}$" if mark == "?" else mark
-            axes.scatter(
-                points[:, 0],
-                points[:, 1],
-                MARK_SIZE,
-                color="C3",
-                marker=marker,
-                label=kind,
-                zorder=3,
-            )
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend()
-
-
-def _named(graph: EvolutionStructure, quantity: str | int) -> str:
-    return graph.names[quantity] if isinstance(quantity, int) else quantity
+            axes.scatter(*points.T, marker=mark, label=kind, **look)

@@ -20,7 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.given import checked_kind
+from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve
@@ -71,9 +71,8 @@ class ByRays(Evolver):
 
     def _stated(self, memory: Array) -> PiecewiseLinearSystem:
         law = self.system.remembering(memory)
-        checked_kind(
-            f"what {type(self.system).__name__}.remembering returns", law, PiecewiseLinearSystem
-        )
+        what = f"what {type(self.system).__name__}.remembering returns"
+        needed_kind(what, law, PiecewiseLinearSystem)
         return law
 
     def law(self, memory: Array) -> PiecewiseLinearSystem:
@@ -99,7 +98,8 @@ class ByRays(Evolver):
 
     def names(self) -> tuple[str, ...]:
         """Return the names that the law gives."""
-        return self.system.names() or tuple(self._stated(self._first).names())
+        own = self.system.names()
+        return tuple(self._stated(self._first).names()) if own is None else tuple(own)
 
     def starts(self, t: float, start: Any) -> Moments:
         """Return all solutions at the beginning under the initial memory, or the given state."""

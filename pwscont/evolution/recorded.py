@@ -54,6 +54,7 @@ class RecordedWays:
         self._number += 1
         known = self._journal.recorded(KIND, number)
         if known is None:
+            self._evolver.forget()
             found = self._evolver.ways_on(moment)
             self._journal.record(KIND, place + _header(found), _rows(found))
             return found
@@ -72,13 +73,10 @@ def _place(moment: Moment) -> str:
 
 
 def _header(found: WaysOn) -> str:
+    until = [None if way.until == inf else way.until for way in found.ways]
     ways = [
-        {
-            "label": way.label,
-            "mode": way.mode.hex(),
-            "until": None if way.until == inf else way.until,
-        }
-        for way in found.ways
+        {"label": way.label, "mode": way.mode.hex(), "until": end}
+        for way, end in zip(found.ways, until, strict=True)
     ]
     return json.dumps({"complete": found.complete, "remark": found.remark, "ways": ways})
 
@@ -91,16 +89,11 @@ def _read(text: str, rows: bytes) -> WaysOn:
     header, numbers = json.loads(text), np.frombuffer(rows).copy()
     ways = header["ways"]
     vectors = numbers.reshape(2 * len(ways), -1) if ways else numbers
+    modes = [bytes.fromhex(way["mode"]) for way in ways]
     return WaysOn(
         tuple(
-            Way(
-                way["label"],
-                vectors[2 * i],
-                vectors[2 * i + 1],
-                inf if way["until"] is None else way["until"],
-                bytes.fromhex(way["mode"]),
-            )
-            for i, way in enumerate(ways)
+            Way(way["label"], z, rate, inf if way["until"] is None else way["until"], mode)
+            for way, z, rate, mode in zip(ways, vectors[::2], vectors[1::2], modes, strict=True)
         ),
         header["complete"],
         header["remark"],

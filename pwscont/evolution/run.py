@@ -21,7 +21,7 @@ from pwscont.basics.budget import Budget
 from pwscont.basics.rounding import SAME_STATE
 from pwscont.continuation.plan import Report
 from pwscont.evolution.jumps import Jumps
-from pwscont.evolution.states import SAME_TIME, EvolutionNode, EvolutionPiece
+from pwscont.evolution.states import EvolutionNode, EvolutionPiece, same_time
 from pwscont.evolution.user_events import UserEvents
 from pwscont.evolution.ways import Evolver, Moment, Way, WaysOn, closeness
 
@@ -65,8 +65,8 @@ class Run:
         self._evolver, self._ways_on = evolver, ways_on
         self._events, self._jumps = events, jumps
         self._report, self._budget = report, budget
-        (lo, hi), self._sizes = interval, evolver.sizes()
-        self._end, self._same_time = hi, SAME_TIME * (hi - lo + max(abs(lo), abs(hi)))
+        self._sizes = evolver.sizes()
+        self._end, self._same_time = interval[1], same_time(interval)
         self._memory_size = 0.0
         self.nodes: list[EvolutionNode | None] = []
         self.pieces: list[EvolutionPiece] = []

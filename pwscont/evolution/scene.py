@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -16,13 +16,18 @@ from pwscont.basics.looks import counted, named, short, state
 from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent
+from pwscont.evolution.cycle import cycle_of
 from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
+from pwscont.evolution.rays import ByRays
 from pwscont.evolution.states import EvolutionState
 from pwscont.graph.exports import DUST
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
+from pwscont.scenes.panels import quantity_named
 
+#: (graph, times, directory, look) -> files
+Pictures = Callable[[EvolutionGraph, Sequence[float], Path, Look], Sequence[Path]]
 #: Largest number of evolutions that a table tells singly.
 MOST_TOLD = 8
 
@@ -49,7 +54,7 @@ class EvolutionAnswer(Answer):
         for i in range(min(number, MOST_TOLD)):
             lines += ["", f"Evolution {i + 1}", *self._told(i)]
         lines += ["", "Number of solutions by t, on all evolutions together"]
-        lines += [f"  [{lo:g}, {hi:g}]: {count}" for lo, hi, count in self._multiplicity()]
+        lines += [f"  [{lo:g}, {hi:g}]: {count}" for lo, hi, count in self.graph.multiplicity()]
         for t in self.at:
             lines += ["", f"States at t = {t:g}", *map(self._line, graph.states(t))]
         return "\n".join([*lines, *self._cycles()])
@@ -67,7 +72,8 @@ class EvolutionAnswer(Answer):
     def _cycles(self) -> list[str]:
         if self.scene.period is None:
             return []
-        found, lost = self.graph.cycle(self.scene.period)[:MOST_TOLD], self._dissipated()
+        paths, lost = islice(self.graph.paths(), MOST_TOLD), self._dissipated()
+        found = [cycle_of(path, self.graph.interval[1], self.scene.period) for path in paths]
         words = (f"Evolution {i + 1}: {cycle.kind}" for i, cycle in enumerate(found))
         return ["", *map("".join, zip(words, lost, strict=False))]
 
@@ -75,22 +81,11 @@ class EvolutionAnswer(Answer):
         """Return in words what each evolution dissipates in the last period, if that is known."""
         end, period = self.graph.interval[1], self.scene.period or 0.0
         try:
-            found = self.graph.dissipated(end - period, end)[:MOST_TOLD]
+            paths = islice(self.graph.paths(), MOST_TOLD)
+            found = [path.dissipated(end - period, end) for path in paths]
         except SystemNeededError:
             return [""] * MOST_TOLD
         return [f", {energy:.6g} dissipated in the last period" for energy in found]
-
-    def _multiplicity(self) -> list[tuple[float, float, int]]:
-        """Return stretches of time with the same number of states."""
-        times = sorted({*self.graph.interval, *(node.t for node in self.graph.nodes)})
-        rows: list[tuple[float, float, int]] = []
-        for lo, hi in pairwise(times):
-            count = self.graph.count(0.5 * (lo + hi))
-            if rows and rows[-1][2] == count:
-                rows[-1] = (rows[-1][0], hi, count)
-            else:
-                rows.append((lo, hi, count))
-        return rows
 
     def as_dict(self) -> dict[str, Any]:
         """Return graph and states as plain lists and numbers; the parameter is t."""
@@ -104,21 +99,30 @@ class EvolutionAnswer(Answer):
             "scene": self.scene.name,
             **whole,
             "components": len(components),
-            "multiplicity": [list(row) for row in self._multiplicity()],
+            "multiplicity": [list(row) for row in self.graph.multiplicity()],
             "balance": {"value": None, "constant": True},
             "solutions": [
                 {"alpha": s.t, "z": s.z.tolist(), "label": s.label, "det_sign": 0} for s in states
             ],
         }
 
+    def viewed(self) -> tuple[EvolutionGraph, str | int, str]:
+        """Return the graph, the quantity that is drawn, and the title, for a view."""
+        what = self.scene.panels[0][0] if self.scene.panels else 0
+        return self.graph, what, f"{self.scene.name}: {self.scene.title}"
+
     def write(self, directory: Path, look: Look = DEFAULT_LOOK) -> list[Path]:
-        """Write the picture and the graph."""
+        """Write the pictures and the graph, and a moving picture if asked for."""
         from pwscont.evolution.plotting import draw  # noqa: PLC0415  only where asked for
 
-        name = self.scene.name
-        picture = look.save(draw(self.graph, self.scene.panels), directory, name)
-        self.graph.save(directory / f"{name}.npz")
-        return [picture, directory / f"{name}.npz"]
+        name, graph = self.scene.name, self.graph
+        files = [look.save(draw(graph, self.scene.panels), directory, name)]
+        graph.save(directory / f"{name}.npz")
+        files.append(directory / f"{name}.npz")
+        if look.animate:
+            files.append(graph.animate(directory / f"{name}.gif", *self.scene.panels[0]))
+        draw_more = self.scene.pictures
+        return files + (list(draw_more(graph, self.at, directory, look)) if draw_more else [])
 
 
 @final
@@ -141,6 +145,9 @@ class EvolutionScene(Runnable):
         Pairs of quantities (y, x) to draw, by name or place; "t" is the time.
     period : float, optional
         The period of the load, to tell shakedown from cyclic slip.
+    pictures : callable, optional
+        Writes more pictures, such as those of a body: called with the graph, the times whose states
+        are listed, the directory and the :class:`~pwscont.extending.Look`; returns the files.
     journal : Journal, optional
 
     Examples
@@ -162,10 +169,19 @@ class EvolutionScene(Runnable):
     at: tuple[float, ...] = ()
     panels: tuple[tuple[str | int, str | int], ...] = ((0, "t"),)
     period: float | None = None
+    pictures: Pictures | None = None
     journal: Journal | None = None
 
     parameter: str = field(init=False, default="t")
     resumable: ClassVar[bool] = True
+    has_body: ClassVar[bool] = True
+    has_view: ClassVar[bool] = True
+
+    def with_panels(self, names: Sequence[str]) -> EvolutionScene:
+        """Return the scene with pictures of the named quantities over t instead."""
+        known = self.system.evolver(self.interval) or ByRays(self.system, self.interval)
+        found = [quantity_named(name, known.names(), self.record) for name in names]
+        return replace(self, panels=tuple((name, "t") for name in found))
 
     def with_journal(self, journal: Journal) -> EvolutionScene:
         """Return the same scene with a journal."""

@@ -19,6 +19,12 @@ KINDS = ("start", "event", "branching", "loss", "jump", "undecided", "end")
 SAME_TIME = 2.0**10 * GUARD * EPS
 
 
+def same_time(interval: tuple[float, float]) -> float:
+    """Return the largest difference of two times that are one time."""
+    lo, hi = interval
+    return SAME_TIME * (hi - lo) + GUARD * EPS * max(abs(lo), abs(hi))
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class EvolutionState:

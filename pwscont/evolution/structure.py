@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +14,10 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.quantities import Quantities
 from pwscont.evolution.states import (
     KINDS,
-    SAME_TIME,
     EvolutionNode,
     EvolutionPiece,
     EvolutionState,
+    same_time,
 )
 from pwscont.evolution.ways import StateReader
 
@@ -39,7 +40,7 @@ class EvolutionStructure:
     ) -> None:
         self.nodes, self.pieces, self.interval = tuple(nodes), tuple(pieces), interval
         self.guarantee, self.system = guarantee, system
-        self._reader, self._quantities = reader, quantities
+        self._reader, self.quantities = reader, quantities
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,7 +69,7 @@ class EvolutionStructure:
     def _places(self, t: float) -> list[int | EvolutionPiece]:
         """Return the nodes at a time, and the pieces with the time strictly inside."""
         lo, hi = self.interval
-        same = SAME_TIME * (hi - lo + max(abs(lo), abs(hi)))
+        same = same_time(self.interval)
         if not lo - same <= t <= hi + same:
             raise InvalidInputError(f"t = {t} lies outside the interval [{lo}, {hi}]")
         times = self._times
@@ -92,6 +93,13 @@ class EvolutionStructure:
         """Return the state on a piece at a time."""
         return self._within(piece, t)
 
+    def along(self, piece: EvolutionPiece, count: int) -> list[EvolutionState]:
+        """Return states at equal steps in time on a piece; of a jump the states at both ends."""
+        if piece.is_jump:
+            return [self.node(piece.start), self.node(piece.end)]
+        begin, end = self.nodes[piece.start].t, self.nodes[piece.end].t
+        return [self._within(piece, t) for t in np.linspace(begin, end, count).tolist()]
+
     def _within(self, piece: EvolutionPiece, t: float) -> EvolutionState:
         begin, end = self.nodes[piece.start], self.nodes[piece.end]
         z = piece.between((t - begin.t) / (end.t - begin.t) if end.t > begin.t else 1.0)
@@ -101,7 +109,7 @@ class EvolutionStructure:
             self._reader.memory(z, t),
             piece.label,
             history=self._history(piece.start),
-            quantities=self._quantities,
+            quantities=self.quantities,
         )
 
     def node(self, number: int) -> EvolutionState:
@@ -117,7 +125,7 @@ class EvolutionStructure:
             node.remark,
             number,
             self._history(number),
-            self._quantities,
+            self.quantities,
         )
 
     def _label(self, number: int) -> str:
@@ -147,6 +155,13 @@ class EvolutionStructure:
             found[getattr(piece, side)].append(piece)
         return found
 
+    def multiplicity(self) -> list[tuple[float, float, int]]:
+        """Return stretches (lo, hi, number of states) of time with the same number of states."""
+        times = sorted({*self.interval, *(node.t for node in self.nodes)})
+        rows = [(lo, hi, self.count(0.5 * (lo + hi))) for lo, hi in pairwise(times)]
+        runs = [list(run) for _, run in groupby(rows, lambda row: row[2])]
+        return [(run[0][0], run[-1][1], run[0][2]) for run in runs]
+
     # -- events --------------------------------------------------------------------------
 
     def events(self, kind: str | None = None) -> list[EvolutionState]:
@@ -166,6 +181,15 @@ class EvolutionStructure:
             raise InvalidInputError(f"kind must be one of {', '.join(KINDS)}, got {kind!r}")
         found = [i for i, node in enumerate(self.nodes) if kind in (None, node.kind)]
         return [self.node(i) for i in found]
+
+    def branchings(self) -> list[EvolutionState]:
+        """Return the states with several ways on, those of kind "start" included."""
+        several = (i for i, pieces in enumerate(self.out_of) if len(_smooth(pieces)) > 1)
+        return [self.node(i) for i in several]
+
+    def losses(self) -> list[EvolutionState]:
+        """Return the states with no way on."""
+        return self.events("loss")
 
     def shown(self, z: Array, t: float) -> Array:
         """Return a state as users see the state."""
@@ -187,3 +211,7 @@ class EvolutionStructure:
         if known is None:
             raise SystemNeededError("only a system that knows its dissipation can tell this")
         return float(known)
+
+
+def _smooth(pieces: Sequence[EvolutionPiece]) -> list[EvolutionPiece]:
+    return [piece for piece in pieces if not piece.is_jump]

@@ -52,6 +52,8 @@ class UserEvents:
             raise InvalidInputError(f"events must map names to functions of (z, t), got {events!r}")
         self._functions: dict[str, Any] = dict(events or {})
         for name, given in self._functions.items():
+            if not isinstance(name, str) or not name:
+                raise InvalidInputError(f"names of events are texts that are not empty: {name!r}")
             if not callable(given.function if isinstance(given, Stop) else given):
                 raise InvalidInputError(f"event {name!r} must be a function of (z, t)")
 

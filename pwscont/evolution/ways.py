@@ -155,6 +155,9 @@ class Evolver(StateReader):
     def sizes(self) -> Array:
         """Return typical magnitudes of the unknowns, shape (m,)."""
 
+    def forget(self) -> None:
+        """Forget what is kept between events, so that a resumed run repeats every bit."""
+
     def reached(self, moment: Moment, way: Way, t: float) -> Moment:
         """Return the state on a way at a later time; default on the straight line."""
         z = way.z + (t - moment.t) * way.rate

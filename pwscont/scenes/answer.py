@@ -76,6 +76,10 @@ class Answer(ABC):
         """Return the scene and the branch graph, for a view; None without a graph."""
         return None
 
+    def viewed(self) -> tuple[Any, str | int, str] | None:
+        """Return another graph with a page, the quantity shown first, and a title; default None."""
+        return None
+
 
 class Runnable(ABC):
     """A named problem, ready to run from the command line.
@@ -99,6 +103,8 @@ class Runnable(ABC):
     resumable: ClassVar[bool] = False
     #: Whether the pictures of the scene show a body, with displacements.
     has_body: ClassVar[bool] = False
+    #: Whether the answer of the scene has a page for a browser though the scene has no branches.
+    has_view: ClassVar[bool] = False
 
     def __repr__(self) -> str:
         return named(self, f"{self.name}: {short(self.title)}")

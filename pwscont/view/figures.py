@@ -95,10 +95,11 @@ def diagram() -> Any:
     plot.multi_line(
         "xs",
         "ys",
-        source=_source("lines", "xs ys color width dash"),
+        source=_source("lines", "xs ys color width dash offset"),
         line_color="color",
         line_width="width",
         line_dash="dash",
+        line_dash_offset="offset",
     )
     look: dict[str, Any] = {"size": "size", "line_color": "color", "fill_color": "fill"}
     marks = plot.scatter(

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from pwscont import BranchGraph
+from pwscont.basics.quantities import Quantities
 from pwscont.extending import CONFIDENCE, DUST, SAME_ALPHA, Array, Indices, Piece, SpecialPoint
 from pwscont.graph.queries import fine_points
 from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
@@ -135,7 +136,7 @@ def _increasing(length: Array) -> Array:
 
 
 def _rows(graph: BranchGraph, points: Array) -> Array:
-    return np.array([_row(graph, x) for x in points])
+    return np.array([row_of(graph.quantities, x[:-1], float(x[-1])) for x in points])
 
 
 def _fine(graph: BranchGraph, piece: Piece, finer: int) -> Array:
@@ -149,12 +150,12 @@ def _fine(graph: BranchGraph, piece: Piece, finer: int) -> Array:
     return points if smooth is None else smooth(points)
 
 
-def _row(graph: BranchGraph, x: Array) -> list[float]:
-    z, alpha = x[:-1], float(x[-1])
-    found = graph.quantities.attempted(z, alpha).values()
+def row_of(quantities: Quantities, z: Array, alpha: float) -> list[float]:
+    """Return a row of numbers; nan where a recorded quantity fails."""
+    found = quantities.attempted(z, alpha).values()
     recorded = [np.nan if isinstance(value, str) else value for value in found]
     return [alpha, *z.tolist(), *recorded]
 
 
 def _point(graph: BranchGraph, point: SpecialPoint) -> list[float]:
-    return _row(graph, np.append(point.z, point.alpha))
+    return row_of(graph.quantities, point.z, point.alpha)

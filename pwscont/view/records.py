@@ -204,6 +204,11 @@ def _style(
     wanted: Mapping[str, Any],
 ) -> dict[str, Any]:
     words = [mode(p.character) if mode else p.label for p in graph.pieces]
+    return style_record(title, words, wanted)
+
+
+def style_record(title: str, words: Sequence[str], wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the line style of each piece by the words of the pieces."""
     styles = styles_of(words, wanted)
     place = {word: i for i, word in enumerate(styles)}
     return {

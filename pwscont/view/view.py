@@ -9,9 +9,10 @@ from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Protocol, final
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError
+from pwscont.basics.quantities import Quantities
 from pwscont.extending import counted, named
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
@@ -22,17 +23,37 @@ from pwscont.view.records import graph_records, marks, style_records
 TALL = 780
 
 
+class Viewable(Protocol):
+    """Another graph than a branch graph that knows what the page shows of the graph."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The names of the unknowns."""
+
+    @property
+    def quantities(self) -> Quantities:
+        """The recorded quantities."""
+
+    @property
+    def pieces(self) -> Sequence[Any]:
+        """The pieces."""
+
+    def page_records(self, wanted: str) -> dict[str, Any]:
+        """Return the records of the page; ``wanted`` is the quantity that is shown first."""
+
+
 @final
 class View:
-    """A branch graph to look at in a browser: a page in one file, without server and network.
+    """A graph to look at in a browser: a page in one file, without server and network.
 
     The page has the branch diagram with pan and zoom and any quantity on either axis; a slider over
     the parameter with all solutions at the value; the clicked solution as a table, and as a picture
-    of the body if any; and the number of solutions. In a notebook the view shows itself.
+    of the body if any; and the number of solutions. In a notebook the view shows itself. Of a graph
+    of evolutions the page shows each evolution in a colour of its own over the time t.
 
     Parameters
     ----------
-    graph : BranchGraph
+    graph : BranchGraph or EvolutionGraph
     what : int or str, optional
         The quantity that the diagram shows first: index or name of an unknown, or name of a
         recorded quantity.
@@ -47,7 +68,9 @@ class View:
     Raises
     ------
     InvalidInputError
-        If there is no such quantity; UnknownNameError lists similar names.
+        If evolutions are to be shown on a body.
+    UnknownNameError
+        If there is no such quantity.
     MissingPackageError
         If Bokeh is not installed.
 
@@ -58,7 +81,7 @@ class View:
 
     def __init__(
         self,
-        graph: BranchGraph,
+        graph: BranchGraph | Viewable,
         what: int | str = 0,
         *,
         title: str = "",
@@ -69,6 +92,8 @@ class View:
         check_bokeh()
         self.graph, self.title, self.panels, self.body = graph, title, tuple(panels), body
         self.styles = dict(styles or {})
+        if body is not None and not isinstance(graph, BranchGraph):
+            raise InvalidInputError("only solutions of a branch graph are shown on a body")
         self.what = quantity_named(str(what), graph.names, graph.quantities.record)
 
     @classmethod
@@ -89,8 +114,10 @@ class View:
     @cached_property
     def records(self) -> dict[str, Any]:
         """The records of the page, as lists, texts and packed arrays."""
+        told: dict[str, Any] = {"title": self.title, "what": self.what, "body": None}
+        if not isinstance(self.graph, BranchGraph):
+            return told | self.graph.page_records(self.what)
         numbers = Numbers.of(self.graph)
-        told: dict[str, Any] = {"title": self.title, "what": self.what}
         told |= graph_records(self.graph, numbers, [self.what])
         told["marks"] = marks(self.graph)
         told["styles"] = style_records(self.graph, self.panels, self.styles)

@@ -53,6 +53,14 @@ def fields_are_those_of_multifrontal():
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * np.abs(other).max())
 
 
+def bodies_from_matrices_are_those_of_superlu():
+    full = wedge_body(5).full()
+    small, other = full.body.condensed(), full.body.condensed(Mumps())
+    np.testing.assert_allclose(other.A, small.A, rtol=0.0, atol=1e-10 * np.abs(small.A).max())
+    load = other.reduced(full.load.f1)
+    np.testing.assert_allclose(load, small.reduced(full.load.f1), rtol=0.0, atol=1e-9)
+
+
 def floating(n):
     """Return the stiffness of a square that nothing holds."""
     mesh = MeshQuad.init_tensor(np.linspace(0, 1, n), np.linspace(0, 1, n))
@@ -91,6 +99,7 @@ def everything():
     quadratic = pressed(strip("tri", 6, 3), order=2)
     matrices_are_those_of_multifrontal([block_body(2), block_body(100), wedge_body(17), quadratic])
     fields_are_those_of_multifrontal()
+    bodies_from_matrices_are_those_of_superlu()
     loose_parts_are_refused([3, 20])
     the_factor_is_spread_and_freed()
 

@@ -12,12 +12,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Piece
+from pwscont.extending import Array, EvolutionPath, Piece
 from pwscont_coulomb.elastic.discretised_body import DiscretisedBody
 from pwscont_coulomb.elastic.pictures import draw_body, draw_boundary, legend, strongest, summary
 from pwscont_coulomb.elastic.placement import Placement, magnification
 from pwscont_coulomb.elastic.problem import ElasticProblem
-from pwscont_coulomb.elastic.recovery import BodyState, state_at
+from pwscont_coulomb.elastic.recovery import BodyState, recover, state_at
 
 
 def along(problem: ElasticProblem, pieces: Sequence[Piece], frames: int) -> list[BodyState]:
@@ -55,6 +55,29 @@ def along(problem: ElasticProblem, pieces: Sequence[Piece], frames: int) -> list
     return states
 
 
+def over_time(problem: ElasticProblem, path: EvolutionPath, frames: int) -> list[BodyState]:
+    """Return states at equal steps in time along an evolution.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+    path : EvolutionPath
+        Such as ``evolution.paths()[0]``.
+    frames : int
+        At least 2.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are fewer than 2 frames; further errors as of
+        :func:`~pwscont_coulomb.elastic.recover`.
+    """
+    if frames < 2:
+        raise InvalidInputError(f"need 2 frames, got {frames}")
+    times = np.linspace(path.start, path.end, frames).tolist()
+    return [recover(problem, path.state(t)) for t in times]
+
+
 def _scale(points: Array, n: int) -> Array:
     """Return typical magnitudes of all coordinates: of displacements, forces and alpha."""
     sizes = [np.abs(part).max(initial=0.0) for part in (points[:, :n], points[:, n:-1])]
@@ -85,7 +108,27 @@ def animate(
     scale : float, optional
         Factor by which displacements are enlarged; the default makes small displacements visible.
     """
-    states, body = along(problem, pieces, frames), problem.elastic
+    return animate_states(problem.elastic, along(problem, pieces, frames), path, fps, scale=scale)
+
+
+def animate_states(
+    body: DiscretisedBody,
+    states: Sequence[BodyState],
+    path: Path,
+    fps: int = 12,
+    *,
+    scale: float | None = None,
+) -> Path:
+    """Write an animated GIF of the body in one state after the other.
+
+    Parameters
+    ----------
+    body : DiscretisedBody
+    states : sequence of BodyState
+        Such as from :func:`over_time`.
+    path, fps, scale
+        As for :func:`animate`.
+    """
     placement = Placement.of(body, scale or magnification(body, states))
     norm, box = Normalize(0.0, strongest(states)), _box(placement, states)
     limits = _limits(body, states)

@@ -96,10 +96,11 @@ def _body_row(body: DiscretisedBody) -> float:
 
 
 def summary(state: BodyState) -> str:
-    """Return parameter and number of nodes in each mode, such as ``alpha = 1: 12 stick, ...``."""
+    """Return parameter and number of nodes in each mode, such as ``α = 1: 12 stick, ...``."""
     counts = {mode.word: int(np.count_nonzero(state.modes == mode)) for mode in Mode}
     found = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-    return f"α = {state.alpha:.6g}: {found}"
+    name = "α" if state.parameter == "alpha" else state.parameter
+    return f"{name} = {state.alpha:.6g}: {found}"
 
 
 def strongest(states: Sequence[BodyState]) -> float:

@@ -97,6 +97,45 @@ class ElasticProblem(ABC):
         off = abs(found - alpha) * growth
         return alpha if off <= CONVERGED * float((rounding + np.abs(f0)).max()) else found
 
+    def load_factors(self, z: Array) -> Array:
+        """Return the factors of the constant and the growing loads that act in a state, shape (2,).
+
+        A load history may go through any sums a f0 + b f1: then z tells a and b, by least squares.
+
+        Raises
+        ------
+        InvalidInputError
+            If z does not tell a and b, or is under other loads.
+        """
+        force, rounding = self._resisted(z)
+        loads = np.stack([self.load.f0, self.load.f1], axis=1)
+        sizes, whole = np.abs(loads).max(axis=0), [self.elastic.f0, self.elastic.f1]
+        acts = sizes > CONVERGED * np.abs(whole).max(axis=1)
+        if any(load.any() for load, act in zip(whole, acts, strict=True) if not act):
+            raise InvalidInputError(
+                "some of the loads move no contact node: a state does not tell how large they are"
+            )
+        factors = np.zeros(2)
+        factors[acts] = np.linalg.lstsq(loads[:, acts] / sizes[acts], force)[0] / sizes[acts]
+        if (np.abs(loads @ factors - force) > CONVERGED * rounding.max(initial=0.0)).any():
+            raise InvalidInputError(
+                "other loads act than the constant and the growing loads of the body from the "
+                "mesh: the displacements of inner nodes are not known"
+            )
+        return factors
+
+    def displacements_under(self, z: Array, factors: Array) -> Array:
+        """Return the displacements of all nodes under factors of both loads, shape (k, 2).
+
+        The displacements are linear in z and the factors.
+        """
+        nothing = np.zeros_like(z)
+        constant = self.displacements(nothing, 0.0)
+        growing = self.displacements(nothing, 1.0) - constant
+        by_state: Array = self.displacements(z, 0.0) - constant
+        moved: Array = by_state + factors[0] * constant + factors[1] * growing
+        return moved
+
     def _resisted(self, z: Array) -> tuple[Array, Array]:
         """Return A u - N^T lam_nu - T^T lam_t, and the sum of the magnitudes of all terms."""
         body, u, (normal, tangential) = self.body, z[: self.body.n], self.multipliers(z)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from pwscont import Character, InvalidInputError
 from pwscont.extending import Array, Indices, Solution, card, counted
 from pwscont_coulomb.elastic.arguments import check_kind
 from pwscont_coulomb.elastic.problem import ElasticProblem
-from pwscont_coulomb.modes import Mode, modes
+from pwscont_coulomb.modes import Mode, modes, modes_in
+
+if TYPE_CHECKING:
+    from pwscont.extending import EvolutionState
 
 
 @final
@@ -22,7 +25,7 @@ class BodyState:
     Attributes
     ----------
     alpha : float
-        Parameter of the solution.
+        Parameter of the solution; the time of a state of an evolution.
     displacements : ndarray, shape (k, 2)
         Displacements of all nodes of the mesh.
     stresses : ndarray, shape (3, elements)
@@ -36,6 +39,8 @@ class BodyState:
         Remaining distance to the obstacle, and tangential displacement.
     modes : ndarray of int, shape (p,)
         :class:`~pwscont_coulomb.modes.Mode` of each contact node.
+    parameter : str
+        The name of the parameter.
 
     Examples
     --------
@@ -58,13 +63,14 @@ class BodyState:
     distance: Array
     slip: Array
     modes: Indices
+    parameter: str = "alpha"
 
     def _rows(self) -> list[tuple[str, str]]:
         """Return the lines that show a state: sizes and extremes, no arrays."""
         touching = int((self.modes != Mode.NO_CONTACT).sum())
         largest = np.hypot(*self.displacements.T).max(initial=0.0)
         return [
-            ("alpha", f"{self.alpha:.10g}"),
+            (self.parameter, f"{self.alpha:.10g}"),
             ("size", counted(len(self.displacements), "node")),
             ("contact", f"{touching} of {counted(len(self.modes), 'node')} in contact"),
             ("largest displacement", f"{largest:.4g}"),
@@ -72,25 +78,26 @@ class BodyState:
         ]
 
     def __repr__(self) -> str:
-        (_, alpha), (_, size), (_, contact), *extremes = self._rows()
-        more = ", ".join(f"{name} {value}" for name, value in extremes)
-        return f"BodyState(alpha={alpha}, {size}, {contact}, {more})"
+        (name, alpha), (_, size), (_, contact), *extremes = self._rows()
+        more = ", ".join(f"{what} {value}" for what, value in extremes)
+        return f"BodyState({name}={alpha}, {size}, {contact}, {more})"
 
     def _repr_html_(self) -> str:
         return card("BodyState", self._rows())
 
 
 def recover(
-    problem: ElasticProblem, solution: Solution, load_alpha: float | None = None
+    problem: ElasticProblem, solution: Solution | EvolutionState, load_alpha: float | None = None
 ) -> BodyState:
-    """Return a solution on the whole body.
+    """Return a solution, or a state of an evolution, on the whole body.
 
     Parameters
     ----------
     problem : ElasticProblem
         The problem whose system was solved.
-    solution : Solution
-        From ``graph.solutions(alpha)``.
+    solution : Solution or EvolutionState
+        From ``graph.solutions(alpha)``; or from ``evolution.states(t)``, under a history of loads
+        that are sums of multiples of ``problem.load.f0`` and ``problem.load.f1``.
     load_alpha : float, optional
         Parameter of the loads; default the parameter under which the solution is in equilibrium,
         which is not ``solution.alpha`` if the system's parameter is the friction coefficient.
@@ -112,8 +119,18 @@ def recover(
     (3, 2)
     """
     check_kind("problem", problem, ElasticProblem)
-    check_kind("solution", solution, Solution)
+    if not isinstance(solution, Solution):
+        return _of_an_evolution(problem, solution)
     return state_at(problem, solution.z, solution.alpha, solution.character, load_alpha)
+
+
+def _of_an_evolution(problem: ElasticProblem, state: EvolutionState) -> BodyState:
+    from pwscont.extending import EvolutionState  # noqa: PLC0415  static bodies have none
+
+    check_kind("solution", state, Solution, EvolutionState)
+    _check_size(problem, state.z)
+    moved = problem.displacements_under(state.z, problem.load_factors(state.z))
+    return _body_state(problem, state.z, moved, modes_in(state.label, problem.body.p), state.t, "t")
 
 
 def state_at(
@@ -124,16 +141,26 @@ def state_at(
     load_alpha: float | None = None,
 ) -> BodyState:
     """Return a point of a piece on the whole body; see :func:`recover`."""
-    contact, body = problem.elastic.contact, problem.body
+    _check_size(problem, z)
+    load = problem.load_parameter(z, alpha) if load_alpha is None else load_alpha
+    moved = problem.displacements(z, load)
+    return _body_state(problem, z, moved, modes(character), alpha, "alpha")
+
+
+def _check_size(problem: ElasticProblem, z: Array) -> None:
+    body = problem.body
     if z.shape != (body.n + 2 * body.p,):
         raise InvalidInputError(
             f"the state has {len(z)} unknowns, the problem {body.n + 2 * body.p}: is it a solution "
             "of this problem, condensed or full as it was solved?"
         )
-    normal, tangential = problem.multipliers(z)
-    load = problem.load_parameter(z, alpha) if load_alpha is None else load_alpha
-    moved = problem.displacements(z, load)
-    u = z[: body.n]
+
+
+def _body_state(
+    problem: ElasticProblem, z: Array, moved: Array, found: Indices, alpha: float, name: str
+) -> BodyState:
+    contact, body = problem.elastic.contact, problem.body
+    (normal, tangential), u = problem.multipliers(z), z[: body.n]
     return BodyState(
         alpha,
         moved,
@@ -144,5 +171,6 @@ def state_at(
         tangential / contact.areas,
         np.asarray(body.gap - body.N @ u),
         np.asarray(body.T @ u),
-        modes(character),
+        found,
+        name,
     )

@@ -21,6 +21,8 @@ import numpy as np
 
 from pwscont import InvalidInputError, enumerate_solutions
 from pwscont.extending import (
+    EPS,
+    GUARD,
     Array,
     Evolver,
     Indices,
@@ -35,7 +37,8 @@ from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static import nodes as node
 from pwscont_coulomb.quasi_static.active import ActiveInverse, Flags
 from pwscont_coulomb.quasi_static.problem import FrictionProblem
-from pwscont_coulomb.quasi_static.rates import ZERO, RateProblem, Rates
+from pwscont_coulomb.quasi_static.rates import RateProblem, Rates
+from pwscont_coulomb.quasi_static.uniqueness import ZERO
 
 #: Of bodies with so many contact nodes all states at one time are enumerated.
 MOST_ENUMERATED = 6
@@ -211,6 +214,10 @@ class CoulombEvolver(Evolver):
         if (u[: self.p] <= self._gap).all():
             return rest
         return self.problem.one_state(slip, t)
+
+    def forget(self) -> None:
+        """Forget the inverse, whose rounding depends on all events before."""
+        self._inverse = ActiveInverse(self._C)
 
     # -- ways on ----------------------------------------------------------------------------
 
@@ -393,7 +400,8 @@ class CoulombEvolver(Evolver):
         y = way.z + (t - moment.t) * way.rate
         values, slopes = self._slacks(y), self._slopes(way.rate)
         sizes = np.array([self._length, self._force, self._force, self._force])
-        slack = ZERO * (sizes[:, np.newaxis] + (t - moment.t) * np.abs(slopes))
+        rounding = ZERO * (t - moment.t) + GUARD * EPS * abs(t)  # of the time of the event
+        slack = ZERO * sizes[:, np.newaxis] + rounding * np.abs(slopes)
         met = self._watched(status) & (values <= slack) & (slopes < 0.0)
         after = status.copy()
         after[met[2]], after[met[3]] = node.BOUND_PLUS, node.BOUND_MINUS

@@ -4,18 +4,9 @@ The unknowns x are the normal rates of nodes that touch without force, and the t
 nodes that may slip; all other rates of nodes in contact are zero. With the forces of the body as
 phi = K x - h, each node is in one of its modes, and each mode asks for one equation per unknown.
 
-Uniqueness. For two solutions with the differences dx and dphi, a normal rate gives
-dx_nu dphi_nu <= 0; a node at its bound, in the direction s, gives
-dx_t dphi_t <= s F dphi_nu dx_t; a node without force gives dx_t dphi_t <= F abs(dphi_nu dx_t). So
-there is one solution at most where
-
-    x . K x - sum s F phi_nu x_t - sum F (theta phi_nu^2 / 2 + x_t^2 / (2 theta))
-
-is positive definite for some positive theta, one for each node without force. Without such nodes
-this is the condition that M + M^T is positive definite, one Cholesky factorisation.
-
-All solutions. Where the form is not positive definite, the node that contributes most to its most
-negative direction is decided: each of its modes leaves a smaller problem with the same question.
+Uniqueness is the topic of :mod:`.uniqueness`. Where a form is not positive definite, the node that
+contributes most to the most negative direction is decided: each of its modes leaves a smaller
+problem with the same question.
 
 Failure modes and answers
 -------------------------
@@ -36,22 +27,19 @@ from typing import final
 import numpy as np
 from scipy.linalg import lapack
 
-from pwscont.extending import EPS, GUARD, Array, Indices, check_budget
+from pwscont.extending import EPS, Array, Indices, check_budget
 from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static.rate_law import RateLaw
+from pwscont_coulomb.quasi_static.uniqueness import WEIGHTS, ZERO, Choices, Form
 
-#: Numbers below this part of the magnitudes of their terms are zero.
-ZERO = 2.0**10 * GUARD * EPS
 #: A matrix in natural units whose inverse is larger than one over this is singular.
 SINGULAR = 2.0**10 * EPS
 #: Most work on one rate problem: the sum of the cubes of the sizes of all problems looked at.
 MOST_WORK = 1e8
 #: Most choices of two, with two for each node without force, for a search by linear programs.
 MOST_BITS = 44
-#: Most steps of a search for one solution, and of the search for theta.
-MOST_PIVOTS, MOST_THETAS = 60, 40
-#: After so many steps for theta the gain is looked at.
-WAIT = 6
+#: Most steps of a search for one solution.
+MOST_PIVOTS = 60
 #: Largest number of changes of all wrong nodes at once after which no fewer nodes are wrong.
 PATIENCE = 8
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
@@ -115,12 +103,14 @@ class RateProblem:
         self.K, self.h, self.friction, self.sign = K, h, friction, sign
         self.normal, self.tangent = normal, tangent
         self.size, self.count = K.shape[1], len(friction)
-        self._scale = np.abs(np.diag(K))
+        self.scale = np.abs(np.diag(K))
         self._absolute = np.abs(K)
         #: The rate that the load alone would cause.
-        self._usual = float((np.abs(h[: self.size]) / self._scale).max(initial=0.0))
-        #: The last theta of each node, as a multiple of F over its stiffness.
-        self._theta = np.ones(len(friction))
+        self._usual = float((np.abs(h[: self.size]) / self.scale).max(initial=0.0))
+        #: The last theta of each node for each weight, in units of F over its stiffness.
+        self._theta = {weight: np.full(len(friction), weight**0.5) for weight in WEIGHTS}
+        #: The weights that are still tried.
+        self._weights: tuple[float, ...] = WEIGHTS
 
     # -- the equations of some modes --------------------------------------------------------
 
@@ -173,7 +163,7 @@ class RateProblem:
 
         Unknown and equation j are measured by the root of the stiffness of j.
         """
-        unit = 1.0 / np.sqrt(self._scale[unknowns])
+        unit = 1.0 / np.sqrt(self.scale[unknowns])
         lu, pivots, failed = lapack.dgetrf(unit[:, np.newaxis] * square * unit)
         if failed or _is_singular(lu, unit[:, np.newaxis] * np.abs(square) * unit):
             return None
@@ -184,12 +174,19 @@ class RateProblem:
         return solved.reshape(right.shape)
 
     def is_consistent(self, modes: Mapping[int, int]) -> bool:
-        """Tell whether singular equations have solutions."""
+        """Tell whether singular equations have solutions, in natural units.
+
+        Singular values below rounding are zero: the rest of an equation that such a value would
+        have to balance is compared with the largest force that the load asks for.
+        """
         unknowns, E, e = self.equations(modes)
-        square = E[:, unknowns]
-        x = np.linalg.lstsq(square, e, rcond=SINGULAR)[0]
-        terms = np.abs(square) @ np.abs(x) + np.abs(e)
-        return bool((np.abs(square @ x - e) <= EPS**0.5 * terms).all())
+        unit = 1.0 / np.sqrt(self.scale[unknowns])
+        square, right = unit[:, np.newaxis] * E[:, unknowns] * unit, unit * e
+        left, values, _ = np.linalg.svd(square)
+        kept = left[:, values > len(unknowns) * SINGULAR]
+        rest = right - kept @ (kept.T @ right)
+        largest = float((np.abs(self.h[: self.size]) / np.sqrt(self.scale)).max(initial=0.0))
+        return bool((np.abs(rest) <= EPS**0.5 * max(largest, float(np.abs(right).max()))).all())
 
     # -- the inequalities -------------------------------------------------------------------
 
@@ -274,20 +271,14 @@ class RateProblem:
         phi, columns = self._eliminated(fixed, left)
         if phi is None:
             return left[0]
-        place = {int(j): k for k, j in enumerate(columns)}
-        form = _symmetric(phi[columns])
-        known = [i for i in left if self.sign[i]]
-        for i in known:
-            row = self.sign[i] * self.friction[i] * phi[int(self.normal[i])]
-            k = place[int(self.tangent[i])]
-            form[k] -= 0.5 * row
-            form[:, k] -= 0.5 * row
-        open_ = [i for i in left if not self.sign[i] and self.tangent[i] >= 0]
-        if not open_ and self._is_positive(form, columns):
-            return None
-        rows = np.array([int(self.normal[i]) for i in left])
-        friction = np.where(self.tangent[left] >= 0, self.friction[left], 0.0)
-        return self._judged(form, phi[rows], friction, left, place)
+        choices = Choices(self.friction, self.sign, self.normal, self.tangent, self.scale)
+        form = Form(choices, phi, columns, left)
+        if not len(form.rubbing):
+            return None if form.is_positive(form.whole(1.0)) else form.heaviest(form.worst(1.0)[1])
+        judged = {weight: form.judged(weight, self._theta[weight]) for weight in self._weights}
+        best = max(judged, key=lambda weight: judged[weight][0])
+        self._weights, worst = (best,), judged[best][1]
+        return None if worst is None else form.heaviest(worst)
 
     def _eliminated(
         self, fixed: Mapping[int, int], left: list[int]
@@ -302,56 +293,6 @@ class RateProblem:
         if follow is None:
             return None, columns
         return self.K[:, columns] - self.K[:, unknowns] @ follow, columns
-
-    def _judged(
-        self,
-        form: Array,
-        normal: Array,
-        friction: Array,
-        left: list[int],
-        place: Mapping[int, int],
-    ) -> int | None:
-        """Return None if some theta makes the form positive definite, else the node to decide."""
-        rubs = [k for k, i in enumerate(left) if not self.sign[i] and friction[k] > 0.0]
-        nodes = np.array([left[k] for k in rubs], dtype=np.intp)
-        n, F = normal[rubs], friction[rubs]
-        at = np.array([place[int(self.tangent[i])] for i in nodes], dtype=np.intp)
-        usual = F / self._scale[self.normal[nodes]]
-        columns = np.array(sorted(place), dtype=np.intp)
-        size = 1.0 / np.sqrt(self._scale[columns])
-        worst, before = np.zeros(len(form)), -np.inf
-        for turn in range(MOST_THETAS):
-            theta = self._theta[nodes] * usual
-            whole = form - 0.5 * (n.T * theta) @ n
-            whole[at, at] -= 0.5 * F**2 / theta
-            if self._is_positive(whole, columns):
-                return None
-            values, vectors = np.linalg.eigh(size[:, np.newaxis] * whole * size)
-            worst = size * vectors[:, 0]
-            if not len(at) or (turn % WAIT == WAIT - 1 and values[0] < 0.8 * before):
-                break
-            before = values[0] if turn % WAIT == WAIT - 1 else before
-            gain = F**2 / theta * worst[at] ** 2 - theta * (n @ worst) ** 2
-            step = 0.5 / (1 + 0.1 * turn) / max(float(np.abs(gain).max()), 1e-300)
-            self._theta[nodes] *= np.exp(step * gain)
-        return self._heaviest(normal @ worst, worst, left, place)
-
-    def _is_positive(self, form: Array, columns: Indices) -> bool:
-        """Tell whether a form is positive definite by more than rounding, in natural units."""
-        unit = 1.0 / np.sqrt(self._scale[columns])
-        scaled = unit[:, np.newaxis] * form * unit
-        scaled[np.diag_indices_from(scaled)] -= ZERO * (1.0 + float(self.friction.max(initial=0.0)))
-        return bool(lapack.dpotrf(scaled, lower=1)[1] == 0)
-
-    def _heaviest(self, phi: Array, x: Array, left: list[int], place: Mapping[int, int]) -> int:
-        """Return the node that contributes most to a negative direction."""
-        weights = [
-            self.friction[i] * abs(phi[k] * x[place[int(self.tangent[i])]])
-            if self.tangent[i] >= 0
-            else 0.0
-            for k, i in enumerate(left)
-        ]
-        return left[int(np.argmax(weights))]
 
     # -- all solutions ----------------------------------------------------------------------
 
@@ -448,10 +389,6 @@ def _different(found: list[Rates], usual: float) -> tuple[Rates, ...]:
         if not any((np.abs(rates.x - o.x) <= ZERO * size).all() for o in different):
             different.append(rates)
     return tuple(different)
-
-
-def _symmetric(matrix: Array) -> Array:
-    return 0.5 * (matrix + matrix.T)
 
 
 def _is_singular(lu: Array, sizes: Array) -> bool:

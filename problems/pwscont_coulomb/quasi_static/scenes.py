@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pwscont import EvolutionScene, InvalidInputError, LoadHistory
-from pwscont.extending import CONVERGED, Array
+from pwscont import EvolutionGraph, EvolutionScene, InvalidInputError, LoadHistory
+from pwscont.extending import CONVERGED, Array, Look
 from pwscont_coulomb.quasi_static.half_plane import FAR, half_plane
 from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 from pwscont_coulomb.scenes import one_node, two_nodes
 
+if TYPE_CHECKING:
+    from pwscont_coulomb.elastic import ElasticProblem
+
+#: Frames of the moving picture of a body.
+FRAMES = 48
 #: Strips, half of their width, radius, modulus and approach of the round body.
 HALF_WIDTH, RADIUS, MODULUS, APPROACH = 1.25, 20.0, 1.0, 0.275
 
@@ -80,9 +88,13 @@ def _force(nodes: int, z: Array, t: float) -> float:
     return float(-z[-nodes:].sum())
 
 
+def _moved(times: Array, shifts: list[float], z: Array, t: float) -> float:
+    return float(np.interp(t, times, shifts))
+
+
 def _shift(nodes: int, times: Array, shifts: list[float], z: Array, t: float) -> float:
     far = FAR / (np.pi * MODULUS) * _force(nodes, z, t)  # the compliance far away is left out
-    return float(np.interp(t, times, shifts)) - far
+    return _moved(times, shifts, z, t) - far
 
 
 def _stick_zone(nodes: int, friction: float, z: Array, t: float) -> float:
@@ -112,14 +124,49 @@ def block_cycle(
     press, side = pressed * problem.load.f0, shear * problem.load.f1
     loads = [0.0 * press, press, *[press + side, press - side] * 3]
     history = LoadHistory(loads)
+    system = QuasiStaticCoulomb(problem.body, history, problem.friction)
     return EvolutionScene(
         "block-cycle",
         f"a block, pressed and sheared in cycles, {nodes} contact nodes, F = {friction:g}",
-        QuasiStaticCoulomb(problem.body, history, problem.friction),
+        system,
         history.interval,
-        panels=(("u_t,1", "t"), ("λ_t,1", "u_t,1")),
+        at=(1.0, 1.6, 3.0),
+        record={
+            "force": partial(_force, nodes),
+            "shift": partial(_moved, history.times, [0.0, 0.0, *[shear, -shear] * 3]),
+        },
+        panels=(("force", "shift"), ("u_t,1", "t")),
         period=2.0,
+        pictures=partial(_draw_body, problem, system),
     )
+
+
+def _draw_body(
+    problem: ElasticProblem,
+    system: QuasiStaticCoulomb,
+    graph: EvolutionGraph,
+    at: Sequence[float],
+    directory: Path,
+    look: Look,
+) -> list[Path]:
+    """Write the body at some times, and the zones of the contact nodes over time."""
+    from pwscont_coulomb.elastic import animation, recover  # noqa: PLC0415
+    from pwscont_coulomb.elastic.pictures import draw_states  # noqa: PLC0415
+    from pwscont_coulomb.quasi_static.pictures import draw_zones  # noqa: PLC0415
+
+    path, elastic = graph.paths()[0], problem.elastic
+    zones = draw_zones(system, path, at=elastic.contact.arc)
+    files = [look.save(zones, directory, "block-cycle-zones")]
+    if at:
+        states = [recover(problem, path.state(t)) for t in at]
+        files.append(
+            look.save(draw_states(elastic, states, scale=look.scale), directory, "block-cycle-body")
+        )
+    if look.animate:
+        states = animation.over_time(problem, path, FRAMES)
+        file = directory / "block-cycle-body.gif"
+        files.append(animation.animate_states(elastic, states, file, scale=look.scale))
+    return files
 
 
 def _at_least_two(cycles: int) -> None:

@@ -64,6 +64,8 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
     def __init__(
         self, body: ContactBody, history: LoadHistory, friction: Any, slip: Any = 0.0
     ) -> None:
+        if not isinstance(body, ContactBody):
+            raise InvalidInputError(f"body must be a ContactBody, got {body!r}")
         if not isinstance(history, LoadHistory):
             raise InvalidInputError(f"history must be a LoadHistory, got {history!r}")
         if callable(friction):

@@ -2,7 +2,7 @@
 "use strict";
 
 (function (pwscont) {
-  const [WIDE, THIN] = [2.6, 1.2]; // pixels
+  const [WIDE, THIN, STRIPE] = [2.6, 1.2, 9]; // pixels
   const state = { alpha: 0, hidden: { branches: new Set(), modes: new Set() }, chosen: null };
   pwscont.state = state;
 
@@ -24,8 +24,10 @@
   // -- what is shown -----------------------------------------------------------------------------
 
   const style = () => pwscont.data.styles[state.style];
+  const shownOwners = (piece) =>
+    pwscont.owners(piece).filter((branch) => !state.hidden.branches.has(branch));
   const isShown = (piece) =>
-    !state.hidden.branches.has(pwscont.data.pieces.branch[piece]) &&
+    shownOwners(piece).length > 0 &&
     !state.hidden.modes.has(style().of[piece]);
   const branchShown = (branch) => !state.hidden.branches.has(branch);
 
@@ -36,28 +38,37 @@
   }
 
   // Pieces that follow each other in one style are one line: else each would begin with a dash.
+  // A piece that several branches share is drawn once for each, in stripes of their colours.
   function drawLines() {
     const { pieces } = pwscont.data;
-    const lines = { xs: [], ys: [], color: [], width: [], dash: [] };
+    const lines = { xs: [], ys: [], color: [], width: [], dash: [], offset: [] };
     let last = -1;
     for (let piece = 0; piece < pieces.count; piece++) {
       if (!isShown(piece)) continue;
-      const joins = last >= 0 && continues(last, piece);
-      if (!joins) {
-        lines.xs.push([]);
-        lines.ys.push([]);
-        lines.color.push(color(pieces.branch[piece]));
-        lines.width.push(pieces.det[piece] < 0 ? THIN : WIDE);
-        lines.dash.push(style().dashes[style().of[piece]]);
-      }
-      const [xs, ys] = [lines.xs.at(-1), lines.ys.at(-1)];
-      for (let k = joins ? 1 : 0; k < pwscont.length(piece); k++) {
-        xs.push(pwscont.value(pwscont.rowOf(piece, k), state.x));
-        ys.push(pwscont.value(pwscont.rowOf(piece, k), state.y));
+      const sharing = shownOwners(piece);
+      const joins = last >= 0 && !pieces.owners && continues(last, piece);
+      if (!joins) sharing.forEach((branch, i) => beginLine(lines, piece, branch, i, sharing.length));
+      for (let i = 0; i < sharing.length; i++) {
+        const [xs, ys] = [lines.xs.at(-1 - i), lines.ys.at(-1 - i)];
+        for (let k = joins ? 1 : 0; k < pwscont.length(piece); k++) {
+          xs.push(pwscont.value(pwscont.rowOf(piece, k), state.x));
+          ys.push(pwscont.value(pwscont.rowOf(piece, k), state.y));
+        }
       }
       last = piece;
     }
     pwscont.fill("lines", lines);
+  }
+
+  function beginLine(lines, piece, branch, i, sharing) {
+    const { pieces } = pwscont.data;
+    const own = pieces.jump && pieces.jump[piece] ? [2, 4] : style().dashes[style().of[piece]];
+    lines.xs.push([]);
+    lines.ys.push([]);
+    lines.color.push(color(branch));
+    lines.width.push(pieces.det[piece] < 0 ? THIN : WIDE);
+    lines.dash.push(sharing > 1 ? [STRIPE, (sharing - 1) * STRIPE] : own);
+    lines.offset.push(sharing > 1 ? -i * STRIPE : 0);
   }
 
   const shownPoints = () =>
@@ -137,7 +148,9 @@
     pwscont.setRange(strip.y_range, Math.min(0, ...sums.y), Math.max(1, ...steps.y));
     const endless = verticals().map((at) => `${parameter()} = ${pwscont.alpha(at)}`).join(", ");
     element("verticals").textContent = endless && `Infinitely many solutions, on a vertical piece: ${endless}`;
-    if (!endless) pwscont.find("strip legend").items = pwscont.find("strip legend").items.slice(0, 2);
+    const kept = [true, balances.length > 0, Boolean(endless)];
+    const legend = pwscont.find("strip legend");
+    legend.items = legend.items.filter((_, i) => kept[i]);
     strip.below[0].axis_label = parameter();
   }
 

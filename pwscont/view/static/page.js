@@ -34,9 +34,9 @@
     button.innerHTML =
       `<span class="swatch" style="background: ${color(solution.branch)}"></span>` +
       `<span class="what"></span><span class="number">${pwscont.escaped(value)}</span>` +
-      `<span class="number">det ${pwscont.sign(solution.det)}</span>`;
+      (pwscont.data.noun ? "" : `<span class="number">det ${pwscont.sign(solution.det)}</span>`);
     button.querySelector(".what").textContent = what;
-    button.title = `branch ${solution.branch + 1}: ${solution.label}`;
+    button.title = `${pwscont.whose(solution)}: ${solution.label}`;
     button.addEventListener("click", () => choose(solution));
     const item = document.createElement("li");
     item.append(button);
@@ -81,8 +81,8 @@
     const number = place >= 0 ? `Solution ${place + 1}` : "A solution on a vertical piece";
     const piece = chosen.piece >= 0 ? `, piece ${pwscont.data.pieces.id[chosen.piece]}` : "";
     const kind = chosen.kind ? `, ${pwscont.kind(chosen.kind)}` : "";
-    element("heading").textContent =
-      `${number}: branch ${chosen.branch + 1}${piece}${kind}, det ${pwscont.sign(chosen.det)}`;
+    const sign = pwscont.data.noun ? "" : `, det ${pwscont.sign(chosen.det)}`;
+    element("heading").textContent = `${number}: ${pwscont.whose(chosen)}${piece}${kind}${sign}`;
     element("mode").textContent = modeOf(chosen);
     element("mode").title = chosen.label;
     pwscont.showBody(chosen);
@@ -225,7 +225,7 @@
 
   function legends() {
     const branches = Array.from({ length: pwscont.data.branches }, (_, i) => i);
-    legend("branches", branches.map((i) => `branch ${i + 1}`), branches.map((i) => line(color(i), [], 5)));
+    legend("branches", branches.map(pwscont.branchName), branches.map((i) => line(color(i), [], 5)));
     modeLegend();
     const kinds = Object.entries(pwscont.data.marks).filter(([kind]) =>
       pwscont.data.points.some((point) => point.shown && point.kind === kind),
@@ -304,7 +304,9 @@
   }
 
   function notes() {
-    const { guarantee, searched, pieces, names, unknowns } = pwscont.data;
+    const { guarantee, searched, pieces, names, unknowns, noun } = pwscont.data;
+    element("thin").hidden = Boolean(noun);
+    if (noun) element("branch-legend").textContent = `${noun[0].toUpperCase()}${noun.slice(1)}s`;
     element("guarantee").textContent = `Guarantee: ${guarantee}. Searched: ${searched}.`;
     const said = [];
     if (pieces.curved.some(Boolean) || names.length > 1 + unknowns) {

@@ -102,6 +102,20 @@
     return { ...place, ...told, branch: pieces.branch[piece], curved: pieces.curved[piece] };
   }
 
+  // Return the branches that share a piece: one, but of evolutions there may be several.
+  pwscont.owners = function (piece) {
+    const { owners, branch } = pwscont.data.pieces;
+    return owners ? owners[piece] : [branch[piece]];
+  };
+
+  // Return the name of a branch, and of all branches that a solution belongs to.
+  pwscont.branchName = function (branch) {
+    const { noun, others, branches } = pwscont.data;
+    return others && branch === branches - 1 ? `more ${noun}s` : `${noun || "branch"} ${branch + 1}`;
+  };
+  pwscont.whose = ({ piece, branch }) =>
+    (piece >= 0 ? pwscont.owners(piece) : [branch]).map(pwscont.branchName).join(", ");
+
   // Return a special point as a solution.
   pwscont.atPoint = function (point) {
     const piece = pwscont.data.pieces.id.indexOf(point.piece);
@@ -152,7 +166,7 @@
     let best = null;
     let least = Infinity;
     for (let piece = 0; piece < pwscont.data.pieces.count; piece++) {
-      if (!isShown(piece)) continue;
+      if (!isShown(piece) || (pwscont.data.pieces.jump && pwscont.data.pieces.jump[piece])) continue;
       const pixels = (k) => columns.map((c, i) => pwscont.value(rowOf(piece, k), c) * scale[i]);
       for (let k = 1; k < length(piece); k++) {
         const found = toSegment(x * scale[0], y * scale[1], ...pixels(k - 1), ...pixels(k));
