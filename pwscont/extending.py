@@ -31,7 +31,7 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.evolution.states import EvolutionState
 from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
-from pwscont.graph.branch_graph import Proof
+from pwscont.graph.proved import Proof
 from pwscont.graph.records import Piece, Solution, SpecialPoint
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two

@@ -7,16 +7,30 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from pages import blocks, check_answers
-from proof_families import Mixed, PiecewisePolynomial, proved
+from proof_families import Mixed, PiecewisePolynomial, cover_of, proved
 from sweeps import swept
 
+import pwscont.proof.clusters
 import pwscont.proof.cover
 import pwscont.proof.evaluate
+import pwscont.proof.everywhere
 import pwscont.proof.proof
 import pwscont.proof.tubes
-from pwscont import LCP, Complementarity, Everywhere, InvalidInputError, Switched, explore, trace
+from pwscont import (
+    LCP,
+    BranchGraph,
+    Complementarity,
+    Everywhere,
+    InvalidInputError,
+    Limits,
+    PiecewiseSystem,
+    Switched,
+    explore,
+    trace,
+)
+from pwscont.curve.metric import Metric
+from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import MOST_BOXES
-from pwscont.proof.interval import Interval
 from pwscont.proof.tape import traced
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -94,7 +108,7 @@ def bad_certificates(seeds):
     bad = total = 0
     for seed in seeds:
         f = PiecewisePolynomial(np.random.default_rng(seed))
-        tubes = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))._tubes
+        tubes = cover_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)).tubes
         for i in range(0, len(tubes.first), 7):
             for alpha in (tubes.first[i], tubes.middle[i], tubes.last[i]):
                 bad += not _is_certified(f, tubes, i, Fraction(alpha))
@@ -162,8 +176,8 @@ def leaving(z, t, sw):
 def test_a_curve_that_leaves_the_box_makes_windows():
     proof = proved(leaving, 1, (-1.0, 1.0), (0.0, 1.0))
     assert [proof.count(t) for t in (0.1, 0.5, 0.9)] == [1, 0, 1]
-    assert len(proof.windows) == 2
-    assert proof.holds
+    assert len(proof.folds) == 2
+    assert proof.words == "complete in the box, proved"
 
 
 def test_no_check_at_the_boundary_is_caught(monkeypatch):
@@ -233,18 +247,176 @@ def test_loops_of_all_sizes_are_never_denied(exponent, is_smooth):
     assert proof.count(0.2) == 2 or exponent > 6
 
 
+# -- folds ----------------------------------------------------------------------------------------
+
+
+def turns(f, lo, hi):
+    """Return the signs of the local extrema of alpha(z) with alpha in a range: 1 for a minimum."""
+    z = np.linspace(-3.0, 3.0, 200_001)
+    alpha = -f([z], 0.0, np)[0] / f.b
+    inner, rise = alpha[1:-1], np.sign(np.diff(alpha))
+    near = (inner > lo - 1e-5) & (inner < hi + 1e-5)
+    return (rise[1:] - rise[:-1])[near & (rise[1:] != rise[:-1])] / 2.0
+
+
+def wrong_folds(seeds):
+    """Return in how many ranges that are called folds alpha turns both ways, and the ranges."""
+    wrong = total = 0
+    for seed in seeds:
+        f = PiecewisePolynomial(np.random.default_rng(seed))
+        f.e = 0.0
+        proof = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+        for lo, hi in proof.folds:
+            before, after = proof.count(lo - 1e-7), proof.count(hi + 1e-7)
+            if None not in (before, after) and abs(after - before) > 1:  # else an end of the box
+                wrong += (turns(f, lo, hi) != np.sign(after - before)).any()
+                total += 1
+    return wrong, total
+
+
+@pytest.mark.parametrize("seeds", swept([range(15)], [range(15, 300)]))
+def test_alpha_turns_one_way_in_what_is_called_folds(seeds):
+    wrong, total = wrong_folds(seeds)
+    assert wrong == 0
+    assert total > len(seeds) // 3
+
+
+TWO_TURNS = {
+    "smooth": lambda z, t, sw: z**3 - 1e-9 * z - t,
+    "kinks": lambda z, t, sw: z - 2.0 * sw.relu(z) + 2.0 * sw.relu(z - 1e-9) - t,
+    "a kink and a smooth fold": lambda z, t, sw: sw.max(-z, 1e-5 * z - z**2) - t,
+}
+
+
+@pytest.mark.parametrize("name", TWO_TURNS)
+def test_two_folds_that_are_too_close_are_no_fold(name):
+    """There are one, three and one solutions, within 1e-9 of alpha or less."""
+    proof = proved(TWO_TURNS[name], 1, (-0.4, 0.4), (-0.1, 0.1))
+    assert [fold for fold in proof.folds if fold[0] < 1e-8 and fold[1] > -1e-8] == []
+    assert proof.count(0.0) is None
+    assert proof.words != "complete in the box, proved"
+
+
+def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
+    always = lambda self, along: np.ones(along.lo.shape[1])  # noqa: E731
+    monkeypatch.setattr(pwscont.proof.clusters._Passage, "_of_folds", always)
+    with pytest.raises(AssertionError):
+        test_two_folds_that_are_too_close_are_no_fold("smooth")
+
+
+def test_a_kink_where_alpha_turns_is_a_fold_of_a_sign():
+    for sign in (1.0, -1.0):
+        proof = proved(lambda z, t, sw, s=sign: sw.abs(z) - s * t, 1, (-2.0, 2.0), (-1.0, 1.0))
+        assert [turn for *_, turn in proof.turns] == [sign]
+        assert proof.words == "complete in the box, proved"
+
+
+# -- classes --------------------------------------------------------------------------------------
+
+
+class Arch(PiecewiseSystem):
+    """The README's system."""
+
+    size = 1
+    jump = 0.0
+
+    def test_functions(self, z, alpha):
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        stop = 5.0 * (z - 1.0) + self.jump if character.signs[0] else 0.0
+        return z * (z - 1.0) * (z - 2.0) + stop - alpha
+
+
+def test_a_class_is_proved_across_its_kinks():
+    graph = explore(Arch(), (-0.5, 1.0), search=Everywhere())
+    assert graph.guarantee == "complete in the box, proved; balanced"
+    assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+    assert "agree where tests vanish" in graph.proof.statements[-1]
+
+
+def test_a_class_whose_selections_differ_is_refused():
+    system = Arch()
+    system.jump = 1e-3
+    metric = Metric(np.array([1.0, 1.5]), (-0.5, 1.0))
+    with pytest.raises(InvalidInputError, match="differ where a test vanishes"):
+        Everywhere(box=(-5.0, 5.0)).prove(system, metric, (-0.5, 1.0))
+
+
+def test_a_class_that_asks_for_numbers_is_refused_in_words():
+    class Plain(Arch):
+        def residual(self, z, alpha, character):
+            return super().residual(z, float(alpha), character)
+
+    with pytest.raises(InvalidInputError, match="plain number"):
+        explore(Plain(), (-0.5, 1.0), search=Everywhere())
+
+
+# -- by default -----------------------------------------------------------------------------------
+
+
+def test_explore_proves_small_formulas_by_default():
+    graph = explore(ARCH, (-0.5, 1.0))
+    assert graph.guarantee == "complete in the box, proved; balanced"
+    assert graph.proof.boxes < 1000
+    assert "proved" in repr(graph)
+    assert graph.to_dict()["guarantee"] == graph.guarantee
+
+
+def test_by_default_what_is_not_proved_is_not_mentioned():
+    graph = explore(Switched(1, lambda z, t, sw: (z - t) ** 2 * (z - 3)), (-1.0, 1.0))
+    assert graph.proof is None
+    assert "prove" not in graph.guarantee
+
+
+def test_nothing_is_proved_by_default_where_limits_are_set():
+    graph = explore(ARCH, (-0.5, 1.0), limits=Limits(seconds=600.0))
+    assert (graph.proof, graph.guarantee) == (None, "balanced")
+
+
+def test_the_default_proof_finds_what_the_default_search_misses(monkeypatch):
+    loop = Switched(1, lambda z, t, sw: (sw.abs(z - 30) + 100 * (t - 0.123) ** 2 - 1e-3) * (z + 1))
+    with monkeypatch.context() as without:
+        without.setattr(pwscont.proof.everywhere, "MANY_UNKNOWNS", 0)
+        assert explore(loop, (-1.0, 1.0)).count(0.123) == 1
+    graph = explore(loop, (-1.0, 1.0))
+    assert graph.count(0.123) == graph.proof.count(0.123) == 3
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+
+
+def test_a_saved_graph_keeps_the_proof(tmp_path):
+    graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    graph.save(tmp_path / "arch")
+    for again in (
+        BranchGraph.load(tmp_path / "arch"),
+        BranchGraph.load(tmp_path / "arch", system=ARCH),
+    ):
+        assert again.guarantee == graph.guarantee
+        assert again.proof.statements == graph.proof.statements
+        assert again.proof.folds == graph.proof.folds
+        assert [again.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+
+
+def test_an_open_proof_is_kept_as_such(tmp_path):
+    pitchfork = Switched(1, lambda z, t, sw: z**3 - t * z)
+    graph = explore(pitchfork, (-1.0, 1.0), search=Everywhere(box=(-3.0, 3.0)))
+    graph.save(tmp_path / "pitchfork")
+    again = BranchGraph.load(tmp_path / "pitchfork", system=pitchfork)
+    assert again.proof.words == graph.proof.words == "not proved in 1 box"
+    assert [again.proof.count(t) for t in (-0.5, 0.0, 0.5)] == [1, None, 3]
+
+
 # -- graphs ----------------------------------------------------------------------------------------
 
 
 def test_a_graph_says_what_is_proved():
     graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
-    words = "complete in the box, proved, except in 2 windows of alpha of width up to "
-    assert graph.guarantee.startswith(words)
-    assert "(around folds)" in graph.guarantee
+    assert graph.guarantee.startswith("complete in the box, proved; ")
     assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
     assert graph.proof.count(0.0) is None
-    assert "[-1000, 1000]" in graph.proof.statements[1]
-    assert "IEEE 754" in graph.proof.statements[2]
+    assert graph.proof.statements[1].startswith("folds in 2 ranges of alpha of width up to ")
+    assert "[-1000, 1000]" in graph.proof.statements[2]
+    assert "IEEE 754" in graph.proof.statements[3]
     with pytest.raises(InvalidInputError, match="outside"):
         graph.proof.count(2.0)
 
@@ -266,7 +438,7 @@ def test_a_graph_on_another_curve_says_so():
     wrong = explore(other, (-1.0, 1.0))
     wrong.proof = graph.proof
     assert graph.guarantee.startswith("complete in the box, proved; ")
-    assert "1 solutions proved" in wrong.guarantee
+    assert "1 solution proved in the box at alpha = 0" in wrong.guarantee
 
 
 def test_everywhere_finds_a_loop_that_other_searches_miss():
@@ -316,7 +488,10 @@ def test_a_box_that_makes_no_sense_is_refused(box):
 
 
 def test_nothing_is_imported_unless_asked_for():
-    code = "import sys\nfrom pwscont import explore\nprint('pwscont.proof' in sys.modules)"
+    code = (
+        "import sys\nfrom pwscont import LCP, explore\n"
+        "explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0))\nprint('pwscont.proof' in sys.modules)"
+    )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False"]
 

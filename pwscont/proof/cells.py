@@ -23,7 +23,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.proof.interval import SMALLEST, ULP
+from pwscont.intervals.interval import SMALLEST, ULP
 from pwscont.system.abilities import ExactMode
 
 #: Most cells that are tried.

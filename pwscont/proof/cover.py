@@ -19,9 +19,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.budget import check_budget
+from pwscont.intervals.interval import Interval
 from pwscont.proof.evaluate import values_of
 from pwscont.proof.hull_consistency import contracted
-from pwscont.proof.interval import Interval
 from pwscont.proof.newton import eliminated, inverse, newton, times, with_slopes
 from pwscont.proof.tape import Tape
 from pwscont.proof.tubes import Tubes, around
@@ -63,10 +63,13 @@ class Cover:
     boxes: int
 
 
-def covered(tape: Tape, box: Interval, scale: Array, seconds: float) -> Cover:
+def covered(
+    tape: Tape, box: Interval, scale: Array, seconds: float, most: int = MOST_BOXES
+) -> Cover:
     """Return the cover of all zeros of a formula in a box (n + 1,), for so many seconds at most.
 
-    ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,).
+    ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,). A generation with which more
+    than ``most`` boxes would be looked at is not begun.
     """
     finest = FINEST * scale
     whole = box[:, np.newaxis]
@@ -74,9 +77,10 @@ def covered(tape: Tape, box: Interval, scale: Array, seconds: float) -> Cover:
     end = perf_counter() + seconds
     while waiting.lo.shape[1]:
         following = []
+        is_last = boxes + waiting.lo.shape[1] > most
         for some in _portions(waiting):
             check_budget()
-            if boxes >= MOST_BOXES or perf_counter() > end:
+            if is_last or perf_counter() > end:
                 left.append(some)
                 continue
             boxes += some.lo.shape[1]

@@ -69,7 +69,7 @@ def graph_records(graph: BranchGraph, numbers: Numbers, wanted: Sequence[str]) -
     wanted : sequence of str
         Names of quantities that are never left out.
     """
-    kept, plain = numbers.fitting(wanted), as_dict(graph)
+    kept, plain = numbers.fitting(wanted), as_dict(graph, graph.guarantee)
     digits, rough = CORRECTED if graph.system is not None else UNCORRECTED
     return {
         "parameter": graph.parameter,
