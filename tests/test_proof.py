@@ -506,4 +506,4 @@ def test_the_page_of_the_manual_says_what_is_true():
     for code in blocks("proofs.rst"):
         exec(compile(code, "proofs.rst", "exec"), names)
         answers += check_answers(code, names)
-    assert answers == 5
+    assert answers == 6
