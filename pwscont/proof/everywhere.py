@@ -17,7 +17,7 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.proved import BoxProof, CountedStretch
 from pwscont.intervals.interval import Interval
-from pwscont.proof.cover import MOST_BOXES, covered
+from pwscont.proof.cover import covered
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.proof import counted_proof
 from pwscont.search.default_search import default_search
@@ -112,11 +112,11 @@ class Everywhere(Search):
         system: PiecewiseSystem,
         metric: Metric,
         interval: tuple[float, float],
-        most: int = MOST_BOXES,
+        most: int | None = None,
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        At most ``most`` boxes are looked at.
+        At most ``most`` boxes are looked at; default a number that grows with the unknowns.
         """
         tape = tape_of(system)
         size = tape.size
