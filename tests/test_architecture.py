@@ -66,7 +66,7 @@ BUDGET = {
     "search": (11, 2190),
     "continuation": (11, 3850),
     "proof": (13, 1960),
-    "exact": (4, 760),
+    "exact": (5, 840),
     "scenes": (15, 2700),
     "view": (7, 950),
     "evolution": (20, 2700),

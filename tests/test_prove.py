@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
@@ -20,12 +20,14 @@ from pwscont import (
     InvalidInputError,
     Switched,
     enumerate_solutions,
+    evolve,
     explore,
     prove,
     trace,
 )
 from pwscont.exact.cells import proved_cells
 from pwscont.exact.pieces import PiecesProof
+from pwscont.exact.rates import is_positive_definite
 from pwscont.extending import ExactMode
 from pwscont.graph.place import Track
 from pwscont.search.enumeration import Solutions
@@ -248,3 +250,45 @@ def test_what_prove_refuses():
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))
+
+
+# -- evolutions ------------------------------------------------------------------------------------
+
+
+def evolution(F, A=((2.0, -1.0), (-1.0, 2.0))):
+    body = ContactBody(A, [[1.0, 0.0]], [[0.0, 1.0]])
+    loads = [[0.0, 0.0], [1.0, 3.0], [1.0, -3.0], [0.5, 2.0]]
+    return evolve(QuasiStaticCoulomb(body, LoadHistory(loads), F), (0.0, 3.0))
+
+
+def least_eigenvalue(F):
+    """Return the least eigenvalue of the forms of one node: F couples N A w and T w."""
+    A, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([2.0, -1.0])
+    forms = [A - 0.5 * s * F * (np.outer([0, 1], row) + np.outer(row, [0, 1])) for s in (-1, 1)]
+    return min(np.linalg.eigvalsh(form).min() for form in forms)
+
+
+@pytest.mark.parametrize("F", [0.0, 0.3, 0.9, 1.4, 4.0])
+def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
+    found = evolution(F)
+    proof = prove(found)
+    assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
+    assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")
+
+
+def test_positive_definite_matrices_are_told_to_rounding():
+    """A matrix with an eigenvalue of 1e-9, -1e-9 or zero: only the first is proved."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        for least in (1e-9, -1e-9, 0.0):
+            values = np.array([least, *rng.uniform(0.5, 2.0, 5)])
+            matrix = (q * values) @ q.T
+            error = 1e-14 * np.ones((6, 6))
+            assert is_positive_definite(0.5 * (matrix + matrix.T), error) == (least > 0.0)
+
+
+def test_an_error_of_the_matrix_counts():
+    error = np.full((3, 3), 0.4)
+    assert is_positive_definite(np.eye(3), 0.1 * error)
+    assert not is_positive_definite(np.eye(3), error)  # ones of 0.4 off the diagonal, -0.4 on it

@@ -13,6 +13,7 @@ from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.exact.cells import MOST_CELLS, number_of_cells, proved_cells
 from pwscont.exact.pieces import PiecesProof
+from pwscont.exact.rates import RatesProof
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
 from pwscont.search.enumeration import Solutions
@@ -61,15 +62,17 @@ class CountProof:
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
 
 
-def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountProof | PiecesProof:
+def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | RatesProof:
     """Prove how many solutions a system of linear pieces has at one alpha, or all of a graph.
+
+    Of an evolution of ``QuasiStaticCoulomb``, that there is no other evolution.
 
     Every cell gets a certificate: floating point with bounds of all rounding, or rational numbers
     where the bounds decide nothing. The data of the system count as exact (docs/proofs).
 
     Parameters
     ----------
-    given : BranchGraph or Solutions
+    given : BranchGraph, Solutions or EvolutionGraph
         The answer to be proved: a graph, or what :func:`pwscont.enumerate_solutions` returned. The
         system must be a :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and
         formulas with ``linear=True`` such as :func:`pwscont.LCP`.
@@ -79,7 +82,7 @@ def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountPr
 
     Returns
     -------
-    CountProof or PiecesProof
+    CountProof, PiecesProof or RatesProof
         With ``holds``, ``statements`` and ``open``, and ``count`` or ``is_complete``.
 
     Raises
@@ -97,6 +100,8 @@ def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountPr
     >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
     'complete, proved: 3 pieces and 2 transitions'
     """
+    if hasattr(getattr(given, "system", None), "exact_rates"):
+        return RatesProof(given)
     system, alpha, known = _given(given, alpha)
     if not isinstance(system, ExactData):
         raise InvalidInputError(
@@ -110,7 +115,7 @@ def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountPr
                 f"the data of {type(system).__name__} are not affine in alpha: "
                 "prove(graph, alpha) needs the alpha at which to count"
             )
-        return PiecesProof(cast(BranchGraph, given), rows)
+        return PiecesProof(given, rows)
     common, parts = system.exact_rows(alpha)
     cells = number_of_cells(parts)
     if cells > MOST_CELLS:
