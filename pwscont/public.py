@@ -44,13 +44,13 @@ from pwscont.transitions import TransitionDetector
 from pwscont.transitions.user_event import Stop
 
 if TYPE_CHECKING:
-    from pwscont.continuation.kit import check_detector, check_search, check_stepper
     from pwscont.evolution.evolve import evolve
     from pwscont.evolution.graph import EvolutionGraph
     from pwscont.evolution.history import LoadHistory
     from pwscont.evolution.memory import SystemWithMemory
     from pwscont.evolution.scene import EvolutionScene
     from pwscont.exact.prove import prove
+    from pwscont.kit import check_detector, check_search, check_stepper
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.proof.everywhere import Everywhere
@@ -184,9 +184,9 @@ LATER = {
     "SystemWithMemory": "pwscont.evolution.memory",
     "TransitionLocus": "pwscont.two_parameters.locus",
     "View": "pwscont.view.view",
-    "check_detector": "pwscont.continuation.kit",
-    "check_search": "pwscont.continuation.kit",
-    "check_stepper": "pwscont.continuation.kit",
+    "check_detector": "pwscont.kit",
+    "check_search": "pwscont.kit",
+    "check_stepper": "pwscont.kit",
     "check_system": "pwscont.system.check",
     "draw_counts": "pwscont.scenes.paths",
     "evolve": "pwscont.evolution.evolve",

@@ -661,18 +661,13 @@ class Kiss(PiecewiseSystem):
         return z**2 + alpha**2 - 1.0 + (3.0 * (alpha - 1.0) if character.signs[0] else 0.0)
 
 
-TOUCHES_TO_ROUNDING = pytest.param(
-    0.0,
-    marks=pytest.mark.xfail(reason="a dip of rounding is divided in three, at 1e-15 of alpha"),
-)
-
-
-@pytest.mark.parametrize("d", [TOUCHES_TO_ROUNDING, 1e-3, -1e-3, 1e-9, -1e-9, 1e-14, -1e-14])
+@pytest.mark.parametrize("d", [0.0, 1e-3, -1e-3, 1e-9, -1e-9, 1e-14, -1e-14])
 def test_a_curve_tangent_to_an_interface(d):
     system = Touch(d)
     graph = trace(system, (system.state(-0.9), -0.9), (-1.0, 1.0))
     assert [count for _, _, count in graph.multiplicity()] == [1]
-    assert len(graph.pieces) == (3 if d > 0.0 else 1)
+    # a touch to rounding may be a node of the graph, or not
+    assert len(graph.pieces) in ((1, 2) if d == 0.0 else (3,) if d > 0.0 else (1,))
     for alpha in (-1.0, -0.5, -1e-3, 0.0, 1e-2, 1.0):
         (solution,) = graph.solutions(alpha)
         np.testing.assert_allclose(solution.z, system.state(alpha), rtol=0, atol=1e-9)

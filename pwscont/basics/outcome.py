@@ -35,6 +35,8 @@ def kind_of(word: str) -> Kind | str:
 ACCUMULATE = "special points seem to accumulate at alpha ="
 #: The beginning of the message of a corner at which solutions are no curves.
 FILL = "solutions fill"
+#: The message of a solution from which solutions of the same alpha lead away.
+FILL_CURVES = f"{FILL} a curve or more at this alpha"
 #: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 

@@ -27,7 +27,6 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
-from pwscont.continuation.detectors import keep_words
 from pwscont.continuation.discovery import Discovery, Node
 from pwscont.continuation.known import Edge
 from pwscont.curve.corrector import BorderedNewton
@@ -40,7 +39,7 @@ from pwscont.graph.records import Messages, Stretch, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import TransitionDetector
+from pwscont.transitions.detector import TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the followed system, or errors.
@@ -54,10 +53,29 @@ def mark(
     added: Sequence[TransitionDetector | Events],
 ) -> None:
     """Mark what users' detectors see at special points, and divide the pieces at events."""
-    keep_words(discovery, system, metric, [d for d in added if isinstance(d, TransitionDetector)])
+    _keep_words(discovery, system, metric, [d for d in added if isinstance(d, TransitionDetector)])
     for events in added:
         if isinstance(events, Events):
             _divide(discovery, system, metric, events)
+
+
+def _keep_words(
+    discovery: Discovery,
+    system: PiecewiseSystem,
+    metric: Metric,
+    detectors: Sequence[TransitionDetector],
+) -> None:
+    """Add to nodes of other kinds the words of the detectors that would have marked them."""
+    for edge in discovery.edges if detectors else ():
+        curve, points = edge.followed.curve(system, metric), edge.track.points
+        for number, place, inner in (
+            (edge.start, edge.track.start, points[1]),
+            (edge.end, edge.track.end, points[-2]),
+        ):
+            node = discovery.nodes[number]
+            for detector in detectors:
+                words = kinds_at(detector, curve, place.x, place.error, inner)
+                node.also += [word for word in words if word not in (str(node.kind), *node.also)]
 
 
 def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:

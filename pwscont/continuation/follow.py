@@ -26,16 +26,32 @@ from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
+from pwscont.curve.steppers import ExactLinear
 from pwscont.system.differences import FINEST_PART, REFINEMENT
 from pwscont.system.slopes import refuse_wrong_jacobian
+from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.bounds import Bounds
+from pwscont.transitions.branch_point import SmoothBranchPoints
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
 from pwscont.transitions.events import Events, EventsAlong
-from pwscont.transitions.fold import leaning
+from pwscont.transitions.fold import SmoothFolds, leaning
 from pwscont.transitions.interval import IntervalEnds, ended
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, first_on_ray
+
+
+def default_detectors(
+    stepper: Stepper, interval: tuple[float, float]
+) -> tuple[TransitionDetector, ...]:
+    """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
+
+    Branch points come before folds, for alpha may turn at a branch point.
+    """
+    ends = IntervalEnds(*interval)
+    if isinstance(stepper, ExactLinear):
+        return ends, StraightTests()
+    return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
 
 def refined(curve: Curve, x: Array) -> bool:

@@ -21,13 +21,12 @@ from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.given import checked_kind
-from pwscont.basics.outcome import FILL, Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.continuation.assembly import assemble, mark
-from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import CROSSED, Discovery, Node
-from pwscont.continuation.follow import Follower, PieceFollower, alone
+from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.known import FollowedBranches
 from pwscont.continuation.reentry import Beyond, reentries
@@ -38,7 +37,6 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import Stepper
 from pwscont.curve.steppers import ExactLinear
-from pwscont.enumeration import Filled, filled, solve_slice
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
 from pwscont.graph.records import Solution, Stretch
@@ -52,12 +50,10 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
-    SlicewiseLinearSystem,
-    has_too_many_tests,
-    number_of_cells,
 )
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.bounds import NO_BOUNDS, Bounds
+from pwscont.transitions.continuum import filled_parts
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.events import Events, checked_events
@@ -138,53 +134,6 @@ def _differ(first: Solution, second: Solution) -> bool:
     apart = np.abs(first.z - second.z)
     errors = (first.error + second.error)[:-1] if len(first.error) else np.zeros_like(apart)
     return bool((apart > CONFIDENCE * errors).any())
-
-
-#: Of more cells nothing is asked.
-MANY_CELLS = 4**10
-
-
-def infinite_stretches(
-    system: PiecewiseSystem, metric: Metric, alphas: list[float]
-) -> tuple[Stretch, ...]:
-    """Return the stretches of alpha with infinitely many solutions.
-
-    Exact for piecewise-linear systems. For systems that are only affine in z at fixed alpha, all
-    solutions are sought at the special points and in the middle between them.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-        Nothing is asked of systems that are not affine in z at fixed alpha, or have many cells.
-    metric : Metric
-    alphas : list of float
-        Where special points are, and both ends of the interval.
-    """
-    if not isinstance(system, SlicewiseLinearSystem) or has_too_many_tests(system):
-        return ()
-    if number_of_cells(system.blocks()) > MANY_CELLS:
-        return ()
-    if isinstance(system, PiecewiseLinearSystem):
-        box = Box.of(system)
-        parts = filled(system, metric.scale[:-1], metric.interval, (box.lower, box.upper))
-        return joined(parts, alphas)
-    return joined(_between(system, metric, sorted(set(alphas))), alphas)
-
-
-def _between(
-    system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]
-) -> Iterator[Filled]:
-    at = [_is_filled(system, metric, alpha) for alpha in alphas]
-    for alpha, is_filled in zip(alphas, at, strict=True):
-        if is_filled:
-            yield Filled(alpha, alpha, True, True, 0.0)
-    for lo, hi in pairwise(alphas):
-        if _is_filled(system, metric, 0.5 * (lo + hi)):
-            yield Filled(lo, hi, False, False, 0.0)
-
-
-def _is_filled(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> bool:
-    return bool(solve_slice(system, metric, alpha).faces)
 
 
 def is_sign(node: Node) -> bool:
@@ -393,7 +342,8 @@ class Plan:
         if nodes and not (is_part or any(map(is_sign, nodes))):
             return ()
         alphas = [*self.interval, *(node.place.alpha for node in nodes)]
-        return infinite_stretches(self.followed, self.metric, alphas)
+        one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
+        return joined(filled_parts(self.followed, self.metric, alphas, one_of_many), alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:

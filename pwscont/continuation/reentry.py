@@ -22,9 +22,8 @@ from typing import final
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.detectors import default_detectors
 from pwscont.continuation.discovery import Discovery
-from pwscont.continuation.follow import PieceFollower
+from pwscont.continuation.follow import PieceFollower, default_detectors
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric

@@ -214,14 +214,19 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     return root, np.vstack([uncertainty(root, unseen), root.error])
 
 
+def corrected_again(curve: Curve, state: State) -> State:
+    """Return a state after another correction, or the state itself where a correction fails."""
+    found = BorderedNewton().correct(curve, state.x, state.tangent)
+    return state if isinstance(found, Failure) else found.state
+
+
 def polished(curve: Curve, state: State) -> tuple[State, float]:
     """Return a state after another correction, and the error of the unit tangent.
 
     The tangent has nearly all digits where Jacobians are exact. Elsewhere the tangent by
     differences of fourth order is taken if that tangent is better.
     """
-    found = BorderedNewton().correct(curve, state.x, state.tangent)
-    state = state if isinstance(found, Failure) else found.state
+    state = corrected_again(curve, state)
     if curve.selection.system.knows_jacobian:
         return state, GUARD * EPS
     finer = finer_tangent(curve.selection, curve.metric, state.x, state.tangent)

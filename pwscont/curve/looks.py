@@ -136,12 +136,12 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     The distances are in typical magnitudes, shape (k, n + 1). Places outside the interval are left
     out.
     """
-    metric, residual = segment.curve.metric, segment.curve.selection.residual_and
-    points = [x for x in segment.combined(weights) if metric.admits(x)]
-    if not points:
-        return np.empty((0, len(segment.chord))), np.empty(0)
-    off = factor.solve_all(np.array([residual(x, 0.0) for x in points]))
-    return off / metric.scale, np.array(points)[:, -1] - off[:, -1]
+    metric = segment.curve.metric
+    points = metric.admitted(segment.combined(weights))
+    if not len(points):
+        return points, np.empty(0)
+    off = factor.solve_all(segment.curve.selection.residuals(points))
+    return off / metric.scale, points[:, -1] - off[:, -1]
 
 
 def _close_in(

@@ -289,12 +289,13 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
     here, unseen = _rows(curve, root.x, border), np.zeros(len(root.x))
     ratio = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2
     for place in range(ROUNDING_PLACES):
-        dx = _aside(curve, root, ROUNDING_SHOWS, place)
+        aside = _aside(curve, root, place)
+        dx = ROUNDING_SHOWS * aside
         once, twice = (_rows(curve, root.x + k * dx, border) for k in (1.0, 2.0))
         # the Jacobian of the root is from before the last correction: a line needs none
         bend = 0.5 * np.abs(here - 2.0 * once + twice)
         # the same direction has the same curvature
-        dx = _aside(curve, root, CURVATURE_SHOWS, place)
+        dx = CURVATURE_SHOWS * aside
         linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
         curvature = np.abs(_rows(curve, root.x + dx, border) - here - linear)
         unseen = np.fmax(unseen, bend - ratio * curvature)
@@ -305,13 +306,15 @@ def _rows(curve: Curve, x: Array, border: Callable[[Array], float]) -> Array:
     return curve.selection.residual_and(x, border(x))
 
 
-def _aside(curve: Curve, root: Root, part: float, place: int) -> Array:
-    """Return a step from a root by a part of typical magnitudes, alpha into the interval."""
+def _aside(curve: Curve, root: Root, place: int) -> Array:
+    """Return a direction from a root, of typical magnitudes, into the interval and the cell."""
     x, metric = root.x, curve.metric
-    step: Array = part * generic(len(x), place) * (np.abs(x) + metric.scale)
+    step: Array = generic(len(x), place) * (np.abs(x) + metric.scale)
     if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
         step = -step
-    step[-1] = math.copysign(part * metric.width, sum(metric.interval) - 2.0 * x[-1])
+    step[-1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
+    if (curve.selection.tests(x + CURVATURE_SHOWS * step) < 0.0).any():
+        step[:-1] *= -1.0
     return step
 
 

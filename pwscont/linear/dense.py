@@ -105,7 +105,7 @@ def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) ->
     OpenBLAS shares several right-hand sides among threads, however small the matrix is, and a
     thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
     """
-    if rhs.ndim == 2 and rhs.shape[1] <= FEW_COLUMNS and len(pivots) <= FEW_ROWS:
+    if rhs.ndim == 2 and 1 < rhs.shape[1] <= FEW_COLUMNS and len(pivots) <= FEW_ROWS:
         solutions = np.array(rhs, order="F")
         for column in solutions.T:  # solved for in the room of the column
             lapack.dgetrs(lu, pivots, column, int(transposed), 1)

@@ -41,6 +41,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
@@ -165,7 +166,7 @@ class _Looking:
         self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
-        """Yield the new solutions to which starts at an alpha lead."""
+        """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
         here = list[Array]()
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
@@ -178,6 +179,8 @@ class _Looking:
                 if not (found and self._is_new(found[0], known)):
                     break
                 yield found
+                if is_one_of_many(self._system, self._metric, found[0]):
+                    return
                 here.append(found[0] / self._metric.scale)
                 known = [*here, *self._solutions(alpha)]
             if not arrived and (found := self._freely(reached, number)):
@@ -214,13 +217,10 @@ class _Looking:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         direction = generic(len(y), float(number))
         free = self._pursuit.free(self._pursuit.aside(y, direction))
-        if free is None or not self._is_inside(free) or self._is_known(free):
+        lo, hi = self._interval
+        if free is None or not lo <= free[-1] * self._metric.width <= hi or self._is_known(free):
             return None
         return self._standing(self._pursuit.along(free))
-
-    def _is_inside(self, y: Array) -> bool:
-        lo, hi = self._interval
-        return bool(lo <= y[-1] * self._metric.width <= hi)
 
     def _is_known(self, y: Array) -> bool:
         """Tell whether a point of a curve lies on a known branch."""

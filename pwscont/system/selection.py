@@ -107,6 +107,15 @@ class Selection:
         both[-1] = value
         return both
 
+    def residuals(self, points: Array) -> Array:
+        """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
+        system, character, values = self.system, self.character, np.zeros(points.shape)
+        residual, shape = system.residual, (points.shape[1] - 1,)
+        for value, x, alpha in zip(values, points, points[:, -1].tolist(), strict=True):
+            there = residual(x[:-1], alpha, character)
+            value[:-1] = checked_array(system, "residual", there, shape)
+        return values
+
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
         return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)

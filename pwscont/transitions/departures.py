@@ -18,7 +18,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.outcome import FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
@@ -29,6 +29,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
 from pwscont.transitions.branch_point import at_branch_point
+from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.fold import fold_at_end
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
@@ -143,6 +144,8 @@ def _beyond(here: Selection, test: int) -> Selection:
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
     if held is None:
+        if is_one_of_many(curve.selection.system, curve.metric, x):
+            return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held

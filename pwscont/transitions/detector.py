@@ -13,7 +13,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure, Kind
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -285,3 +285,30 @@ def values_on(detector: TransitionDetector, ray: Segment, s: float) -> Array:
     start = ray.start
     state = State(ray.near(s), start.tangent, start.error, start.orientation)
     return np.asarray(detector.read(ray.curve, state).values)
+
+
+def kinds_at(
+    detector: TransitionDetector, curve: Curve, x: Array, error: Array, inner: Array
+) -> list[str]:
+    """Return the kinds of the special points that a detector sees where a piece ends.
+
+    Parameters
+    ----------
+    detector : TransitionDetector
+    curve : Curve
+    x, error : ndarray, shape (n + 1,)
+        The end of the piece.
+    inner : ndarray, shape (n + 1,)
+        The point of the piece before the end.
+    """
+    metric, way = curve.metric, x - inner
+    if not (length := metric.norm(way)):
+        return []
+    here = State(x, metric.normalised(way), error[np.newaxis], 1)
+    before = State(inner, here.tangent, 0.0 * here.error, 1)
+    # functions may be read into the same array
+    inside = np.array(detector.read(curve, before).values)
+    values = np.array(detector.read(curve, here).values)
+    reach = metric.slack(x, CONVERGED) + CONFIDENCE * metric.norm(error)
+    vanish = (inside > 0.0) & (np.abs(values) <= (inside - values) * reach / length)
+    return [str(detector.arrive(curve, here, int(i)).kind) for i in np.flatnonzero(vanish)]

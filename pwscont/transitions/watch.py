@@ -27,6 +27,7 @@ from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
@@ -427,6 +428,8 @@ def _bracket_of_dip(
         if isinstance(lowest, Failure):
             return lowest
         value = _value(detector, segment, lowest, index)
+    if value < 0.0:  # the last correction may be larger than the dip is deep
+        value = _value(detector, segment, corrected_again(segment.curve, lowest), index)
     return (0.0, segment.position(lowest.x)) if value < 0.0 else None
 
 

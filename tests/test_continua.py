@@ -1,0 +1,52 @@
+"""Solutions of curved systems that fill a curve or more at one alpha."""
+
+import numpy as np
+import pytest
+
+from pwscont import Switched, explore
+
+
+def copied(z, alpha, _):
+    """(z0 + z1)^3 = alpha, twice."""
+    row = (z[0] + z[1]) ** 3 - alpha
+    return np.array([row, 2.0 * row])
+
+
+def circle(z, alpha, _):
+    """All points of a circle, for alpha > -1."""
+    return np.array([z[0] ** 2 + z[1] ** 2 - 1.0 - alpha, 0.0 * z[0]])
+
+
+def sum_of_two(z, alpha, _):
+    """Only z1 + z2 is given, at the crossings of a circle with a line."""
+    both = z[1] + z[2]
+    row = z[0] - both * alpha
+    return np.array([z[0] ** 2 + both**2 - 1.0 - alpha, row, row])
+
+
+def above_zero(z, alpha, switch):
+    """|z0 + z1| = 1 + alpha, twice, with a kink."""
+    row = switch.abs(z[0] + z[1]) - 1.0 - alpha
+    return np.array([row, row])
+
+
+@pytest.mark.parametrize("equal", [copied, circle, sum_of_two, above_zero])
+def test_infinitely_many_solutions_are_counted_as_such(equal):
+    graph = explore(Switched(3 if equal is sum_of_two else 2, equal), (-0.5, 1.0))
+    assert [(lo, hi, count) for lo, hi, count in graph.multiplicity()] == [(-0.5, 1.0, np.inf)]
+    assert all(graph.count(alpha) == np.inf for alpha in (-0.5, -0.3, 0.0, 0.123, 1.0))
+    assert "infinitely many solutions" in graph.guarantee
+    assert "nothing found" not in graph.guarantee
+
+
+def test_a_branch_point_and_a_double_root_are_no_continua():
+    """z (alpha - z^2) = 0 and (z - 1)^2 = alpha^2, the two in turned unknowns."""
+
+    def equations(z, alpha, _):
+        y = np.array([0.6 * z[0] + 0.8 * z[1], 0.8 * z[0] - 0.6 * z[1]])
+        return np.array([y[0] * (alpha - y[0] ** 2), (y[1] - 1.0) ** 2 - (1.0 + alpha) ** 2])
+
+    graph = explore(Switched(2, equations), (-0.9, 1.0))
+    assert graph.count(-0.5) == 2
+    assert graph.count(0.5) == 6
+    assert "infinitely" not in graph.guarantee
